@@ -1,0 +1,256 @@
+//! The manifest `cairn-world.json`: types that mirror `docs/bundle.md`, sections 2 and 3.
+
+use serde::{Deserialize, Serialize};
+
+/// The schema version this library reads and the builder writes.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// A whole manifest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Shown to people.
+    pub name: String,
+    /// `waypoint-1.5`.
+    pub model_type: String,
+    /// Shapes of the model.
+    pub geometry: Geometry,
+    /// Noise levels.
+    pub sampler: Sampler,
+    /// Clocks.
+    pub rates: Rates,
+    /// Counts of control numbers.
+    pub controls: Controls,
+    /// Picture sizes.
+    pub picture: PictureSizes,
+    /// File names of the models.
+    pub graphs: Graphs,
+    /// Every file of the bundle but the manifest.
+    pub files: Vec<FileEntry>,
+    /// Terms of use.
+    pub licence: Licence,
+    /// Who made it, from what.
+    pub provenance: std::collections::BTreeMap<String, String>,
+}
+
+/// Shapes of the model; `docs/bundle.md` section 3.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Geometry {
+    /// Transformer blocks.
+    pub layers: u32,
+    /// Model width D.
+    pub width: u32,
+    /// Query heads.
+    pub heads: u32,
+    /// Key/value heads.
+    pub kv_heads: u32,
+    /// Width of one head.
+    pub head_width: u32,
+    /// Hidden width of the MLP over D.
+    pub mlp_ratio: u32,
+    /// Shape of one latent.
+    pub latent: LatentShape,
+    /// Latent cells per token: rows, columns.
+    pub patch: [u32; 2],
+    /// Tokens per latent.
+    pub tokens: u32,
+    /// Local attention.
+    pub local: LocalWindow,
+    /// Global attention.
+    pub global: GlobalWindow,
+    /// Layer i sees the controls when `i % control_period == 0`.
+    pub control_period: u32,
+    /// Rotary position embedding.
+    pub rope: Rope,
+    /// The autoencoder.
+    pub autoencoder: Autoencoder,
+}
+
+/// Channels, rows and columns of one latent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LatentShape {
+    /// C.
+    pub channels: u32,
+    /// h.
+    pub height: u32,
+    /// w.
+    pub width: u32,
+}
+
+/// What a local layer remembers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LocalWindow {
+    /// Latents, and buckets.
+    pub window: u32,
+}
+
+/// What a global layer remembers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GlobalWindow {
+    /// The stock window g, in latents.
+    pub window: u32,
+    /// Latents per bucket.
+    pub dilation: u32,
+    /// The largest g the bundle is declared for.
+    pub max_window: u32,
+    /// Layer i is global when `(i - offset) mod period == 0`.
+    pub period: u32,
+    /// See `period`.
+    pub offset: i32,
+}
+
+/// Constants of `docs/bundle.md` section 5.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rope {
+    /// Highest spatial frequency over the shorter side's Nyquist limit.
+    pub nyquist_fraction: f64,
+    /// Base of the geometric series of time frequencies.
+    pub time_base: f64,
+}
+
+/// Shape facts of the autoencoder.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Autoencoder {
+    /// Pictures per latent.
+    pub temporal: u32,
+    /// Decoded pixels per latent cell, each way.
+    pub spatial: u32,
+    /// `[channels, height, width]` of each decoder memory.
+    pub memories: Vec<[u32; 3]>,
+}
+
+/// Noise levels the model was trained for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sampler {
+    /// The stock schedule, descending to 0.
+    pub schedule: Vec<f64>,
+    /// Rounding of the finished list and its differences.
+    pub sigma_rounding: SigmaRounding,
+}
+
+/// How noise levels are rounded before use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SigmaRounding {
+    /// Not beyond f32.
+    None,
+    /// To bfloat16, as the released engine runs.
+    Bf16,
+}
+
+/// Clock facts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rates {
+    /// One latent step stands for the reciprocal of this, in seconds.
+    pub latents_per_second: u32,
+    /// RoPE time of latent q is q times this.
+    pub time_multiplier: u32,
+}
+
+/// How many control numbers of each kind, in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Controls {
+    /// dx and dy.
+    pub mouse: u32,
+    /// One for each Windows virtual key.
+    pub buttons: u32,
+    /// Sign of the wheel.
+    pub scroll: u32,
+}
+
+/// Picture sizes in pixels, `[width, height]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PictureSizes {
+    /// What the autoencoder makes.
+    pub decoded: [u32; 2],
+    /// The same picture in square pixels.
+    pub render: [u32; 2],
+    /// Value range of `rgb`: `[0, 1]`.
+    pub range: [f64; 2],
+}
+
+/// Models by precision.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Graphs {
+    /// Computes in float32: for the CPU provider.
+    pub f32: GraphFiles,
+    /// Computes in float16: for DirectML.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub f16: Option<GraphFiles>,
+}
+
+/// File names of the three models in one precision.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GraphFiles {
+    /// The world model.
+    pub transformer: String,
+    /// Pictures to latent.
+    pub encoder: String,
+    /// Latent to pictures.
+    pub decoder: String,
+}
+
+/// One file of the bundle.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileEntry {
+    /// Relative, with `/`.
+    pub path: String,
+    /// Bytes.
+    pub size: u64,
+    /// 64 lower-case hex digits.
+    pub sha256: String,
+}
+
+/// Terms of use.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Licence {
+    /// SPDX expression.
+    pub spdx: String,
+    /// The file with the text.
+    pub file: Option<String>,
+}
+
+impl Geometry {
+    /// Whether layer `i` attends globally.
+    pub fn is_global(&self, layer: u32) -> bool {
+        (i64::from(layer) - i64::from(self.global.offset)).rem_euclid(i64::from(self.global.period)) == 0
+    }
+
+    /// Numbers in one latent.
+    pub fn latent_len(&self) -> usize {
+        self.latent.channels as usize * self.latent.height as usize * self.latent.width as usize
+    }
+
+    /// Rows and columns of the token grid.
+    pub fn token_grid(&self) -> (u32, u32) {
+        (self.latent.height / self.patch[0], self.latent.width / self.patch[1])
+    }
+}
+
+impl Controls {
+    /// All control numbers of one latent step.
+    pub fn len(&self) -> usize {
+        (self.mouse + self.buttons + self.scroll) as usize
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}

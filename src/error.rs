@@ -1,0 +1,85 @@
+//! The one error type of the library: what went wrong, where, and what to do.
+
+use std::fmt;
+
+/// Result with [`Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// The class of a failure. A host decides by this; people read the message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// An argument is outside its documented range, or not finite.
+    InvalidArgument,
+    /// The bundle is damaged, tampered with, or breaks the format's contract.
+    InvalidBundle,
+    /// A valid request that this build, platform, device or version cannot serve.
+    Unsupported,
+    /// ONNX Runtime is missing or has the wrong version.
+    RuntimeMissing,
+    /// More memory is needed than there is, or than was allowed.
+    OutOfMemory,
+    /// The operating system refused a file operation.
+    Io,
+    /// ONNX Runtime or the device failed while running.
+    Device,
+    /// A saved state does not belong to this world, or is damaged.
+    InvalidState,
+    /// The caller asked to stop.
+    Cancelled,
+}
+
+/// A failure with its cause, the offending field where there is one, and a remedy where one is known.
+#[derive(Debug, Clone)]
+pub struct Error {
+    kind: ErrorKind,
+    cause: String,
+    field: Option<String>,
+    remedy: Option<String>,
+}
+
+impl Error {
+    /// A failure of `kind`; `cause` is one sentence without a final stop.
+    pub fn new(kind: ErrorKind, cause: impl Into<String>) -> Self {
+        Self { kind, cause: cause.into(), field: None, remedy: None }
+    }
+
+    /// Names the offending field, file or argument, e.g. `geometry.tokens`.
+    #[must_use]
+    pub fn field(mut self, field: impl Into<String>) -> Self {
+        self.field = Some(field.into());
+        self
+    }
+
+    /// Says what the reader can do about it, as an imperative sentence without a final stop.
+    #[must_use]
+    pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
+        self.remedy = Some(remedy.into());
+        self
+    }
+
+    /// The class of the failure.
+    pub fn kind(&self) -> ErrorKind {
+        self.kind
+    }
+
+    /// The offending field, where one was named.
+    pub fn offending_field(&self) -> Option<&str> {
+        self.field.as_deref()
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(field) = &self.field {
+            write!(f, "{field}: ")?;
+        }
+        f.write_str(&self.cause)?;
+        if let Some(remedy) = &self.remedy {
+            write!(f, ". {remedy}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Error {}

@@ -1,0 +1,1 @@
+//! Generated frames: pictures between two anchors.

@@ -1,0 +1,1 @@
+//! Motion and depth for a pair of anchors.

@@ -1,0 +1,28 @@
+//! Cairn: a generative world inside a game engine.
+//!
+//! Controls go in, pictures come out, and one sentence of data flow orders the rooms:
+//!
+//! ```text
+//! controls -> world -> anchor -> guidance -> frame generation -> presentation target
+//! ```
+//!
+//! A room uses only the rooms below it in the list of modules here, never above.
+#![warn(missing_docs)]
+
+pub mod present;
+
+pub mod framegen;
+
+pub mod guidance;
+
+pub mod world;
+
+pub mod runtime;
+
+pub mod bundle;
+
+mod error;
+mod picture;
+
+pub use error::{Error, ErrorKind, Result};
+pub use picture::{MAX_SIDE, Picture};

@@ -1,0 +1,1 @@
+//! The timeline: what is shown when, at which size.

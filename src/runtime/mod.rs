@@ -1,0 +1,1 @@
+//! ONNX Runtime on one device: sessions, buffers and their bindings.

@@ -1,0 +1,1 @@
+//! The rollout: controls, noise, schedule, KV ring, sampler, autoencoder, state.

@@ -1,0 +1,1 @@
+//! Fetches and caches what the tools need.
