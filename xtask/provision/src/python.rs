@@ -1,0 +1,242 @@
+//! The machine's Python, its pip, and an environment of our own with pinned packages.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use sha2::{Digest, Sha256};
+
+use crate::cache::{self, size_of};
+use crate::process::{self, Outcome};
+use crate::{Error, Progress, Result, repository};
+
+/// The oldest Python that works.
+const OLDEST: (u32, u32) = (3, 11);
+
+/// Tried in this order; the versioned names help where `python3` is an old one.
+const NAMES: [&str; 7] = ["python3", "python", "python3.15", "python3.14", "python3.13", "python3.12", "python3.11"];
+
+/// Pinned packages, one per line.
+const REQUIREMENTS: &str = include_str!("../requirements.txt");
+
+const REMEDY: &str = "Install Python 3.11 or newer with pip (Debian and Ubuntu: apt install python3 python3-pip; Windows: \
+                      python.org), or set CAIRN_PYTHON to one";
+
+/// A Python that is new enough and has pip.
+#[derive(Debug)]
+pub(crate) struct Python {
+    /// What to run.
+    pub(crate) program: PathBuf,
+    /// Its own account: version and place, the same for every run of the same installation.
+    identity: String,
+}
+
+/// Finds the machine's Python: `$CAIRN_PYTHON`, else the first of the usual names that is new enough.
+pub(crate) fn find() -> Result<Python> {
+    let own = std::env::var_os("CAIRN_PYTHON").filter(|value| !value.is_empty());
+    let names: Vec<PathBuf> = match &own {
+        Some(own) => vec![PathBuf::from(own)],
+        None => NAMES.iter().map(PathBuf::from).collect(),
+    };
+    let mut seen = Vec::new();
+    for name in names {
+        match examine(&name) {
+            Ok(python) => {
+                require_pip(&python)?;
+                return Ok(python);
+            }
+            Err(Some(why)) => seen.push(why),
+            Err(None) => {}
+        }
+    }
+    let cause = match (&own, seen.is_empty()) {
+        (Some(own), true) => format!("CAIRN_PYTHON names {}, which does not run", own.to_string_lossy()),
+        (None, true) => "no python3 or python is on the PATH".to_owned(),
+        _ => format!("only too old ones were found: {}", seen.join(", ")),
+    };
+    Err(Error::new("Python 3.11 or newer", cause, REMEDY))
+}
+
+/// The Python behind a name; else why it will not do, or nothing when there is none.
+fn examine(name: &Path) -> Result<Python, Option<String>> {
+    const QUESTION: &str = "import sys, platform; print(*sys.version_info[:2]); \
+                            print(platform.python_version(), platform.machine(), sys.base_prefix)";
+    let answer = process::run(Command::new(name).args(["-I", "-c", QUESTION]), |_| {}).map_err(|_| None)?;
+    let (version, identity) = answer.stdout.split_once('\n').ok_or(None)?;
+    let (major, minor) = version.trim().split_once(' ').ok_or(None)?;
+    let version: (u32, u32) = (major.parse().map_err(|_| None)?, minor.parse().map_err(|_| None)?);
+    if version < OLDEST {
+        return Err(Some(format!("{} is {}.{}", name.display(), version.0, version.1)));
+    }
+    Ok(Python { program: name.to_owned(), identity: identity.trim().to_owned() })
+}
+
+fn require_pip(python: &Python) -> Result<()> {
+    let answer = process::run(Command::new(&python.program).args(["-m", "pip", "--version"]), |_| {})
+        .map_err(|e| Error::io(&python.program, &e))?;
+    if answer.status.success() {
+        return Ok(());
+    }
+    Err(Error::new(
+        "pip",
+        format!("\"{} -m pip\" does not work: {}", python.program.display(), answer.tail(1)),
+        "Install pip for that Python (Debian and Ubuntu: apt install python3-pip; elsewhere: python3 -m ensurepip)",
+    ))
+}
+
+/// Runs pip with the machine's own configuration, shows how much has arrived under `watched`, and explains a failure.
+pub(crate) fn pip(
+    python: &Python,
+    arguments: &[&str],
+    wanted: &str,
+    watched: &Path,
+    progress: &dyn Progress,
+) -> Result<Outcome> {
+    // pip downloads into the temporary folder first; with one of our own its growth can be watched.
+    let temporary = watched.join("pip-temporary");
+    fs::create_dir_all(&temporary).map_err(|e| Error::io(&temporary, &e))?;
+    let mut command = Command::new(&python.program);
+    command
+        .args(["-m", "pip", "--disable-pip-version-check", "--no-input"])
+        .args(arguments)
+        .env("TMPDIR", &temporary)
+        .env("TEMP", &temporary)
+        .env("TMP", &temporary)
+        .env_remove("PIP_TARGET")
+        .env_remove("PIP_REQUIRE_VIRTUALENV");
+    #[expect(clippy::cast_precision_loss, reason = "a size shown with one decimal")]
+    let outcome = process::run(&mut command, |_| progress.detail(&format!("{:.1} MB", size_of(watched) as f64 / 1e6)))
+        .map_err(|e| Error::io(&python.program, &e))?;
+    cache::remove(&temporary)?;
+    if outcome.status.success() { Ok(outcome) } else { Err(explain(wanted, &outcome)) }
+}
+
+/// pip's failure in our words, with the last of its own.
+fn explain(wanted: &str, outcome: &Outcome) -> Error {
+    const OFFLINE: [&str; 6] = [
+        "Failed to establish a new connection",
+        "Temporary failure in name resolution",
+        "NameResolutionError",
+        "Max retries exceeded",
+        "ConnectTimeoutError",
+        "Connection refused",
+    ];
+    let all = format!("{}\n{}", outcome.stdout, outcome.stderr);
+    let said = outcome.tail(4);
+    // pip ends an unreachable index with "No matching distribution", so the connection is looked at first.
+    if OFFLINE.iter().any(|sign| all.contains(sign)) {
+        let remedy = "Connect to the network, or name an index that can be reached in pip's own configuration \
+                      (PIP_INDEX_URL or pip.conf), and run the command again";
+        return Error::new(wanted, format!("pip cannot reach the package index:\n{said}\n"), remedy);
+    }
+    if all.contains("No matching distribution") {
+        let remedy = "Check that pip's index carries this version for this platform (pip config list), or use 64-bit \
+                      Python on Linux, Windows or macOS";
+        return Error::new(wanted, format!("pip finds no such package:\n{said}\n"), remedy);
+    }
+    if all.contains("No space left on device") {
+        return Error::new(wanted, "the disk is full", "Make room, or set CAIRN_CACHE_DIR to a folder on another disk");
+    }
+    Error::new(wanted, format!("pip failed:\n{said}\n"), "Mend what pip names above and run the command again")
+}
+
+/// A Python interpreter with the packages of the bundle builder and the Python tests; made on first use.
+///
+/// Run it with [`python_path`] as `PYTHONPATH` to reach this clone's own package `cairn`.
+///
+/// # Errors
+/// No Python >= 3.11 with pip, an unreachable package index, or a disk that is full: cause and remedy are named.
+pub fn python_env(progress: &dyn Progress) -> Result<PathBuf> {
+    let python = find()?;
+    let mut key = Sha256::new();
+    key.update(REQUIREMENTS);
+    key.update(&python.identity);
+    let name = format!("python-{}", &cache::hex(&key.finalize())[..12]);
+    let place = cache::cache_dir()?.join(&name);
+    let interpreter = place.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    let complete = place.join("complete");
+    if complete.is_file() && interpreter.is_file() {
+        return Ok(interpreter);
+    }
+
+    let _held = cache::lock(&name, progress)?;
+    if complete.is_file() && interpreter.is_file() {
+        return Ok(interpreter);
+    }
+    let wanted = "the Python environment of the bundle builder";
+    progress.start("making a Python environment (numpy, onnx, safetensors, PyYAML and test tools from PyPI)");
+    // An environment cannot be moved once made, so it is made in place and marked when complete.
+    cache::remove(&place)?;
+    fs::create_dir_all(&place).map_err(|e| Error::io(&place, &e))?;
+    // Without its own pip: some distributions ship ensurepip apart, and the machine's pip can install into it.
+    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(&place), |_| {})
+        .map_err(|e| Error::io(&python.program, &e))?;
+    if !made.status.success() {
+        let cause = format!("\"{} -m venv\" failed:\n{}\n", python.program.display(), made.tail(3));
+        return Err(Error::new(
+            wanted,
+            cause,
+            "Install Python's venv module (Debian and Ubuntu: apt install python3-venv)",
+        ));
+    }
+    let list = place.join("requirements.txt");
+    fs::write(&list, REQUIREMENTS).map_err(|e| Error::io(&list, &e))?;
+    let (into, list) = (text(&interpreter)?, text(&list)?);
+    let arguments = ["--python", into, "install", "--quiet", "--only-binary=:all:", "--no-deps", "-r", list];
+    pip(&python, &arguments, wanted, &place, progress)?;
+    fs::write(&complete, &python.identity).map_err(|e| Error::io(&complete, &e))?;
+    progress.done(&format!("Python environment: {}", place.display()));
+    Ok(interpreter)
+}
+
+/// The folder of this clone's Python package, to be set as `PYTHONPATH`.
+pub fn python_path() -> PathBuf {
+    repository().join("bindings").join("python")
+}
+
+/// A path as text, which pip's command line needs here.
+pub(crate) fn text(path: &Path) -> Result<&str> {
+    path.to_str().ok_or_else(|| {
+        Error::new(
+            path.display().to_string(),
+            "the path is not valid Unicode",
+            "Set CAIRN_CACHE_DIR to a folder with a plain name",
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_requirement_is_pinned() {
+        let packages: Vec<&str> =
+            REQUIREMENTS.lines().filter(|line| !line.starts_with('#') && !line.trim().is_empty()).collect();
+        assert!(packages.len() > 10);
+        for package in packages {
+            let (name, version) = package.split_once("==").unwrap_or_else(|| panic!("{package} is not pinned"));
+            assert!(!name.is_empty() && version.starts_with(|c: char| c.is_ascii_digit()), "{package}");
+        }
+        let runtime = format!("onnxruntime=={}\n", crate::ONNXRUNTIME_VERSION);
+        assert!(REQUIREMENTS.contains(&runtime), "the tests' ONNX Runtime is the library's");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_unreachable_index_is_told_from_a_missing_package() {
+        use std::os::unix::process::ExitStatusExt;
+        let failed = |stderr: &str| Outcome {
+            status: std::process::ExitStatus::from_raw(256),
+            stdout: String::new(),
+            stderr: stderr.to_owned(),
+        };
+        let offline = explain(
+            "numpy",
+            &failed("WARNING: Retrying: Temporary failure in name resolution\nERROR: No matching distribution found"),
+        );
+        assert!(offline.to_string().contains("cannot reach"), "{offline}");
+        let missing = explain("numpy", &failed("ERROR: No matching distribution found for numpy==9"));
+        assert!(missing.to_string().contains("no such package"), "{missing}");
+    }
+}

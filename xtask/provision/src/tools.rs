@@ -1,0 +1,216 @@
+//! Programs the build can use: found on the PATH, else installed by apt, rustup, PyPI or cargo.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::python::{self, text};
+use crate::{Error, Progress, Result, cache, process};
+
+/// The Rust target of the Windows build.
+pub const WINDOWS_TARGET: &str = "x86_64-pc-windows-gnu";
+
+/// How the Windows target is linked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Mingw {
+    /// A MinGW-w64 GCC on the PATH; cargo finds it by itself.
+    Gcc,
+    /// `cargo-zigbuild` with its `ziglang`, in a Python environment of their own; the folder of its programs.
+    Zig(PathBuf),
+}
+
+/// The program `name`, where the PATH has it.
+pub fn on_path(name: &str) -> Option<PathBuf> {
+    let paths = std::env::var_os("PATH")?;
+    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    std::env::split_paths(&paths).map(|folder| folder.join(&file)).find(|path| path.is_file())
+}
+
+/// The assembler that makes the video encoder faster; none where neither the PATH nor apt has it. It is optional, so its
+/// absence is no error: the encoder then does without its assembly and the pictures are the same.
+pub fn nasm(progress: &dyn Progress) -> Option<PathBuf> {
+    on_path("nasm").or_else(|| {
+        apt("nasm", progress).ok()?;
+        on_path("nasm")
+    })
+}
+
+/// A linker for [`WINDOWS_TARGET`]: MinGW from the PATH, by apt when root, else `ziglang` from PyPI.
+///
+/// # Errors
+/// Neither could be had; says why.
+pub fn mingw(progress: &dyn Progress) -> Result<Mingw> {
+    const COMPILER: &str = "x86_64-w64-mingw32-gcc";
+    if on_path(COMPILER).is_some() || (apt("gcc-mingw-w64-x86-64", progress).is_ok() && on_path(COMPILER).is_some()) {
+        return Ok(Mingw::Gcc);
+    }
+    zigbuild(progress).map(Mingw::Zig)
+}
+
+/// Installs a Debian package; fails where there is no apt-get, or where we are not root.
+fn apt(package: &str, progress: &dyn Progress) -> Result<()> {
+    let wanted = format!("the package {package}");
+    let fail = |cause: String| Error::new(wanted.clone(), cause, format!("Install it by hand: apt install {package}"));
+    if on_path("apt-get").is_none() {
+        return Err(fail("there is no apt-get here".to_owned()));
+    }
+    if !is_root() {
+        return Err(fail("apt-get needs root".to_owned()));
+    }
+    let _held = cache::lock("apt", progress)?;
+    progress.start(&format!("installing {package} with apt-get"));
+    for arguments in [&["update", "-qq"][..], &["install", "-qq", "-y", "--no-install-recommends", package][..]] {
+        let mut command = Command::new("apt-get");
+        command.args(arguments).env("DEBIAN_FRONTEND", "noninteractive");
+        let outcome =
+            process::run(&mut command, |line| progress.detail(line)).map_err(|e| fail(format!("apt-get: {e}")))?;
+        if !outcome.status.success() {
+            let error = fail(format!("apt-get {} failed:\n{}\n", arguments[0], outcome.tail(3)));
+            progress.done(&format!("{package} could not be installed; going on without it"));
+            return Err(error);
+        }
+    }
+    progress.done(&format!("{package} is installed"));
+    Ok(())
+}
+
+/// Whether we may install system packages. The id is asked of the `id` program: std has no call for it.
+fn is_root() -> bool {
+    cfg!(unix) && process::run(Command::new("id").arg("-u"), |_| {}).is_ok_and(|outcome| outcome.stdout.trim() == "0")
+}
+
+/// Pinned: the linker wrapper and the compiler it drives.
+const ZIG_PACKAGES: [&str; 2] = ["cargo-zigbuild==0.23.4", "ziglang==0.16.0"];
+
+/// The folder with `cargo-zigbuild`, in an environment of its own.
+fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = "a linker for the Windows build";
+    let place = cache::cache_dir()?.join("zigbuild-0.23.4-zig-0.16.0");
+    let programs = place.join(if cfg!(windows) { "Scripts" } else { "bin" });
+    let complete = place.join("complete");
+    if complete.is_file() {
+        return Ok(programs);
+    }
+    let _held = cache::lock("zigbuild", progress)?;
+    if complete.is_file() {
+        return Ok(programs);
+    }
+    let python = python::find()?;
+    progress.start(&format!("fetching {wanted} ({} from PyPI)", ZIG_PACKAGES.join(", ")));
+    cache::remove(&place)?;
+    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(&place), |_| {})
+        .map_err(|e| Error::io(&python.program, &e))?;
+    if !made.status.success() {
+        return Err(Error::new(
+            wanted,
+            made.tail(3),
+            "Install MinGW-w64 (Debian and Ubuntu: apt install gcc-mingw-w64)",
+        ));
+    }
+    let interpreter = programs.join(if cfg!(windows) { "python.exe" } else { "python" });
+    let mut arguments = vec!["--python", text(&interpreter)?, "install", "--quiet", "--no-deps", "--only-binary=:all:"];
+    arguments.extend(ZIG_PACKAGES);
+    python::pip(&python, &arguments, wanted, &place, progress)?;
+    std::fs::write(&complete, "").map_err(|e| Error::io(&complete, &e))?;
+    progress.done(&format!("{wanted}: {}", programs.display()));
+    Ok(programs)
+}
+
+/// Adds `target` to the pinned toolchain where it is missing.
+///
+/// # Errors
+/// The target's standard library is missing and rustup cannot add it.
+pub fn rust_target(target: &str, progress: &dyn Progress) -> Result<()> {
+    let libraries = process::run(Command::new("rustc").args(["--print", "target-libdir", "--target", target]), |_| {})
+        .map_err(|e| Error::new("rustc", e.to_string(), "Install Rust with rustup (rustup.rs)"))?;
+    if libraries.status.success() && Path::new(libraries.stdout.trim()).is_dir() {
+        return Ok(());
+    }
+    rustup(&["target", "add", target], &format!("the Rust target {target}"), progress)
+}
+
+/// Adds the toolchain component behind `program` (`rustfmt`, `clippy`) where it is missing.
+///
+/// # Errors
+/// It is missing and rustup cannot add it.
+pub fn rust_component(component: &str, program: &str, progress: &dyn Progress) -> Result<()> {
+    if process::run(Command::new(program).arg("--version"), |_| {}).is_ok_and(|outcome| outcome.status.success()) {
+        return Ok(());
+    }
+    rustup(&["component", "add", component], &format!("the toolchain component {component}"), progress)
+}
+
+fn rustup(arguments: &[&str], wanted: &str, progress: &dyn Progress) -> Result<()> {
+    let by_hand = || format!("Run by hand: rustup {}", arguments.join(" "));
+    let _held = cache::lock("rustup", progress)?;
+    progress.start(&format!("adding {wanted} with rustup"));
+    let outcome = process::run(Command::new("rustup").args(arguments), |line| progress.detail(line))
+        .map_err(|e| Error::new(wanted, format!("rustup does not run: {e}"), by_hand()))?;
+    if !outcome.status.success() {
+        return Err(Error::new(wanted, format!("rustup failed:\n{}\n", outcome.tail(3)), by_hand()));
+    }
+    progress.done(&format!("{wanted} is there"));
+    Ok(())
+}
+
+/// The program of a Cargo subcommand at a pinned version: the one on the PATH when it is that version, else one installed
+/// into the cache by `cargo install --locked`, which compiles it and takes some minutes.
+///
+/// # Errors
+/// It does not compile, or crates cannot be fetched.
+pub fn cargo_program(name: &str, version: &str, progress: &dyn Progress) -> Result<PathBuf> {
+    let is_it = |path: &Path| {
+        process::run(Command::new(path).arg("--version"), |_| {}).is_ok_and(|outcome| {
+            outcome.status.success() && outcome.stdout.split_whitespace().any(|word| word == version)
+        })
+    };
+    if let Some(found) = on_path(name).filter(|path| is_it(path)) {
+        return Ok(found);
+    }
+    let item = format!("{name}-{version}");
+    let place = cache::cache_dir()?.join(&item);
+    let program = place.join("bin").join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
+    if program.is_file() {
+        return Ok(program);
+    }
+    let held = cache::lock(&item, progress)?;
+    if program.is_file() {
+        return Ok(program);
+    }
+    progress.start(&format!("compiling {name} {version} (cargo install; some minutes, once)"));
+    let scratch = cache::scratch(&item, &held)?;
+    let mut command = Command::new(cargo());
+    command
+        .args(["install", "--locked", "--no-track", "--version", version, name, "--root", text(&scratch)?])
+        .args(["--config", "profile.release.debug=false", "--config", "profile.release.lto=false"])
+        .args(["--config", "profile.release.codegen-units=16", "--config", "profile.release.opt-level=1"])
+        // A folder outside the clone: its configuration, flags and target folder are for its own crates.
+        .current_dir(&scratch)
+        .env("CARGO_TARGET_DIR", scratch.join("target"))
+        .env_remove("RUSTFLAGS");
+    let outcome = process::run(&mut command, |line| progress.detail(line))
+        .map_err(|e| Error::new(&item, format!("cargo does not run: {e}"), "Install Rust with rustup (rustup.rs)"))?;
+    if !outcome.status.success() {
+        let cause = format!("cargo install failed:\n{}\n", outcome.tail(6));
+        return Err(Error::new(&item, cause, format!("Mend that, or install it by hand: cargo install {name}")));
+    }
+    cache::remove(&scratch.join("target"))?;
+    cache::publish(&scratch, &place)?;
+    progress.done(&format!("{name} {version}: {}", program.display()));
+    Ok(program)
+}
+
+/// The cargo that runs us, else the one on the PATH.
+pub fn cargo() -> PathBuf {
+    std::env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_programs_on_the_path_and_says_when_there_is_none() {
+        assert!(on_path("cargo").is_some());
+        assert!(on_path("no-such-program-of-ours").is_none());
+    }
+}
