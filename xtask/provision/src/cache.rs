@@ -9,8 +9,8 @@ use sha2::{Digest, Sha256};
 
 use crate::{Error, Progress, Result};
 
-/// `$CAIRN_CACHE_DIR`; else `%LOCALAPPDATA%\cairn` on Windows, else `$XDG_CACHE_HOME/cairn` or `~/.cache/cairn`.
-/// The directory need not exist yet.
+/// The folder `cairn` in `$CAIRN_CACHE_DIR`; else in `%LOCALAPPDATA%` on Windows, in `$XDG_CACHE_HOME` or `~/.cache`
+/// elsewhere. It need not exist yet. The library looks for ONNX Runtime in the same place.
 ///
 /// # Errors
 /// None of the variables is set, or the one that counts holds a relative path.
@@ -20,8 +20,8 @@ pub fn cache_dir() -> Result<PathBuf> {
 
 fn cache_dir_from(variable: &dyn Fn(&str) -> Option<OsString>) -> Result<PathBuf> {
     let under = |name: &str, rest: &str| variable(name).map(|value| Path::new(&value).join(rest));
-    let found = if let Some(own) = variable("CAIRN_CACHE_DIR") {
-        Some(PathBuf::from(own))
+    let found = if let Some(own) = under("CAIRN_CACHE_DIR", "cairn") {
+        Some(own)
     } else if cfg!(windows) {
         under("LOCALAPPDATA", "cairn")
     } else {
@@ -136,7 +136,7 @@ mod tests {
     fn own_variable_wins_and_must_be_absolute() {
         let here = std::env::temp_dir();
         let here = here.to_str().unwrap();
-        assert_eq!(from(&[("CAIRN_CACHE_DIR", here), ("HOME", "/home/x")]).unwrap(), Path::new(here));
+        assert_eq!(from(&[("CAIRN_CACHE_DIR", here), ("HOME", "/home/x")]).unwrap(), Path::new(here).join("cairn"));
         let refused = from(&[("CAIRN_CACHE_DIR", "cache")]).unwrap_err();
         assert!(refused.to_string().contains("relative"), "{refused}");
     }
