@@ -1,0 +1,142 @@
+//! What is known of each pixel of the current anchor: where it was before, and how far in front it is.
+
+use half::f16;
+use rayon::prelude::*;
+
+use super::sample::luma;
+use super::sized;
+use crate::guidance::{DepthMap, Guidance, MotionField};
+use crate::{Picture, Result};
+
+/// A vector and a rank for each pixel of the current anchor.
+#[derive(Debug, Default)]
+pub(super) struct Surfaces {
+    vectors: Vec<[f32; 2]>,
+    ranks: Vec<u32>,
+    previous_luma: Vec<u8>,
+    current_luma: Vec<u8>,
+}
+
+/// Pixels of a patch of 3 x 3.
+const PATCH: f32 = 9.0;
+
+/// Standing still must explain a pixel better than its vector by this much, in levels per pixel, and by this factor,
+/// before it is taken to lie on an overlay.
+const OVERLAY_MARGIN: f32 = 2.0;
+const OVERLAY_FACTOR: f32 = 2.0;
+
+impl Surfaces {
+    /// Current to previous, in pixels; finite, at most the picture's size.
+    pub(super) fn vector(&self, pixel: usize) -> [f32; 2] {
+        self.vectors[pixel]
+    }
+
+    /// Device depth in the upper 24 bits, how badly the previous anchor matches in the lower 8: the smaller is in front.
+    pub(super) fn rank(&self, pixel: usize) -> u32 {
+        self.ranks[pixel]
+    }
+
+    /// Device depth in 24 bits.
+    pub(super) fn depth(&self, pixel: usize) -> u32 {
+        self.ranks[pixel] >> 8
+    }
+
+    /// Whether two pixels move so much alike that they can lie on one surface.
+    pub(super) fn move_alike(&self, a: usize, b: usize) -> bool {
+        let ([ax, ay], [bx, by]) = (self.vectors[a], self.vectors[b]);
+        (ax - bx).abs() <= 1.0 && (ay - by).abs() <= 1.0
+    }
+
+    /// For interpolation: vectors are checked against both anchors.
+    ///
+    /// A pixel whose vector does not match while standing still does lies on an overlay (a HUD, letterbox bars, a watermark), which
+    /// motion of the world behind it does not know. It gets no motion and comes to the front.
+    pub(super) fn prepare_pair(&mut self, previous: &Picture, current: &Picture, guidance: &Guidance) -> Result<()> {
+        self.prepare_anchor(guidance)?;
+        let (width, height) = (current.width() as usize, current.height() as usize);
+        for (plane, picture) in [(&mut self.previous_luma, previous), (&mut self.current_luma, current)] {
+            sized(plane, width * height, 0)?;
+            plane.par_iter_mut().zip(picture.pixels()).for_each(|(value, &pixel)| *value = luma(pixel));
+        }
+        let previous = Plane { luma: &self.previous_luma, width, height };
+        let current = Plane { luma: &self.current_luma, width, height };
+
+        let vector_rows = self.vectors.par_chunks_mut(width);
+        let rank_rows = self.ranks.par_chunks_mut(width);
+        vector_rows.zip(rank_rows).enumerate().for_each(|(y, (vectors, ranks))| {
+            for (x, (vector, rank)) in vectors.iter_mut().zip(ranks).enumerate() {
+                let patch = current.patch(x as isize - 1, y as isize - 1);
+                let mut mismatch = previous.difference(&patch, x, y, *vector);
+                if *vector != [0.0; 2] {
+                    let still = previous.difference(&patch, x, y, [0.0; 2]);
+                    if (still + OVERLAY_MARGIN * PATCH) * OVERLAY_FACTOR <= mismatch {
+                        *vector = [0.0; 2];
+                        *rank = 0;
+                        mismatch = still;
+                    }
+                }
+                *rank |= ((mismatch / PATCH + 0.5) as u32).min(255);
+            }
+        });
+        Ok(())
+    }
+
+    /// For extrapolation: vectors and depth as they are given.
+    pub(super) fn prepare_anchor(&mut self, guidance: &Guidance) -> Result<()> {
+        let (motion, depth): (&MotionField, &DepthMap) = (guidance.motion(), guidance.depth());
+        let limit = [motion.width() as f32, motion.height() as f32];
+        sized(&mut self.vectors, motion.vectors().len(), [0.0; 2])?;
+        sized(&mut self.ranks, motion.vectors().len(), 0)?;
+        self.vectors.par_iter_mut().zip(motion.vectors()).for_each(|(vector, &given)| *vector = bounded(given, limit));
+        self.ranks.par_iter_mut().zip(depth.depth()).for_each(|(rank, &depth)| {
+            let depth = if depth.is_nan() { 1.0 } else { depth.clamp(0.0, 1.0) };
+            *rank = ((f64::from(depth) * 16_777_215.0) as u32) << 8;
+        });
+        Ok(())
+    }
+}
+
+/// A vector as finite numbers of at most `limit`; what is not finite is no motion.
+fn bounded(vector: [f16; 2], limit: [f32; 2]) -> [f32; 2] {
+    if !(vector[0].is_finite() && vector[1].is_finite()) {
+        return [0.0; 2];
+    }
+    [vector[0].to_f32().clamp(-limit[0], limit[0]), vector[1].to_f32().clamp(-limit[1], limit[1])]
+}
+
+/// A luma plane whose edge pixels go on beyond the edges.
+#[derive(Clone, Copy)]
+struct Plane<'a> {
+    luma: &'a [u8],
+    width: usize,
+    height: usize,
+}
+
+impl Plane<'_> {
+    /// The `N` x `N` values from (x, y) on.
+    fn patch<const N: usize>(&self, x: isize, y: isize) -> [[f32; N]; N] {
+        let on_axis = |at: isize, len: usize| at.clamp(0, len as isize - 1) as usize;
+        std::array::from_fn(|j| {
+            let row = on_axis(y + j as isize, self.height) * self.width;
+            std::array::from_fn(|i| f32::from(self.luma[row + on_axis(x + i as isize, self.width)]))
+        })
+    }
+
+    /// The sum of absolute differences between `patch`, centred on (x, y) in the other plane, and the place here that
+    /// `vector` leads to from there, read bilinearly.
+    fn difference(&self, patch: &[[f32; 3]; 3], x: usize, y: usize, vector: [f32; 2]) -> f32 {
+        let (left, top) = (x as f32 + vector[0] - 1.0, y as f32 + vector[1] - 1.0);
+        let (column, row) = (left.floor(), top.floor());
+        let (fx, fy) = (left - column, top - row);
+        let here: [[f32; 4]; 4] = self.patch(column as isize, row as isize);
+        let mut sum = 0.0;
+        for j in 0..3 {
+            for i in 0..3 {
+                let across = |line: &[f32; 4]| line[i] + (line[i + 1] - line[i]) * fx;
+                let (above, below) = (across(&here[j]), across(&here[j + 1]));
+                sum += (above + (below - above) * fy - patch[j][i]).abs();
+            }
+        }
+        sum
+    }
+}

@@ -1,0 +1,111 @@
+//! What a generator is given.
+
+use crate::guidance::Guidance;
+use crate::{Error, ErrorKind, Picture, Result};
+
+/// Two consecutive anchors and the guidance from the current one back to the previous one, all of one size.
+#[derive(Debug, Clone, Copy)]
+pub struct AnchorPair<'a> {
+    previous: &'a Picture,
+    current: &'a Picture,
+    guidance: &'a Guidance,
+    cut: bool,
+}
+
+impl<'a> AnchorPair<'a> {
+    /// Puts a pair together.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the pictures and the guidance are not all of one size.
+    pub fn new(previous: &'a Picture, current: &'a Picture, guidance: &'a Guidance) -> Result<Self> {
+        check_size(previous.size(), current.size(), "previous")?;
+        check_size(guidance.size(), current.size(), "guidance")?;
+        Ok(Self { previous, current, guidance, cut: false })
+    }
+
+    /// States that a cut lies between the two (a scene edit, a reset), so that nothing is generated across it.
+    /// Where this is not stated, a generator looks for cuts itself.
+    #[must_use]
+    pub fn with_cut(mut self, cut: bool) -> Self {
+        self.cut = cut;
+        self
+    }
+
+    /// The earlier anchor.
+    pub fn previous(&self) -> &'a Picture {
+        self.previous
+    }
+
+    /// The later anchor.
+    pub fn current(&self) -> &'a Picture {
+        self.current
+    }
+
+    /// Motion from the current anchor back to the previous one, and the current anchor's depth.
+    pub fn guidance(&self) -> &'a Guidance {
+        self.guidance
+    }
+
+    /// Whether the caller stated a cut.
+    pub fn is_cut(&self) -> bool {
+        self.cut
+    }
+
+    /// `(width, height)` of the pair.
+    pub fn size(&self) -> (u32, u32) {
+        self.current.size()
+    }
+}
+
+/// One anchor and the guidance that led to it.
+#[derive(Debug, Clone, Copy)]
+pub struct Anchor<'a> {
+    picture: &'a Picture,
+    guidance: &'a Guidance,
+    after_cut: bool,
+}
+
+impl<'a> Anchor<'a> {
+    /// Puts an anchor together.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the picture and the guidance differ in size.
+    pub fn new(picture: &'a Picture, guidance: &'a Guidance) -> Result<Self> {
+        check_size(guidance.size(), picture.size(), "guidance")?;
+        Ok(Self { picture, guidance, after_cut: false })
+    }
+
+    /// States that a cut precedes this anchor, so that its motion means nothing.
+    #[must_use]
+    pub fn with_cut(mut self, after_cut: bool) -> Self {
+        self.after_cut = after_cut;
+        self
+    }
+
+    /// The picture.
+    pub fn picture(&self) -> &'a Picture {
+        self.picture
+    }
+
+    /// Motion from this anchor back to the one before, and this anchor's depth.
+    pub fn guidance(&self) -> &'a Guidance {
+        self.guidance
+    }
+
+    /// Whether the caller stated a cut before this anchor.
+    pub fn is_after_cut(&self) -> bool {
+        self.after_cut
+    }
+}
+
+/// Refuses `have` where `want` is needed.
+pub(super) fn check_size(have: (u32, u32), want: (u32, u32), field: &str) -> Result<()> {
+    if have != want {
+        return Err(Error::new(
+            ErrorKind::InvalidArgument,
+            format!("{} x {} pixels do not match the current anchor's {} x {}", have.0, have.1, want.0, want.1),
+        )
+        .field(field));
+    }
+    Ok(())
+}

@@ -1,0 +1,234 @@
+//! The depth map, and what a host's depth is turned into.
+
+use super::{checked_area, filled};
+use crate::{Error, ErrorKind, Result};
+
+/// The camera that device depth belongs to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection {
+    near: f32,
+    far: f32,
+    vertical_fov: f32,
+}
+
+impl Projection {
+    /// A perspective camera: near and far plane in world units, vertical field of view in radians.
+    /// `far` may be infinite.
+    ///
+    /// # Errors
+    /// `InvalidArgument` unless 0 < `near` < `far` and 0 < `vertical_fov` < pi.
+    pub fn new(near: f32, far: f32, vertical_fov: f32) -> Result<Self> {
+        let refuse = |field: &str, cause: String| Err(Error::new(ErrorKind::InvalidArgument, cause).field(field));
+        if !(near > 0.0 && near.is_finite()) {
+            return refuse("near", format!("the near plane cannot be at {near}"));
+        }
+        if far.is_nan() || far <= near {
+            return refuse("far", format!("the far plane at {far} is not behind the near plane at {near}"));
+        }
+        if !(vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI) {
+            return refuse("vertical_fov", format!("a field of view of {vertical_fov} rad is not between 0 and pi"));
+        }
+        Ok(Self { near, far, vertical_fov })
+    }
+
+    /// For a constant of this room, which keeps to the rules of [`Projection::new`].
+    pub(super) const fn constant(near: f32, far: f32, vertical_fov: f32) -> Self {
+        Self { near, far, vertical_fov }
+    }
+
+    /// Distance of the near plane, in world units.
+    pub fn near(&self) -> f32 {
+        self.near
+    }
+
+    /// Distance of the far plane, in world units; may be infinite.
+    pub fn far(&self) -> f32 {
+        self.far
+    }
+
+    /// Vertical field of view in radians.
+    pub fn vertical_fov(&self) -> f32 {
+        self.vertical_fov
+    }
+
+    /// Device depth of a point at view distance `z`: `far (z - near) / (z (far - near))`, cut to [0, 1].
+    pub fn device_depth(&self, z: f32) -> f32 {
+        // In f64, and written so that an infinite far plane needs no case of its own.
+        let (z, near, inverse_far) = (f64::from(z), f64::from(self.near), 1.0 / f64::from(self.far));
+        if z <= near {
+            return 0.0;
+        }
+        ((1.0 - near / z) / (1.0 - near * inverse_far)).min(1.0) as f32
+    }
+}
+
+/// How a host's depth values are to be read.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct DepthEncoding {
+    /// Device depth with 1 near and 0 far ("reversed z").
+    pub inverted: bool,
+    /// Distance along the view axis in the world units of the projection, instead of device depth.
+    pub linear: bool,
+}
+
+/// Device depth in [0, 1], 0 near, one to a pixel of the current picture. Rows run top to bottom without padding.
+#[derive(Clone, PartialEq)]
+pub struct DepthMap {
+    width: u32,
+    height: u32,
+    depth: Vec<f32>,
+    projection: Projection,
+}
+
+impl DepthMap {
+    /// Everything at the near plane, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a size outside that range, `OutOfMemory` when it cannot be allocated.
+    pub fn new(width: u32, height: u32, projection: Projection) -> Result<Self> {
+        let len = checked_area(width, height)?;
+        Ok(Self { width, height, depth: filled(len, 0.0)?, projection })
+    }
+
+    /// Takes a host's `values`, `width * height` of them, and converts them to device depth with 0 near. Values outside
+    /// the range of `encoding` are cut to it; a value that is not a number counts as far.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), a buffer of another length, or an
+    /// encoding that is both inverted and linear, which has no meaning.
+    pub fn from_host(
+        width: u32,
+        height: u32,
+        mut values: Vec<f32>,
+        encoding: DepthEncoding,
+        projection: Projection,
+    ) -> Result<Self> {
+        let len = checked_area(width, height)?;
+        if values.len() != len {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("a depth map of {width} x {height} has {len} values, the buffer has {}", values.len()),
+            )
+            .field("values"));
+        }
+        let convert: fn(f32, &Projection) -> f32 = match encoding {
+            DepthEncoding { inverted: false, linear: false } => |v, _| v.clamp(0.0, 1.0),
+            DepthEncoding { inverted: true, linear: false } => |v, _| 1.0 - v.clamp(0.0, 1.0),
+            DepthEncoding { inverted: false, linear: true } => |v, camera| camera.device_depth(v),
+            DepthEncoding { inverted: true, linear: true } => {
+                return Err(Error::new(ErrorKind::InvalidArgument, "depth cannot be both inverted and linear")
+                    .field("encoding")
+                    .remedy("Clear `inverted`: a distance along the view axis always grows away from the camera"));
+            }
+        };
+        for v in &mut values {
+            *v = if v.is_nan() { 1.0 } else { convert(*v, &projection) };
+        }
+        Ok(Self { width, height, depth: values, projection })
+    }
+
+    /// Width in render pixels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Height in render pixels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// `(width, height)` in render pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// All values, row by row.
+    pub fn depth(&self) -> &[f32] {
+        &self.depth
+    }
+
+    /// All values, writable. Readers cut them to [0, 1] and take what is not a number as far.
+    pub fn depth_mut(&mut self) -> &mut [f32] {
+        &mut self.depth
+    }
+
+    /// The camera the values belong to.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
+    /// Sets the camera the values belong to; the values stay as they are.
+    pub fn set_projection(&mut self, projection: Projection) {
+        self.projection = projection;
+    }
+}
+
+impl std::fmt::Debug for DepthMap {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "DepthMap({} x {}, {:?})", self.width, self.height, self.projection)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Projection {
+        Projection::new(0.1, 100.0, 1.0).unwrap()
+    }
+
+    fn convert(values: &[f32], inverted: bool, linear: bool, projection: Projection) -> Vec<f32> {
+        let encoding = DepthEncoding { inverted, linear };
+        DepthMap::from_host(values.len() as u32, 1, values.to_vec(), encoding, projection).unwrap().depth().to_vec()
+    }
+
+    #[test]
+    fn device_depth_is_cut_and_not_a_number_is_far() {
+        let host = [-0.5, 0.0, 0.25, 1.0, 7.0, f32::NAN, f32::INFINITY];
+        assert_eq!(convert(&host, false, false, camera()), [0.0, 0.0, 0.25, 1.0, 1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn inverted_depth_is_turned_over() {
+        assert_eq!(convert(&[1.0, 0.75, 0.0, 2.0, f32::NAN], true, false, camera()), [0.0, 0.25, 1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn linear_depth_follows_the_projection() {
+        // far (z - near) / (z (far - near)), by hand: z = 0.2 gives 100 * 0.1 / (0.2 * 99.9).
+        let host = [0.05, 0.1, 0.2, 100.0, 500.0, f32::INFINITY, f32::NAN];
+        let device = convert(&host, false, true, camera());
+        let expected = [0.0, 0.0, 0.500_500_5, 1.0, 1.0, 1.0, 1.0];
+        for (have, want) in device.iter().zip(expected) {
+            assert!((have - want).abs() < 1e-6, "{device:?}");
+        }
+        let infinite = Projection::new(0.1, f32::INFINITY, 1.0).unwrap();
+        assert_eq!(convert(&[0.2, 0.4, f32::INFINITY], false, true, infinite), [0.5, 0.75, 1.0]);
+    }
+
+    #[test]
+    fn contradictory_flags_and_wrong_lengths_are_refused() {
+        let both = DepthEncoding { inverted: true, linear: true };
+        assert_eq!(
+            DepthMap::from_host(1, 1, vec![0.0], both, camera()).unwrap_err().kind(),
+            ErrorKind::InvalidArgument
+        );
+        let short = DepthMap::from_host(2, 2, vec![0.0; 3], DepthEncoding::default(), camera()).unwrap_err();
+        assert_eq!(short.offending_field(), Some("values"));
+    }
+
+    #[test]
+    fn impossible_cameras_are_refused() {
+        for (near, far, fov, field) in [
+            (0.0, 1.0, 1.0, "near"),
+            (f32::NAN, 1.0, 1.0, "near"),
+            (1.0, 1.0, 1.0, "far"),
+            (1.0, f32::NAN, 1.0, "far"),
+            (0.1, 1.0, 0.0, "vertical_fov"),
+            (0.1, 1.0, 3.2, "vertical_fov"),
+            (0.1, 1.0, f32::NAN, "vertical_fov"),
+        ] {
+            assert_eq!(Projection::new(near, far, fov).unwrap_err().offending_field(), Some(field));
+        }
+    }
+}

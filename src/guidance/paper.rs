@@ -1,0 +1,181 @@
+//! The paper's hand-made extractor: motion from the difference of two latents.
+//!
+//! Section 5.1 of "Fewer, Better Frames" (arXiv:2606.02586), with the points it leaves open settled:
+//!
+//! ```text
+//! dz    = mean over channels of (z1 - z0)                        a scalar on the latent grid
+//! d     = (d dz/dx, d dz/dy)                                     as numpy.gradient, unit spacing, x along columns
+//! m     = -U(8 d), cut to [-width, width] x [-height, height]    U: bilinear, half-pixel centres, edge clamp
+//! depth = U((c - min c) / (max c - min c)), c = channel 0 of z1
+//! ```
+//!
+//! The 8 is the compression factor the paper's project recorded. It stays although a cell of a Waypoint-1.5 latent covers
+//! 16 pixels of the autoencoder's picture: this extractor reproduces the paper, it does not improve on it. A gradient along an
+//! axis of one cell is 0, a constant channel has depth 0, and whatever is not finite gives 0 where it stands.
+//! The pseudo-depth goes over unchanged as device depth of [`PROJECTION`].
+
+use half::f16;
+use rayon::prelude::*;
+
+use super::{Guidance, LatentView, Projection};
+use crate::{Error, ErrorKind, Result};
+
+/// Autoencoder pixels per latent cell, as the paper recorded it.
+pub const COMPRESSION: f32 = 8.0;
+
+/// The camera stated for the pseudo-depth: near 0.1, far 100, and, as the paper names none, 60 degrees vertically.
+pub const PROJECTION: Projection = Projection::constant(0.1, 100.0, std::f32::consts::FRAC_PI_3);
+
+/// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`.
+///
+/// One extraction; an [`Extractor`] keeps its working memory from one to the next.
+///
+/// # Errors
+/// As [`Extractor::extract`].
+pub fn extract(z0: LatentView<'_>, z1: LatentView<'_>, render: (u32, u32), out: &mut Guidance) -> Result<()> {
+    Extractor::new().extract(z0, z1, render, out)
+}
+
+/// The extractor with its working memory. It allocates nothing once it has seen the largest latent and render size.
+#[derive(Debug, Default)]
+pub struct Extractor {
+    delta: Vec<f64>,
+    displacement: Vec<[f32; 2]>,
+    pseudo_depth: Vec<f32>,
+    columns: Vec<Tap>,
+}
+
+/// The two cells and the weight of the second that one render row or column is made of.
+#[derive(Debug, Clone, Copy)]
+struct Tap {
+    first: usize,
+    second: usize,
+    weight: f32,
+}
+
+impl Extractor {
+    /// An extractor without working memory yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`;
+    /// `out` takes that size if it has another.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the latents differ in shape or the render size is outside 1 to
+    /// [`MAX_SIDE`](crate::MAX_SIDE); `OutOfMemory` when `out` cannot grow.
+    pub fn extract(
+        &mut self,
+        z0: LatentView<'_>,
+        z1: LatentView<'_>,
+        render: (u32, u32),
+        out: &mut Guidance,
+    ) -> Result<()> {
+        if z0.shape() != z1.shape() {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("the latents have shapes {:?} and {:?}", z0.shape(), z1.shape()),
+            )
+            .field("z0"));
+        }
+        if out.size() != render {
+            *out = Guidance::new(render.0, render.1, PROJECTION)?;
+        }
+        out.depth_mut().set_projection(PROJECTION);
+
+        self.difference(z0, z1);
+        self.gradient(z1.shape());
+        self.normalise(z1.channel(0));
+        self.lift(z1.shape(), out);
+        Ok(())
+    }
+
+    /// `delta` = mean over channels of `z1 - z0`.
+    fn difference(&mut self, z0: LatentView<'_>, z1: LatentView<'_>) {
+        let [channels, height, width] = z1.shape();
+        self.delta.clear();
+        self.delta.resize(height * width, 0.0);
+        for c in 0..channels {
+            for ((sum, &a), &b) in self.delta.iter_mut().zip(z0.channel(c)).zip(z1.channel(c)) {
+                *sum += f64::from(b) - f64::from(a);
+            }
+        }
+        self.delta.iter_mut().for_each(|sum| *sum /= channels as f64);
+    }
+
+    /// `displacement` = gradient of `delta`.
+    fn gradient(&mut self, [_, height, width]: [usize; 3]) {
+        let delta = &self.delta;
+        // numpy.gradient: central inside, one-sided at the ends; `len` cells that lie `stride` apart.
+        let slope = |first: usize, i: usize, len: usize, stride: usize| {
+            let (low, high) = (i.saturating_sub(1), (i + 1).min(len - 1));
+            if low == high {
+                return 0.0;
+            }
+            let slope = (delta[first + high * stride] - delta[first + low * stride]) / (high - low) as f64;
+            if slope.is_finite() { slope as f32 } else { 0.0 }
+        };
+        self.displacement.clear();
+        self.displacement.extend(
+            (0..height)
+                .flat_map(|y| (0..width).map(move |x| [slope(y * width, x, width, 1), slope(x, y, height, width)])),
+        );
+    }
+
+    /// `pseudo_depth` = `channel`, its finite values brought to [0, 1].
+    fn normalise(&mut self, channel: &[f32]) {
+        let finite = channel.iter().copied().filter(|v| v.is_finite());
+        let (low, high) = finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let span = f64::from(high) - f64::from(low);
+        self.pseudo_depth.clear();
+        self.pseudo_depth.extend(
+            channel.iter().map(|&v| {
+                if v.is_finite() && span > 0.0 { ((f64::from(v) - f64::from(low)) / span) as f32 } else { 0.0 }
+            }),
+        );
+    }
+
+    /// Brings both latent-grid fields to render size.
+    fn lift(&mut self, [_, height, width]: [usize; 3], out: &mut Guidance) {
+        let (render_width, render_height) = (out.size().0 as usize, out.size().1 as usize);
+        self.columns.clear();
+        self.columns.extend((0..render_width).map(|x| Tap::new(x, render_width, width)));
+        let (columns, displacement, pseudo_depth) = (&self.columns, &self.displacement, &self.pseudo_depth);
+        let limit = [render_width as f32, render_height as f32];
+
+        let Guidance { motion, depth } = out;
+        let motion_rows = motion.vectors_mut().par_chunks_mut(render_width);
+        let depth_rows = depth.depth_mut().par_chunks_mut(render_width);
+        motion_rows.zip(depth_rows).enumerate().for_each(|(y, (motion_row, depth_row))| {
+            let row = Tap::new(y, render_height, height);
+            for ((vector, depth), column) in motion_row.iter_mut().zip(depth_row).zip(columns) {
+                let bilinear = |at: &dyn Fn(usize) -> f32| {
+                    let across = |r: usize| {
+                        let (a, b) = (at(r * width + column.first), at(r * width + column.second));
+                        a + (b - a) * column.weight
+                    };
+                    let (a, b) = (across(row.first), across(row.second));
+                    a + (b - a) * row.weight
+                };
+                *vector = [0, 1].map(|axis| {
+                    // Subtracted from 0 rather than negated, so that no motion is +0.
+                    let m = 0.0 - COMPRESSION * bilinear(&|cell| displacement[cell][axis]);
+                    let m = if m.is_finite() { m.clamp(-limit[axis], limit[axis]) } else { 0.0 };
+                    f16::from_f32(m)
+                });
+                *depth = bilinear(&|cell| pseudo_depth[cell]).clamp(0.0, 1.0);
+            }
+        });
+    }
+}
+
+impl Tap {
+    /// What position `i` of `to` is made of on a grid of `from` cells: half-pixel centres, edges clamped.
+    fn new(i: usize, to: usize, from: usize) -> Self {
+        let position = (i as f64 + 0.5) * from as f64 / to as f64 - 0.5;
+        let cell = position.floor();
+        let clamp = |c: f64| c.clamp(0.0, (from - 1) as f64) as usize;
+        Self { first: clamp(cell), second: clamp(cell + 1.0), weight: (position - cell) as f32 }
+    }
+}
