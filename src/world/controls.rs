@@ -1,0 +1,149 @@
+//! What the player does during one latent step.
+
+use crate::bundle::Controls;
+use crate::world::keys::{Key, KeySet};
+use crate::{Error, ErrorKind, Result};
+
+/// The largest mouse motion of one latent step, in counts, either way and on either axis.
+pub const MAX_MOUSE: f32 = 32_768.0;
+
+/// Controls of one latent step, always valid: mouse motion in raw counts summed over the step, keys held in it, and
+/// the sign of the wheel.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ControlInput {
+    mouse: [f32; 2],
+    keys: KeySet,
+    scroll: f32,
+}
+
+impl ControlInput {
+    /// Nothing moves, no key is held.
+    pub const IDLE: Self = Self { mouse: [0.0; 2], keys: KeySet::NONE, scroll: 0.0 };
+
+    /// `mouse` is dx (right positive) and dy (down positive), each from -[`MAX_MOUSE`] to [`MAX_MOUSE`]; of `scroll`,
+    /// any finite number, the sign counts (up positive).
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a number that is not finite or a motion outside the range.
+    pub fn new(mouse: [f32; 2], keys: KeySet, scroll: f32) -> Result<Self> {
+        for (value, field) in mouse.into_iter().zip(["mouse.dx", "mouse.dy"]) {
+            if value.is_nan() || value.abs() > MAX_MOUSE {
+                return Err(Error::new(ErrorKind::InvalidArgument, format!("a motion of {value} counts is no input"))
+                    .field(field)
+                    .remedy(format!("Give a finite number of counts from -{MAX_MOUSE} to {MAX_MOUSE}")));
+            }
+        }
+        if !scroll.is_finite() {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("a wheel motion of {scroll} is no input"))
+                .field("scroll")
+                .remedy("Give a finite number; its sign counts"));
+        }
+        // -0 and 0 are the same input, so they are the same bits in the graph and in a saved file.
+        let plain = |x: f32| if x == 0.0 { 0.0 } else { x };
+        let sign = if scroll == 0.0 { 0.0 } else { scroll.signum() };
+        Ok(Self { mouse: mouse.map(plain), keys, scroll: sign })
+    }
+
+    /// dx and dy, in counts.
+    pub fn mouse(&self) -> [f32; 2] {
+        self.mouse
+    }
+
+    /// The keys held in the step.
+    pub fn keys(&self) -> KeySet {
+        self.keys
+    }
+
+    /// -1, 0 or 1.
+    pub fn scroll(&self) -> f32 {
+        self.scroll
+    }
+
+    /// Writes the numbers as the transformer's `controls` input has them: mouse, buttons, scroll.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when `out` is not `controls.len()` long; `Unsupported` when the world's control layout has no
+    /// place for mouse and wheel, or a held key has a code that the world does not know.
+    pub fn write(&self, controls: &Controls, out: &mut [f32]) -> Result<()> {
+        if controls.mouse != 2 || controls.scroll != 1 || controls.buttons > 256 {
+            return Err(Error::new(
+                ErrorKind::Unsupported,
+                format!(
+                    "a world with {} mouse, {} button and {} scroll numbers cannot be steered",
+                    controls.mouse, controls.buttons, controls.scroll
+                ),
+            )
+            .field("controls")
+            .remedy("Use a world with 2 mouse, up to 256 button and 1 scroll numbers"));
+        }
+        if out.len() != controls.len() {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("the controls are {} numbers, the output has {}", controls.len(), out.len()),
+            )
+            .field("controls"));
+        }
+        let buttons = controls.buttons as usize;
+        if let Some(key) = self.keys.iter().find(|key| usize::from(key.0) >= buttons) {
+            return Err(Error::new(ErrorKind::Unsupported, format!("this world knows {buttons} keys, {key} is none"))
+                .field("keys")
+                .remedy("Release the key"));
+        }
+        out[..2].copy_from_slice(&self.mouse);
+        for (code, number) in (0..=255).zip(&mut out[2..2 + buttons]) {
+            *number = f32::from(u8::from(self.keys.contains(Key(code))));
+        }
+        out[2 + buttons] = self.scroll;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WAYPOINT: Controls = Controls { mouse: 2, buttons: 256, scroll: 1 };
+
+    #[test]
+    fn numbers_stand_in_the_order_mouse_buttons_scroll() {
+        let keys: KeySet = [Key(0), Key(87), Key(255)].into_iter().collect();
+        let input = ControlInput::new([3.5, -2.0], keys, -120.0).unwrap();
+        let mut out = [9.0; 259];
+        input.write(&WAYPOINT, &mut out).unwrap();
+        assert_eq!(out[..2], [3.5, -2.0]);
+        for code in 0..256 {
+            assert_eq!(out[2 + code], if [0, 87, 255].contains(&code) { 1.0 } else { 0.0 });
+        }
+        assert_eq!(out[258], -1.0);
+        ControlInput::IDLE.write(&WAYPOINT, &mut out).unwrap();
+        assert!(out.iter().all(|number| number.to_bits() == 0));
+    }
+
+    #[test]
+    fn what_is_no_number_is_refused() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 32_769.0, -40_000.0] {
+            for mouse in [[bad, 0.0], [0.0, bad]] {
+                let error = ControlInput::new(mouse, KeySet::NONE, 0.0).unwrap_err();
+                assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+                assert!(error.offending_field().unwrap().starts_with("mouse."));
+            }
+        }
+        for bad in [f32::NAN, f32::INFINITY] {
+            assert!(ControlInput::new([0.0; 2], KeySet::NONE, bad).is_err());
+        }
+        assert!(ControlInput::new([MAX_MOUSE, -MAX_MOUSE], KeySet::NONE, f32::MAX).is_ok());
+        assert_eq!(ControlInput::new([-0.0; 2], KeySet::NONE, -0.0).unwrap().mouse[0].to_bits(), 0);
+    }
+
+    #[test]
+    fn a_world_with_fewer_keys_refuses_the_others() {
+        let few = Controls { buttons: 8, ..WAYPOINT };
+        let held = |code| ControlInput::new([0.0; 2], [Key(code)].into_iter().collect(), 0.0).unwrap();
+        let mut out = [0.0; 11];
+        held(7).write(&few, &mut out).unwrap();
+        assert_eq!(out[9], 1.0);
+        assert_eq!(held(8).write(&few, &mut out).unwrap_err().kind(), ErrorKind::Unsupported);
+        assert!(held(7).write(&few, &mut out[..10]).is_err());
+        assert!(held(7).write(&Controls { mouse: 3, ..few }, &mut [0.0; 12]).is_err());
+    }
+}

@@ -1,0 +1,347 @@
+//! Noise schedules: which noise levels a latent step walks down, exactly as decided and then rounded as trained.
+
+use std::fmt;
+use std::str::FromStr;
+
+use half::bf16;
+
+use crate::bundle::{Sampler, SigmaRounding};
+use crate::world::time::clip;
+use crate::{Error, ErrorKind, Result};
+
+/// The most points a schedule may have, its final 0 included.
+pub const MAX_POINTS: usize = 64;
+
+/// How the noise levels of a latent step are chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Schedule {
+    /// The bundle's own list.
+    Stock,
+    /// The bundle's list with its widest interval split at the middle (ties: the earlier one) until there are this
+    /// many denoise passes. From the stock number of passes, at least 4, to 63. The paper does not define its
+    /// schedule; this is our reading.
+    Refined(u32),
+    /// A list of one's own: 2 to 64 finite numbers, strictly descending, the first at most 1, the last exactly 0.
+    Explicit(Vec<f64>),
+}
+
+/// Noise levels as the graphs get them: n + 1 levels and the n differences of neighbours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SigmaTable {
+    /// Strictly descending, the last is 0.
+    pub sigmas: Vec<f32>,
+    /// `sigmas[i + 1] - sigmas[i]`, all negative.
+    pub dsigmas: Vec<f32>,
+}
+
+impl SigmaTable {
+    /// Denoise passes of a latent step.
+    pub fn passes(&self) -> usize {
+        self.dsigmas.len()
+    }
+}
+
+impl Schedule {
+    /// The finished list before rounding: each point is the f64 nearest to its exact value.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the schedule, or the stock list it starts from, breaks the rules given at the variants.
+    pub fn points(&self, sampler: &Sampler) -> Result<Vec<f64>> {
+        match self {
+            Self::Stock => {
+                check_points(&sampler.schedule, "sampler.schedule")?;
+                Ok(sampler.schedule.clone())
+            }
+            Self::Explicit(points) => {
+                check_points(points, "schedule")?;
+                Ok(points.clone())
+            }
+            Self::Refined(passes) => {
+                check_points(&sampler.schedule, "sampler.schedule")?;
+                refine(&sampler.schedule, *passes)
+            }
+        }
+    }
+
+    /// The finished list and its differences, rounded as `sampler.sigma_rounding` says. The differences are those of
+    /// the rounded levels, taken and rounded in the same type, as the released engine does.
+    ///
+    /// # Errors
+    /// As [`Schedule::points`], and `InvalidArgument` when two neighbours become equal by the rounding.
+    pub fn table(&self, sampler: &Sampler) -> Result<SigmaTable> {
+        let round = |x: f32| match sampler.sigma_rounding {
+            SigmaRounding::None => x,
+            SigmaRounding::Bf16 => bf16::from_f32(x).to_f32(),
+        };
+        let sigmas: Vec<f32> = self.points(sampler)?.into_iter().map(|p| round(p as f32)).collect();
+        let dsigmas: Vec<f32> = sigmas.windows(2).map(|pair| round(pair[1] - pair[0])).collect();
+        if let Some(i) = dsigmas.iter().position(|d| *d >= 0.0) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("points {i} and {} of the schedule are equal after rounding", i + 1),
+            )
+            .field("schedule")
+            .remedy("Use fewer points, or points that lie farther apart"));
+        }
+        Ok(SigmaTable { sigmas, dsigmas })
+    }
+}
+
+fn check_points(points: &[f64], field: &str) -> Result<()> {
+    let wrong = |cause: String| {
+        Error::new(ErrorKind::InvalidArgument, cause)
+            .field(field)
+            .remedy("Give 2 to 64 finite numbers, strictly descending, the first at most 1 and the last exactly 0")
+    };
+    if points.len() < 2 || points.len() > MAX_POINTS {
+        return Err(wrong(format!("a schedule of {} points cannot be used", points.len())));
+    }
+    if let Some(i) = points.iter().position(|p| !p.is_finite()) {
+        return Err(wrong(format!("point {i} of the schedule is not finite")));
+    }
+    if points[0] > 1.0 {
+        return Err(wrong(format!("the schedule starts at {}", points[0])));
+    }
+    if let Some(i) = points.windows(2).position(|pair| pair[0] <= pair[1]) {
+        return Err(wrong(format!("the schedule does not descend from point {i} to point {}", i + 1)));
+    }
+    match points.last() {
+        Some(last) if last.to_bits() == 0 => Ok(()),
+        last => Err(wrong(format!("the schedule ends at {last:?}"))),
+    }
+}
+
+/// Decimals of a point that are kept exactly; more are refused.
+const DECIMALS: u32 = 17;
+/// Every point is a whole number of these parts of 1. A point is a decimal, and no chain of splits is longer than 63
+/// halvings, so all of them are exact.
+const UNIT: u128 = 10u128.pow(DECIMALS) << 63;
+
+fn refine(stock: &[f64], passes: u32) -> Result<Vec<f64>> {
+    let (least, most) = ((stock.len() - 1).max(4), MAX_POINTS - 1);
+    let wanted = passes as usize;
+    if wanted < least || wanted > most {
+        return Err(Error::new(ErrorKind::InvalidArgument, format!("refined:{passes} is out of range"))
+            .field("schedule")
+            .remedy(format!("Use refined:{least} to refined:{most}")));
+    }
+    let mut points = Vec::with_capacity(wanted + 1);
+    for &point in stock {
+        points.push(exact(point)?);
+    }
+    while points.len() <= wanted {
+        let mut widest = 0;
+        for i in 1..points.len() - 1 {
+            if points[i] - points[i + 1] > points[widest] - points[widest + 1] {
+                widest = i;
+            }
+        }
+        // Half the sum, which is exact: both ends are even numbers of parts until 63 halvings in a row.
+        let middle = (points[widest] + points[widest + 1]) / 2;
+        points.insert(widest + 1, middle);
+    }
+    Ok(points.into_iter().map(nearest).collect())
+}
+
+/// A point in parts of [`UNIT`], taken as the shortest decimal that reads back as `point`.
+fn exact(point: f64) -> Result<u128> {
+    let text = point.to_string();
+    let (whole, decimals) = text.split_once('.').unwrap_or((&text, ""));
+    let numerator = (decimals.len() <= DECIMALS as usize)
+        .then(|| format!("{whole}{decimals:0<width$}", width = DECIMALS as usize).parse::<u128>().ok())
+        .flatten();
+    // At most 1, so at most 10^17 before the shift.
+    numerator.map(|n| n << 63).ok_or_else(|| {
+        Error::new(ErrorKind::InvalidArgument, format!("{point} has more than {DECIMALS} decimals"))
+            .field("sampler.schedule")
+            .remedy("Shorten the number, or use an explicit schedule")
+    })
+}
+
+/// The f64 nearest to `parts / UNIT`, ties to even; `parts` is at most [`UNIT`]. Long division, bit by bit.
+fn nearest(parts: u128) -> f64 {
+    if parts == 0 {
+        return 0.0;
+    }
+    let (mut rest, mut exponent) = (parts, 0);
+    while rest < UNIT {
+        rest *= 2;
+        exponent -= 1;
+    }
+    rest -= UNIT;
+    let mut mantissa = 1u64;
+    for _ in 0..52 {
+        rest *= 2;
+        mantissa *= 2;
+        if rest >= UNIT {
+            rest -= UNIT;
+            mantissa += 1;
+        }
+    }
+    rest *= 2;
+    if rest > UNIT || (rest == UNIT && mantissa % 2 == 1) {
+        mantissa += 1;
+    }
+    mantissa as f64 * 2f64.powi(exponent - 52)
+}
+
+impl fmt::Display for Schedule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stock => f.write_str("stock"),
+            Self::Refined(passes) => write!(f, "refined:{passes}"),
+            Self::Explicit(points) => {
+                f.write_str("explicit")?;
+                points.iter().try_for_each(|point| write!(f, ":{point}"))
+            }
+        }
+    }
+}
+
+impl FromStr for Schedule {
+    type Err = Error;
+
+    /// Reads `stock`, `refined:10` or `explicit:1:0.9:0.75:0.3:0`.
+    fn from_str(text: &str) -> Result<Self> {
+        let wrong = || {
+            Error::new(ErrorKind::InvalidArgument, format!("{:?} is no schedule", clip(text)))
+                .field("schedule")
+                .remedy("Write stock, refined:10, or explicit:1:0.9:0.75:0.3:0")
+        };
+        if text == "stock" {
+            return Ok(Self::Stock);
+        }
+        if let Some(passes) = text.strip_prefix("refined:") {
+            return passes.parse().map(Self::Refined).map_err(|_| wrong());
+        }
+        let list = text.strip_prefix("explicit:").ok_or_else(wrong)?;
+        if list.split(':').count() > MAX_POINTS {
+            return Err(wrong());
+        }
+        let points = list.split(':').map(|p| p.parse::<f64>().map_err(|_| wrong())).collect::<Result<Vec<_>>>()?;
+        check_points(&points, "schedule")?;
+        Ok(Self::Explicit(points))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn waypoint(sigma_rounding: SigmaRounding) -> Sampler {
+        Sampler { schedule: vec![1.0, 0.9, 0.75, 0.3, 0.0], sigma_rounding }
+    }
+
+    fn refined(passes: u32) -> Vec<f64> {
+        Schedule::Refined(passes).points(&waypoint(SigmaRounding::None)).unwrap()
+    }
+
+    #[test]
+    fn refined_lists_are_the_ones_decided() {
+        assert_eq!(refined(4), [1.0, 0.9, 0.75, 0.3, 0.0]);
+        assert_eq!(refined(9), [1.0, 0.9, 0.825, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.15, 0.0]);
+        assert_eq!(refined(10), [1.0, 0.9, 0.825, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.225, 0.15, 0.0]);
+        assert_eq!(refined(12), [1.0, 0.9, 0.825, 0.75, 0.69375, 0.6375, 0.525, 0.4125, 0.3, 0.225, 0.15, 0.075, 0.0]);
+    }
+
+    /// 0.9 - 0.75 and 0.3 - 0.15 are equal as decimals but not as floats: only exact arithmetic breaks the tie early.
+    #[test]
+    fn ties_are_broken_by_exact_values() {
+        assert!(0.9f64 - 0.75 != 0.3 - 0.15);
+        assert_eq!(refined(8), [1.0, 0.9, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.15, 0.0]);
+        let thirds = Sampler { schedule: vec![0.9, 0.6, 0.3, 0.0], sigma_rounding: SigmaRounding::None };
+        assert_eq!(Schedule::Refined(4).points(&thirds).unwrap(), [0.9, 0.75, 0.6, 0.3, 0.0]);
+        assert_eq!(Schedule::Refined(5).points(&thirds).unwrap(), [0.9, 0.75, 0.6, 0.45, 0.3, 0.0]);
+    }
+
+    /// Against a second implementation that keeps fractions as numerators over 2^20 * 1000 and compares by hand.
+    #[test]
+    fn every_refinement_keeps_the_stock_points_and_descends() {
+        let mut fractions: Vec<u64> = [1000u64, 900, 750, 300, 0].map(|p| p << 20).to_vec();
+        for passes in 4..=63 {
+            let ours = refined(passes);
+            assert_eq!(ours.len(), passes as usize + 1);
+            for (a, b) in ours.iter().zip(&fractions) {
+                assert_eq!(*a, *b as f64 / f64::from(1000 << 20));
+            }
+            let (at, _) = fractions.windows(2).enumerate().fold((0, 0), |(best, width), (i, w)| {
+                if w[0] - w[1] > width { (i, w[0] - w[1]) } else { (best, width) }
+            });
+            fractions.insert(at + 1, u64::midpoint(fractions[at], fractions[at + 1]));
+        }
+    }
+
+    #[test]
+    fn bf16_rounding_gives_the_reference_values() {
+        let table = Schedule::Stock.table(&waypoint(SigmaRounding::Bf16)).unwrap();
+        assert_eq!(table.sigmas, [1.0, 0.898_437_5, 0.75, 0.300_781_25, 0.0]);
+        assert_eq!(table.dsigmas, [-0.101_562_5, -0.148_437_5, -0.449_218_75, -0.300_781_25]);
+        assert_eq!(table.passes(), 4);
+    }
+
+    #[test]
+    fn without_rounding_levels_are_f32() {
+        let table = Schedule::Stock.table(&waypoint(SigmaRounding::None)).unwrap();
+        assert_eq!(table.sigmas, [1.0f32, 0.9, 0.75, 0.3, 0.0]);
+        for (d, expected) in table.dsigmas.iter().zip([-0.1f32, -0.15, -0.45, -0.3]) {
+            assert!((d - expected).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn rounding_that_merges_points_is_refused() {
+        let close = Schedule::Explicit(vec![1.0, 0.9, 0.8999, 0.0]);
+        assert!(close.table(&waypoint(SigmaRounding::None)).is_ok());
+        let error = close.table(&waypoint(SigmaRounding::Bf16)).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        assert_eq!(error.offending_field(), Some("schedule"));
+    }
+
+    #[test]
+    fn broken_lists_are_refused() {
+        let nan = f64::NAN;
+        for bad in [
+            vec![],
+            vec![0.0],
+            vec![1.0, 0.5],
+            vec![1.1, 0.0],
+            vec![1.0, 1.0, 0.0],
+            vec![0.5, 0.6, 0.0],
+            vec![1.0, nan, 0.0],
+            vec![f64::INFINITY, 0.0],
+            vec![1.0, -0.0],
+            vec![1.0, 0.0, -1.0],
+            (0..=64).map(|i| 1.0 - f64::from(i) / 64.0).collect(),
+        ] {
+            assert!(Schedule::Explicit(bad.clone()).table(&waypoint(SigmaRounding::None)).is_err(), "{bad:?}");
+            let sampler = Sampler { schedule: bad, sigma_rounding: SigmaRounding::None };
+            assert!(Schedule::Stock.table(&sampler).is_err());
+            assert!(Schedule::Refined(9).table(&sampler).is_err());
+        }
+        for passes in [0, 3, 64, u32::MAX] {
+            assert!(Schedule::Refined(passes).table(&waypoint(SigmaRounding::None)).is_err());
+        }
+        let tiny = Sampler { schedule: vec![1.0, 1e-300, 0.0], sigma_rounding: SigmaRounding::None };
+        assert!(Schedule::Refined(9).points(&tiny).is_err());
+    }
+
+    #[test]
+    fn nearest_rounds_as_the_decimal_parser_does() {
+        for text in ["0.1", "0.3", "0.6375", "0.86113630000000001", "0.00000000000000001", "1", "0.99999999999999999"] {
+            let value: f64 = text.parse().unwrap();
+            let (whole, decimals) = text.split_once('.').unwrap_or((text, ""));
+            let parts = format!("{whole}{decimals:0<17}").parse::<u128>().unwrap() << 63;
+            assert_eq!(nearest(parts), value, "{text}");
+        }
+    }
+
+    #[test]
+    fn text_reads_back() {
+        for text in ["stock", "refined:10", "explicit:1:0.9:0.75:0.3:0"] {
+            assert_eq!(text.parse::<Schedule>().unwrap().to_string(), text);
+        }
+        for bad in ["", "Stock", "refined", "refined:", "refined:-1", "explicit:", "explicit:1:nan:0", "explicit:0.9"] {
+            assert!(bad.parse::<Schedule>().is_err(), "{bad:?}");
+        }
+    }
+}

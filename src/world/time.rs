@@ -1,0 +1,190 @@
+//! World time: exact fractions of a second, so that steps of 1/15 s never drift.
+
+use std::cmp::Ordering;
+use std::fmt;
+
+use crate::{Error, ErrorKind, Result};
+
+/// The latest world time a script or a duration may name: one day, in whole seconds.
+pub const MAX_SECONDS: u64 = 86_400;
+
+const MICROS: u64 = 1_000_000;
+
+/// A moment, or a length, of world time: an exact fraction of seconds, never negative.
+///
+/// Two values are equal when they name the same moment, however they were made: 2/30 s is 1/15 s.
+#[derive(Clone, Copy)]
+pub struct WorldTime {
+    ticks: u64,
+    per_second: u32,
+}
+
+impl WorldTime {
+    /// The moment of the seed picture.
+    pub const ZERO: Self = Self { ticks: 0, per_second: 1 };
+
+    /// `ticks / per_second` seconds; a `per_second` of zero counts as one.
+    pub const fn new(ticks: u64, per_second: u32) -> Self {
+        Self { ticks, per_second: if per_second == 0 { 1 } else { per_second } }
+    }
+
+    /// Whole microseconds.
+    pub const fn from_micros(micros: u64) -> Self {
+        Self { ticks: micros, per_second: MICROS as u32 }
+    }
+
+    /// Reads seconds as a decimal number with at most six decimals, from 0 to [`MAX_SECONDS`]: `2`, `0.25`.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for anything else; signs, exponents and words such as `nan` are refused.
+    pub fn parse(text: &str) -> Result<Self> {
+        parse_micros(text).map(Self::from_micros).map_err(|cause| {
+            Error::new(ErrorKind::InvalidArgument, cause)
+                .field("time")
+                .remedy(format!("Write seconds from 0 to {MAX_SECONDS} with at most six decimals, such as 2.5"))
+        })
+    }
+
+    /// Seconds, rounded to f64: for showing, never for deciding.
+    pub fn seconds(self) -> f64 {
+        self.ticks as f64 / f64::from(self.per_second)
+    }
+
+    /// The first whole microsecond that is not before this moment; the largest u64 when it is out of range.
+    pub fn ceil_micros(self) -> u64 {
+        let micros = (u128::from(self.ticks) * u128::from(MICROS)).div_ceil(u128::from(self.per_second));
+        u64::try_from(micros).unwrap_or(u64::MAX)
+    }
+
+    /// How many whole steps of `1 / rate` seconds lie in this length; saturates.
+    pub fn whole_steps(self, rate: u32) -> u64 {
+        let steps = u128::from(self.ticks) * u128::from(rate) / u128::from(self.per_second);
+        u64::try_from(steps).unwrap_or(u64::MAX)
+    }
+
+    /// How many steps of `1 / rate` seconds cover this length; saturates.
+    pub fn covering_steps(self, rate: u32) -> u64 {
+        let steps = (u128::from(self.ticks) * u128::from(rate)).div_ceil(u128::from(self.per_second));
+        u64::try_from(steps).unwrap_or(u64::MAX)
+    }
+}
+
+/// Reads decimal seconds into microseconds; the error is a cause without place or remedy.
+pub(crate) fn parse_micros(text: &str) -> std::result::Result<u64, String> {
+    let bad = || format!("{:?} is no time in seconds", clip(text));
+    let (whole, decimals) = text.split_once('.').unwrap_or((text, "0"));
+    let digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+    if !digits(whole) || !digits(decimals) {
+        return Err(bad());
+    }
+    if decimals.len() > 6 {
+        return Err(format!("{:?} has more than six decimals", clip(text)));
+    }
+    let whole: u64 = whole.parse().map_err(|_| bad())?;
+    let micros: u64 = format!("{decimals:0<6}").parse().map_err(|_| bad())?;
+    let total = whole.checked_mul(MICROS).and_then(|w| w.checked_add(micros));
+    match total {
+        Some(total) if total <= MAX_SECONDS * MICROS => Ok(total),
+        _ => Err(format!("{:?} is later than {MAX_SECONDS} seconds", clip(text))),
+    }
+}
+
+/// Writes microseconds as decimal seconds, as short as possible.
+pub(crate) fn format_micros(micros: u64) -> String {
+    let (whole, part) = (micros / MICROS, micros % MICROS);
+    if part == 0 {
+        return whole.to_string();
+    }
+    format!("{whole}.{part:06}").trim_end_matches('0').to_owned()
+}
+
+/// The beginning of untrusted text, short enough for a message.
+pub(crate) fn clip(text: &str) -> &str {
+    match text.char_indices().nth(40) {
+        Some((end, _)) => &text[..end],
+        None => text,
+    }
+}
+
+impl PartialEq for WorldTime {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for WorldTime {}
+
+impl PartialOrd for WorldTime {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for WorldTime {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let left = u128::from(self.ticks) * u128::from(other.per_second);
+        left.cmp(&(u128::from(other.ticks) * u128::from(self.per_second)))
+    }
+}
+
+impl fmt::Debug for WorldTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{} s", self.ticks, self.per_second)
+    }
+}
+
+impl fmt::Display for WorldTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} s", self.seconds())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_moments_compare_equal_however_made() {
+        assert_eq!(WorldTime::new(2, 30), WorldTime::new(1, 15));
+        assert_eq!(WorldTime::from_micros(1_500_000), WorldTime::new(3, 2));
+        assert!(WorldTime::new(1, 15) > WorldTime::from_micros(66_666));
+        assert!(WorldTime::new(1, 15) < WorldTime::from_micros(66_667));
+        assert_eq!(WorldTime::new(5, 0), WorldTime::new(5, 1));
+    }
+
+    #[test]
+    fn steps_are_counted_exactly_over_a_day() {
+        for rate in [15, 30, 60] {
+            let day = WorldTime::new(MAX_SECONDS, 1);
+            assert_eq!(day.whole_steps(rate), MAX_SECONDS * u64::from(rate));
+            let last = WorldTime::new(MAX_SECONDS * u64::from(rate) - 1, rate);
+            assert_eq!(last.whole_steps(rate), MAX_SECONDS * u64::from(rate) - 1);
+        }
+        assert_eq!(WorldTime::parse("0.1").unwrap().whole_steps(15), 1);
+        assert_eq!(WorldTime::parse("0.1").unwrap().covering_steps(15), 2);
+        assert_eq!(WorldTime::new(1, 15).covering_steps(15), 1);
+    }
+
+    #[test]
+    fn decimal_seconds_read_and_write_to_the_microsecond() {
+        for (text, micros, canonical) in
+            [("0", 0, "0"), ("2.50", 2_500_000, "2.5"), ("0.000001", 1, "0.000001"), ("86400", 86_400_000_000, "86400")]
+        {
+            assert_eq!(parse_micros(text), Ok(micros));
+            assert_eq!(format_micros(micros), canonical);
+        }
+        for bad in ["", ".", "1.", ".5", "-1", "+1", "1e3", "nan", "inf", "1.0000001", "86400.000001", "1 ", "١"] {
+            assert!(parse_micros(bad).is_err(), "{bad:?}");
+        }
+        assert!(parse_micros(&"9".repeat(400)).is_err());
+    }
+
+    #[test]
+    fn the_first_microsecond_of_a_step_lies_in_it() {
+        for q in 0..1000 {
+            let micros = WorldTime::from_micros(WorldTime::new(q, 15).ceil_micros());
+            assert!(micros >= WorldTime::new(q, 15) && micros < WorldTime::new(q + 1, 15));
+        }
+        assert_eq!(WorldTime::new(u64::MAX, 1).ceil_micros(), u64::MAX);
+    }
+}
