@@ -56,7 +56,7 @@ impl RopeTable {
 
         let too_large =
             |_| Error::new(ErrorKind::OutOfMemory, "the table of RoPE angles does not fit").field("geometry.tokens");
-        let len = tokens.checked_mul(pairs / 2).unwrap_or(usize::MAX);
+        let len = tokens.saturating_mul(pairs / 2);
         let (mut place_cos, mut place_sin) = (Vec::new(), Vec::new());
         place_cos.try_reserve_exact(len).map_err(too_large)?;
         place_sin.try_reserve_exact(len).map_err(too_large)?;
