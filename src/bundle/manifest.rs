@@ -226,6 +226,99 @@ pub struct Licence {
     pub file: Option<String>,
 }
 
+impl Manifest {
+    /// The entry of the file `path`, where it is listed.
+    pub fn file(&self, path: &str) -> Option<&FileEntry> {
+        self.files.iter().find(|entry| entry.path == path)
+    }
+}
+
+impl Graphs {
+    /// The models of one precision, where the bundle has them.
+    pub fn of(&self, precision: Precision) -> Option<&GraphFiles> {
+        match precision {
+            Precision::F32 => Some(&self.f32),
+            Precision::F16 => self.f16.as_ref(),
+        }
+    }
+
+    /// Every model: precision, kind, file name.
+    pub fn paths(&self) -> impl Iterator<Item = (Precision, GraphKind, &str)> {
+        Precision::ALL
+            .into_iter()
+            .filter_map(|p| self.of(p).map(|files| (p, files)))
+            .flat_map(|(p, files)| GraphKind::ALL.into_iter().map(move |kind| (p, kind, files.of(kind))))
+    }
+}
+
+impl GraphFiles {
+    /// The file name of one model.
+    pub fn of(&self, kind: GraphKind) -> &str {
+        match kind {
+            GraphKind::Transformer => &self.transformer,
+            GraphKind::Encoder => &self.encoder,
+            GraphKind::Decoder => &self.decoder,
+        }
+    }
+}
+
+/// The number type a graph computes in: type F of `docs/bundle.md` section 4.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// float32.
+    F32,
+    /// float16.
+    F16,
+}
+
+impl Precision {
+    /// Both, in the order of the manifest.
+    pub const ALL: [Self; 2] = [Self::F32, Self::F16];
+
+    /// Bytes of one number.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F16 => 2,
+        }
+    }
+}
+
+impl std::fmt::Display for Precision {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::F32 => "f32",
+            Self::F16 => "f16",
+        })
+    }
+}
+
+/// One of the three graphs of a bundle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum GraphKind {
+    /// One pass of the world model.
+    Transformer,
+    /// Pictures to latent.
+    Encoder,
+    /// Latent to pictures.
+    Decoder,
+}
+
+impl GraphKind {
+    /// All three, in the order of the manifest.
+    pub const ALL: [Self; 3] = [Self::Transformer, Self::Encoder, Self::Decoder];
+}
+
+impl std::fmt::Display for GraphKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Transformer => "transformer",
+            Self::Encoder => "encoder",
+            Self::Decoder => "decoder",
+        })
+    }
+}
+
 impl Geometry {
     /// Whether layer `i` attends globally.
     pub fn is_global(&self, layer: u32) -> bool {

@@ -1,5 +1,157 @@
 //! A world on disk: reading, checking and describing a bundle. The format is `docs/bundle.md`.
+//!
+//! A bundle is untrusted input. [`Bundle::open`] makes every check of section 6 of that page before anything is
+//! allocated or run on its behalf, reads each file once, and keeps the bytes it checked: those, not the files, are what
+//! ONNX Runtime is given later.
 
+mod container;
 mod manifest;
+mod manifest_check;
+mod names;
+mod open;
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
 
 pub use manifest::*;
+pub use open::{OpenOptions, OpenProgress};
+
+use crate::{Error, ErrorKind, Result};
+use container::Container;
+
+/// The manifest's file name.
+pub const MANIFEST_NAME: &str = "cairn-world.json";
+
+/// A checked bundle, held in memory. Immutable; share it between threads as you like.
+pub struct Bundle {
+    manifest: Manifest,
+    digest: String,
+    files: BTreeMap<String, Cow<'static, [u8]>>,
+    models: Vec<Model>,
+}
+
+/// One checked model of a bundle.
+struct Model {
+    kind: GraphKind,
+    precision: Precision,
+    path: String,
+    /// Location as the graph writes it, and the bundle's file it means.
+    external: Vec<(String, String)>,
+}
+
+/// One model's bytes, as ONNX Runtime takes them from memory.
+pub struct ModelSource<'a> {
+    /// The serialised graph.
+    pub onnx: &'a [u8],
+    /// The files its weights lie in: the location as the graph writes it, and all bytes of that file.
+    pub external: Vec<(&'a str, &'a [u8])>,
+}
+
+impl Bundle {
+    /// Opens and checks the bundle at `path`, a directory.
+    ///
+    /// # Errors
+    /// `Io` where `path` cannot be read; `InvalidBundle` for any break of the format, with the offending file or member;
+    /// `Unsupported` for another schema version or kind of model; `OutOfMemory` where it cannot be held.
+    pub fn open(path: &Path) -> Result<Arc<Self>> {
+        Self::open_with(path, &OpenOptions::default())
+    }
+
+    /// [`Bundle::open`] with progress, cancel and a limit.
+    ///
+    /// # Errors
+    /// As [`Bundle::open`], and `Cancelled`.
+    pub fn open_with(path: &Path, options: &OpenOptions<'_>) -> Result<Arc<Self>> {
+        open::load(Container::open(path)?, options).map(Arc::new)
+    }
+
+    /// A bundle whose files, the manifest among them, are in memory already, e.g. embedded in a library. Borrowed bytes
+    /// are not copied.
+    ///
+    /// # Errors
+    /// As [`Bundle::open`]; `InvalidArgument` for a file name that is none, or is given twice.
+    pub fn from_memory(files: Vec<(String, Cow<'static, [u8]>)>) -> Result<Arc<Self>> {
+        open::load(Container::from_memory(files)?, &OpenOptions::default()).map(Arc::new)
+    }
+
+    /// What the bundle says of itself.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// Shapes of the model.
+    pub fn geometry(&self) -> &Geometry {
+        &self.manifest.geometry
+    }
+
+    /// The bundle's identity: SHA-256 of the manifest's bytes, in lower-case hex. The manifest holds the checksums of all
+    /// other files, so equal digests mean equal bundles.
+    pub fn digest(&self) -> &str {
+        &self.digest
+    }
+
+    /// Whether the bundle has graphs of `precision`.
+    pub fn has(&self, precision: Precision) -> bool {
+        self.manifest.graphs.of(precision).is_some()
+    }
+
+    /// One model with the files of its weights.
+    ///
+    /// # Errors
+    /// `Unsupported` where the bundle has no graphs of that precision.
+    pub fn model(&self, kind: GraphKind, precision: Precision) -> Result<ModelSource<'_>> {
+        let model = self.models.iter().find(|m| (m.kind, m.precision) == (kind, precision)).ok_or_else(|| {
+            Error::new(ErrorKind::Unsupported, format!("the bundle has no {precision} graphs"))
+                .field(format!("graphs.{precision}"))
+                .remedy("Build the bundle with both precisions, or run it on a device that takes the other")
+        })?;
+        let external = model
+            .external
+            .iter()
+            .map(|(location, file)| Ok((location.as_str(), self.bytes(file)?)))
+            .collect::<Result<_>>()?;
+        Ok(ModelSource { onnx: self.bytes(&model.path)?, external })
+    }
+
+    /// The text of the licence, where the bundle has one in UTF-8.
+    pub fn licence_text(&self) -> Option<&str> {
+        let file = self.manifest.licence.file.as_ref()?;
+        std::str::from_utf8(self.files.get(file)?).ok()
+    }
+
+    fn bytes(&self, file: &str) -> Result<&[u8]> {
+        self.files.get(file).map(AsRef::as_ref).ok_or_else(|| damaged(file, "the file is not in the bundle"))
+    }
+}
+
+impl std::fmt::Debug for Bundle {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bundle")
+            .field("name", &self.manifest.name)
+            .field("digest", &self.digest)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A break of the format in a member of the manifest, a model, or a file.
+fn invalid(field: impl Into<String>, cause: impl Into<String>, remedy: &str) -> Error {
+    Error::new(ErrorKind::InvalidBundle, shortened(cause.into())).field(shortened(field.into())).remedy(remedy)
+}
+
+/// A file that is not what the manifest says.
+fn damaged(file: &str, cause: impl Into<String>) -> Error {
+    invalid(file, cause, "Copy or build the bundle again: the file is damaged, incomplete or changed")
+}
+
+/// Text of a hostile file may be long; a message need not be.
+fn shortened(mut text: String) -> String {
+    const MOST: usize = 300;
+    if text.len() > MOST {
+        let end = (0..=MOST).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
+        text.truncate(end);
+        text.push_str("...");
+    }
+    text
+}

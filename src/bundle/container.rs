@@ -1,0 +1,127 @@
+//! Where a bundle's bytes come from: a directory or memory.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use super::{MANIFEST_NAME, damaged, names};
+use crate::{Error, ErrorKind, Result};
+
+/// Bytes read and handed on at a time: small enough for lively progress and a prompt cancel.
+const CHUNK: usize = 1 << 20;
+
+/// Named files of known sizes. Only names that passed [`names::fault`] are asked for.
+pub(super) enum Container {
+    Directory(PathBuf),
+    Memory(BTreeMap<String, Cow<'static, [u8]>>),
+}
+
+impl Container {
+    /// The bundle at `path`.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let kind = fs::metadata(path).map_err(|error| io_error(&path.display().to_string(), &error))?;
+        if kind.is_dir() {
+            return Ok(Self::Directory(path.to_path_buf()));
+        }
+        Err(Error::new(ErrorKind::InvalidBundle, "this is no directory")
+            .field(path.display().to_string())
+            .remedy(format!("Give the directory that holds {MANIFEST_NAME}")))
+    }
+
+    /// Files in memory.
+    pub(super) fn from_memory(files: Vec<(String, Cow<'static, [u8]>)>) -> Result<Self> {
+        let mut map = BTreeMap::new();
+        for (name, bytes) in files {
+            if let Some(fault) = names::fault(&name) {
+                return Err(Error::new(ErrorKind::InvalidArgument, fault).field(name.escape_debug().to_string()));
+            }
+            if map.insert(name.clone(), bytes).is_some() {
+                return Err(Error::new(ErrorKind::InvalidArgument, "the file is given twice").field(name));
+            }
+        }
+        Ok(Self::Memory(map))
+    }
+
+    /// The size of a file, without reading it.
+    pub(super) fn size(&self, name: &str) -> Result<u64> {
+        match self {
+            Self::Directory(root) => {
+                let found = fs::metadata(root.join(name)).map_err(|error| missing_or_io(name, &error))?;
+                if !found.is_file() {
+                    return Err(damaged(name, "this is no regular file"));
+                }
+                Ok(found.len())
+            }
+            Self::Memory(files) => files.get(name).map(|bytes| bytes.len() as u64).ok_or_else(|| missing(name)),
+        }
+    }
+
+    /// The whole file, which must have `size` bytes; `sink` sees every byte once and in order, and may end the reading.
+    pub(super) fn read(
+        &mut self,
+        name: &str,
+        size: u64,
+        sink: &mut dyn FnMut(&[u8]) -> Result<()>,
+    ) -> Result<Cow<'static, [u8]>> {
+        match self {
+            Self::Directory(root) => {
+                let file = File::open(root.join(name)).map_err(|error| missing_or_io(name, &error))?;
+                // Asked again of the open file: a pipe in its place would never end.
+                if !file.metadata().is_ok_and(|found| found.is_file() && found.len() == size) {
+                    return Err(damaged(name, "the file changed while it was opened"));
+                }
+                read_stream(file, name, size, sink).map(Cow::Owned)
+            }
+            Self::Memory(files) => {
+                let bytes = files.remove(name).ok_or_else(|| missing(name))?;
+                if bytes.len() as u64 != size {
+                    return Err(damaged(name, "the file has another size than before"));
+                }
+                bytes.chunks(CHUNK).try_for_each(sink)?;
+                Ok(bytes)
+            }
+        }
+    }
+}
+
+/// `size` bytes of `stream`, allocated once.
+fn read_stream(
+    mut stream: impl Read,
+    name: &str,
+    size: u64,
+    sink: &mut dyn FnMut(&[u8]) -> Result<()>,
+) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let len = usize::try_from(size).map_err(|_| too_large(name, size))?;
+    bytes.try_reserve_exact(len).map_err(|_| too_large(name, size))?;
+    while bytes.len() < len {
+        let start = bytes.len();
+        let part = CHUNK.min(len - start);
+        let got = stream.by_ref().take(part as u64).read_to_end(&mut bytes).map_err(|error| io_error(name, &error))?;
+        if got != part {
+            return Err(damaged(name, format!("the file ends after {} of {size} bytes", bytes.len())));
+        }
+        sink(&bytes[start..])?;
+    }
+    Ok(bytes)
+}
+
+fn too_large(name: &str, size: u64) -> Error {
+    Error::new(ErrorKind::OutOfMemory, format!("{size} bytes cannot be allocated"))
+        .field(name)
+        .remedy("Free memory, or use a smaller bundle")
+}
+
+fn missing(name: &str) -> Error {
+    damaged(name, "the file is not in the bundle")
+}
+
+fn missing_or_io(name: &str, error: &io::Error) -> Error {
+    if error.kind() == io::ErrorKind::NotFound { missing(name) } else { io_error(name, error) }
+}
+
+fn io_error(name: &str, error: &io::Error) -> Error {
+    Error::new(ErrorKind::Io, error.to_string()).field(name).remedy("Check that the file is there and may be read")
+}

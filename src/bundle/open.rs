@@ -1,0 +1,123 @@
+//! Opening: the order in which a bundle is read and checked.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use sha2::{Digest, Sha256};
+
+use super::container::Container;
+use super::{Bundle, FileEntry, MANIFEST_NAME, Manifest, Model, damaged, manifest_check};
+use crate::{Error, ErrorKind, Result};
+
+/// How [`Bundle::open_with`] reads.
+#[derive(Default, Clone, Copy)]
+pub struct OpenOptions<'a> {
+    /// Called from the opening thread after every mebibyte or file.
+    pub progress: Option<&'a dyn Fn(OpenProgress)>,
+    /// Set it from any thread to stop at the next mebibyte.
+    pub cancel: Option<&'a AtomicBool>,
+    /// The most bytes all files may have together; `None`: no limit but memory.
+    pub max_bytes: Option<u64>,
+}
+
+/// How far opening is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OpenProgress {
+    /// Bytes read and checked.
+    pub done: u64,
+    /// Bytes of all files.
+    pub total: u64,
+}
+
+/// Reads and checks everything.
+pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Result<Bundle> {
+    let (manifest, digest) = read_manifest(&mut container)?;
+    let total = check_sizes(&container, &manifest, options)?;
+    let mut reader = Reader { container, options, done: 0, total };
+    let mut files = BTreeMap::new();
+    for entry in &manifest.files {
+        files.insert(entry.path.clone(), reader.read(entry)?);
+    }
+    let models = models(&manifest);
+    Ok(Bundle { manifest, digest, files, models })
+}
+
+fn models(manifest: &Manifest) -> Vec<Model> {
+    let graphs: Vec<&str> = manifest.graphs.paths().map(|(_, _, path)| path).collect();
+    let data: Vec<(String, String)> = manifest
+        .files
+        .iter()
+        .filter(|entry| !graphs.contains(&entry.path.as_str()))
+        .map(|entry| (entry.path.clone(), entry.path.clone()))
+        .collect();
+    let model = |(precision, kind, path): (_, _, &str)| Model {
+        kind,
+        precision,
+        path: path.to_owned(),
+        external: data.clone(),
+    };
+    manifest.graphs.paths().map(model).collect()
+}
+
+fn read_manifest(container: &mut Container) -> Result<(Manifest, String)> {
+    let size = container.size(MANIFEST_NAME)?;
+    if size > manifest_check::MAX_MANIFEST {
+        return Err(damaged(MANIFEST_NAME, format!("{size} bytes are more than a manifest may have")));
+    }
+    let bytes = container.read(MANIFEST_NAME, size, &mut |_| Ok(()))?;
+    Ok((manifest_check::read_manifest(&bytes)?, hex(&Sha256::digest(&bytes))))
+}
+
+/// Every size against the manifest, and their sum against the limit, before any of them is read.
+fn check_sizes(container: &Container, manifest: &Manifest, options: &OpenOptions<'_>) -> Result<u64> {
+    let mut total = 0_u64;
+    for entry in &manifest.files {
+        let found = container.size(&entry.path)?;
+        if found != entry.size {
+            return Err(damaged(&entry.path, format!("the file has {found} bytes, the manifest says {}", entry.size)));
+        }
+        total = total.checked_add(found).ok_or_else(|| damaged(&entry.path, "the sizes of all files overflow"))?;
+    }
+    if let Some(limit) = options.max_bytes.filter(|&limit| total > limit) {
+        return Err(Error::new(ErrorKind::OutOfMemory, format!("the bundle has {total} bytes, the limit is {limit}"))
+            .field("files")
+            .remedy("Raise the limit, or use a smaller bundle"));
+    }
+    Ok(total)
+}
+
+struct Reader<'a> {
+    container: Container,
+    options: &'a OpenOptions<'a>,
+    done: u64,
+    total: u64,
+}
+
+impl Reader<'_> {
+    /// One file, with its checksum held against the manifest.
+    fn read(&mut self, entry: &FileEntry) -> Result<Cow<'static, [u8]>> {
+        let mut hash = Sha256::new();
+        let Self { container, options, done, total } = self;
+        let bytes = container.read(&entry.path, entry.size, &mut |part| {
+            if options.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+                return Err(Error::new(ErrorKind::Cancelled, "opening the bundle was cancelled"));
+            }
+            hash.update(part);
+            *done += part.len() as u64;
+            if let Some(progress) = options.progress {
+                progress(OpenProgress { done: *done, total: *total });
+            }
+            Ok(())
+        })?;
+        if hex(&hash.finalize()) != entry.sha256 {
+            return Err(damaged(&entry.path, "the SHA-256 is not the one in the manifest"));
+        }
+        Ok(bytes)
+    }
+}
+
+/// Lower-case hex.
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
