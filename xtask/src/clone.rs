@@ -1,0 +1,67 @@
+//! This clone: its root, where cargo builds, and the commands that run in it.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use provision::tools;
+
+/// The clone we were compiled in.
+#[derive(Debug)]
+pub(crate) struct Clone {
+    pub(crate) root: PathBuf,
+    /// Cargo's target directory, wherever the environment puts it.
+    pub(crate) target: PathBuf,
+    /// Names of the workspace's packages.
+    pub(crate) packages: Vec<String>,
+}
+
+impl Clone {
+    pub(crate) fn find() -> Result<Self, String> {
+        let root = provision::repository().to_owned();
+        let mut command = Command::new(tools::cargo());
+        command.args(["metadata", "--format-version", "1", "--no-deps"]).current_dir(&root);
+        let output = command.output().map_err(|e| format!("cargo does not run: {e}. Install Rust with rustup"))?;
+        if !output.status.success() {
+            return Err(format!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr)));
+        }
+        let data: serde_json::Value =
+            serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata is not JSON: {e}"))?;
+        let target = data["target_directory"].as_str().ok_or("cargo metadata names no target directory")?;
+        let packages = data["packages"].as_array().into_iter().flatten();
+        let packages = packages.filter_map(|package| package["name"].as_str()).map(str::to_owned).collect();
+        Ok(Self { root, target: PathBuf::from(target), packages })
+    }
+
+    /// A cargo command in the root of the clone.
+    pub(crate) fn cargo<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
+        let mut command = Command::new(tools::cargo());
+        command.args(arguments).current_dir(&self.root);
+        command
+    }
+
+    /// A program of the workspace as cargo's profile folder (`debug`, `release`) holds it.
+    pub(crate) fn program(&self, profile: &str, name: &str) -> PathBuf {
+        self.target.join(profile).join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
+    }
+
+    /// The tracked and the new files of the clone, with `/`, relative to its root.
+    pub(crate) fn files(&self) -> Result<Vec<String>, String> {
+        let mut git = Command::new("git");
+        git.args(["ls-files", "--cached", "--others", "--exclude-standard", "-z"]).current_dir(&self.root);
+        match git.output() {
+            Ok(output) if output.status.success() => Ok(String::from_utf8_lossy(&output.stdout)
+                .split('\0')
+                .filter(|name| !name.is_empty() && self.root.join(name).is_file())
+                .map(str::to_owned)
+                .collect()),
+            Ok(output) => Err(format!("git ls-files failed: {}", String::from_utf8_lossy(&output.stderr))),
+            Err(e) => Err(format!("git does not run: {e}. Install git")),
+        }
+    }
+
+    /// The text of a file of the clone.
+    pub(crate) fn read(&self, name: &str) -> Result<String, String> {
+        fs::read_to_string(self.root.join(name)).map_err(|e| format!("{name}: {e}"))
+    }
+}

@@ -1,0 +1,71 @@
+//! `setup`, `demo`, `bench` and `fix`.
+
+use provision::{Console, Progress, tools};
+
+use crate::clone::Clone;
+use crate::shell::pass_through;
+use crate::test::DENY_VERSION;
+
+fn text(error: provision::Error) -> String {
+    error.to_string()
+}
+
+/// Fetches what the demo needs; with `all` what the tests need too.
+pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
+    let console = Console::new();
+    eprintln!("Setting up (cache: {})", provision::cache_dir().map_err(text)?.display());
+    provision::onnxruntime(&console).map_err(text)?;
+    provision::demo_bundle(&console).map_err(text)?;
+    if tools::nasm(&console).is_none() {
+        console.done("nasm is not installed: video is encoded without assembly, slower and with the same result");
+    }
+    if all {
+        provision::python_env(&console).map_err(text)?;
+        provision::test_bundles(&console).map_err(text)?;
+        tools::rust_component("rustfmt", "rustfmt", &console).map_err(text)?;
+        tools::rust_component("clippy", "cargo-clippy", &console).map_err(text)?;
+        tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(text)?;
+        tools::mingw(&console).map_err(text)?;
+        tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
+        pass_through(&mut clone.cargo(["fetch", "--quiet"]))?;
+    }
+    eprintln!("Everything is there.");
+    Ok(())
+}
+
+/// Sets up, builds the study in release and lets it make the demo.
+pub(crate) fn run(clone: &Clone, arguments: &[String]) -> Result<(), String> {
+    setup(clone, false)?;
+    let mut command = clone.cargo(["run", "--release", "--package", "study"]);
+    if tools::on_path("nasm").is_some() {
+        command.args(["--features", "asm"]);
+    }
+    command.args(["--", "demo"]);
+    if !arguments.iter().any(|argument| argument == "--out" || argument.starts_with("--out=")) {
+        command.args(["--out", "target/demo"]);
+    }
+    pass_through(command.args(arguments))
+}
+
+/// Builds and runs the bench.
+pub(crate) fn bench(clone: &Clone, arguments: &[String]) -> Result<(), String> {
+    let console = Console::new();
+    let library = provision::onnxruntime(&console).map_err(text)?;
+    let bundles = provision::test_bundles(&console).map_err(text)?;
+    let mut command = clone.cargo(["bench", "--quiet", "--package", "cairn", "--"]);
+    command.env("CAIRN_ONNXRUNTIME", library).env("CAIRN_TEST_BUNDLE", bundles);
+    pass_through(command.args(arguments))
+}
+
+/// Formats, and applies what clippy can mend.
+pub(crate) fn fix(clone: &Clone) -> Result<(), String> {
+    pass_through(&mut clone.cargo([
+        "clippy",
+        "--workspace",
+        "--all-targets",
+        "--fix",
+        "--allow-dirty",
+        "--allow-staged",
+    ]))?;
+    pass_through(&mut clone.cargo(["fmt", "--all"]))
+}

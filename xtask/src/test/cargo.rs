@@ -1,0 +1,142 @@
+//! Runners that are cargo commands.
+
+use std::fs;
+
+use provision::{Console, tools};
+
+use super::Context;
+use super::tally::{Skip, Tally};
+use crate::shell::{Ended, Log};
+
+/// The cargo-deny whose rules `deny.toml` is written for.
+pub(crate) const DENY_VERSION: &str = "0.20.2";
+
+pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    tools::rust_component("rustfmt", "rustfmt", &Console::new()).map_err(|e| e.to_string())?;
+    let ended = log.run(&mut context.clone.cargo(["fmt", "--all", "--check"]))?;
+    Ok(Tally::of_command(ended.success, "files are not formatted; cargo xtask fix does it"))
+}
+
+pub(super) fn clippy(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    lint(context, log, &[])
+}
+
+pub(super) fn clippy_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    tools::rust_target(tools::WINDOWS_TARGET, &Console::new()).map_err(|e| e.to_string())?;
+    lint(context, log, &["--target", tools::WINDOWS_TARGET])
+}
+
+fn lint(context: &Context<'_>, log: &mut Log, target: &[&str]) -> Result<Tally, String> {
+    tools::rust_component("clippy", "cargo-clippy", &Console::new()).map_err(|e| e.to_string())?;
+    let mut command = context.clone.cargo(["clippy", "--workspace", "--all-targets"]);
+    let ended = log.run(command.args(target).args(["--", "-D", "warnings"]))?;
+    Ok(Tally::of_command(ended.success, "clippy has something to say"))
+}
+
+pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut command = context.clone.cargo(["doc", "--workspace", "--no-deps"]);
+    let ended = log.run(command.env("RUSTDOCFLAGS", "-D warnings"))?;
+    Ok(Tally::of_command(ended.success, "the documentation has warnings"))
+}
+
+/// Links the DLL for Windows, and looks at what came out.
+pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let console = Console::new();
+    tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
+    let linker = tools::mingw(&console).map_err(|e| e.to_string())?;
+    let verb = if linker == tools::Mingw::Gcc { "build" } else { "zigbuild" };
+    let mut command = context.clone.cargo([verb, "--package", "cairn", "--lib", "--target", tools::WINDOWS_TARGET]);
+    if let tools::Mingw::Zig(folder) = &linker {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let folders = std::iter::once(folder.clone()).chain(std::env::split_paths(&path));
+        command.env("PATH", std::env::join_paths(folders).map_err(|e| format!("PATH: {e}"))?);
+    }
+    let ended = log.run(&mut command)?;
+    let mut tally = Tally::of_command(ended.success, "the library does not build for Windows");
+    if !ended.success {
+        return Ok(tally);
+    }
+    let warnings = ended.output.lines().find(|line| line.starts_with("warning"));
+    tally.check(warnings.map(|line| format!("the build warns: {line}")));
+    let dll = context.clone.target.join(tools::WINDOWS_TARGET).join("debug").join("cairn.dll");
+    tally.check(match fs::read(&dll) {
+        Ok(bytes) if bytes.starts_with(b"MZ") => None,
+        Ok(_) => Some(format!("{} is no Windows library", dll.display())),
+        Err(e) => Some(format!("{}: {e}", dll.display())),
+    });
+    Ok(tally)
+}
+
+pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut command = context.clone.cargo(["test", "--workspace", "--no-fail-fast"]);
+    context.provide_worlds(&mut command)?;
+    let ended = log.run(&mut command)?;
+    Ok(count(&ended))
+}
+
+/// Sums up what the test programs of one cargo run printed.
+pub(super) fn count(ended: &Ended) -> Tally {
+    let mut tally = Tally::default();
+    for line in ended.output.lines() {
+        if let Some(counts) = line.trim().strip_prefix("test result: ") {
+            tally.passed += counted(counts, "passed");
+        } else if let Some(test) = line.strip_prefix("test ") {
+            if let Some(name) = test.strip_suffix(" ... FAILED") {
+                tally.failures.push(name.to_owned());
+            } else if let Some((name, reason)) = test.split_once(" ... ignored") {
+                let reason = reason.trim_start_matches([',', ' ']);
+                let reason = if reason.is_empty() { "no reason given" } else { reason };
+                tally.skips.push(Skip { name: name.to_owned(), reason: reason.to_owned() });
+            }
+        }
+    }
+    if !ended.success && tally.failures.is_empty() {
+        tally.failures.push("cargo test failed before a test could".to_owned());
+    }
+    tally
+}
+
+/// The number before `word` in `ok. 12 passed; 0 failed; ...`.
+fn counted(counts: &str, word: &str) -> usize {
+    let words: Vec<&str> = counts.split([' ', ';']).filter(|word| !word.is_empty()).collect();
+    words.windows(2).find(|pair| pair[1] == word).and_then(|pair| pair[0].parse().ok()).unwrap_or(0)
+}
+
+pub(super) fn deny(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let program = tools::cargo_program("cargo-deny", DENY_VERSION, &Console::new()).map_err(|e| e.to_string())?;
+    let mut tally = Tally::default();
+    for rule in ["licenses", "bans", "sources"] {
+        let mut command = std::process::Command::new(&program);
+        let ended = log.run(command.args(["--locked", "check", rule]).current_dir(&context.clone.root))?;
+        tally.check((!ended.success).then(|| format!("deny.toml refuses a dependency ({rule})")));
+    }
+    Ok(tally)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ended(success: bool, output: &str) -> Ended {
+        Ended { success, output: output.to_owned() }
+    }
+
+    #[test]
+    fn sums_up_several_programs() {
+        let tally = count(&ended(
+            false,
+            "running 3 tests\ntest a::b ... ok\ntest a::c ... FAILED\ntest a::d ... ignored, needs real-gpu\n\n\
+             test result: FAILED. 1 passed; 1 failed; 1 ignored; 0 measured; 0 filtered out; finished in 0.00s\n\
+             test result: ok. 12 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; finished in 0.00s\n",
+        ));
+        assert_eq!(tally.to_string(), "13 passed, 1 failed, 1 skipped");
+        assert_eq!(tally.failures, ["a::c"]);
+        assert_eq!(tally.skips[0], Skip { name: "a::d".to_owned(), reason: "needs real-gpu".to_owned() });
+    }
+
+    #[test]
+    fn a_build_that_fails_is_one_failure_and_no_test_is_none() {
+        assert_eq!(count(&ended(false, "error: could not compile")).failures.len(), 1);
+        assert!(count(&ended(true, "test result: ok. 0 passed; 0 failed; 0 ignored;")).is_empty());
+    }
+}

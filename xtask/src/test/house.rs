@@ -1,0 +1,170 @@
+//! The rules of the house that a compiler does not hold: length of files, words that must not stay, references to files
+//! that are there, and which room may use which.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::Context;
+use super::tally::Tally;
+use crate::clone::Clone;
+use crate::shell::Log;
+
+/// Longer than this is more than one concept.
+const LONGEST_FILE: usize = 600;
+
+/// Words that mark unfinished work, in halves so that this file may pass.
+const UNFINISHED: [(&str, &str); 6] =
+    [("TO", "DO"), ("FIX", "ME"), ("XX", "X:"), ("todo", "!("), ("unimplemented", "!("), ("#[ign", "ore]")];
+
+/// The rooms of the library from the top down: each may use those after it only.
+const ROOMS: [&str; 6] = ["present", "framegen", "guidance", "world", "runtime", "bundle"];
+
+/// Folders at the root; a path in a text that starts with one of them must exist.
+const FOLDERS: [&str; 8] = ["src/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
+
+/// Endings of files that texts refer to.
+const ENDINGS: [&str; 9] = ["rs", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let clone = context.clone;
+    let files = clone.files()?;
+    let mut tally = Tally::default();
+    for (rule, finds) in [
+        ("file lengths", long_files(clone, &files)?),
+        ("unfinished work", unfinished(clone, &files)?),
+        ("links and file names in texts", dead_references(clone, &files)?),
+        ("rooms use only those below", upward_uses(clone, &files)?),
+    ] {
+        log.line(&format!("{rule}: {} found", finds.len()))?;
+        for find in &finds {
+            log.line(&format!("  {find}"))?;
+        }
+        tally.check((!finds.is_empty()).then(|| format!("{rule}: {}", finds.join("; "))));
+    }
+    Ok(tally)
+}
+
+fn ends_with_one_of(file: &str, endings: &[&str]) -> bool {
+    Path::new(file).extension().is_some_and(|ending| endings.iter().any(|e| ending == *e))
+}
+
+fn long_files(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+    let mut finds = Vec::new();
+    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "py"])) {
+        let lines = clone.read(file)?.lines().count();
+        if lines > LONGEST_FILE {
+            finds.push(format!("{file} has {lines} lines, more than {LONGEST_FILE}"));
+        }
+    }
+    Ok(finds)
+}
+
+fn unfinished(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+    let mut finds = Vec::new();
+    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "py", "md", "toml"])) {
+        for (number, line) in clone.read(file)?.lines().enumerate() {
+            for (first, second) in UNFINISHED {
+                if line.contains(&format!("{first}{second}")) {
+                    finds.push(format!("{file}:{}: {first}{second}", number + 1));
+                }
+            }
+        }
+    }
+    Ok(finds)
+}
+
+fn dead_references(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+    let mut finds = Vec::new();
+    for file in files.iter().filter(|file| ends_with_one_of(file, &["md", "rs", "py", "toml"])) {
+        let text = clone.read(file)?;
+        let is_page = ends_with_one_of(file, &["md"]);
+        for (number, line) in text.lines().enumerate() {
+            for path in named_files(line).filter(|path| !clone.root.join(path).exists()) {
+                finds.push(format!("{file}:{} names {path}, which is not there", number + 1));
+            }
+            for target in if is_page { links(line) } else { Vec::new() } {
+                if let Some(why) = dead_link(clone, file, &text, target) {
+                    finds.push(format!("{file}:{}: {why}", number + 1));
+                }
+            }
+        }
+    }
+    Ok(finds)
+}
+
+/// Paths below one of our folders that a line names, with an ending of ours.
+fn named_files(line: &str) -> impl Iterator<Item = &str> {
+    line.split(|c: char| !(c.is_ascii_alphanumeric() || "_-./".contains(c)))
+        .map(|word| word.trim_end_matches('.'))
+        .filter(|word| FOLDERS.iter().any(|folder| word.starts_with(folder)) && ends_with_one_of(word, &ENDINGS))
+}
+
+/// Targets of a line's Markdown links and pictures.
+fn links(line: &str) -> Vec<&str> {
+    line.match_indices("](").filter_map(|(at, _)| line[at + 2..].split_once(')').map(|(target, _)| target)).collect()
+}
+
+/// Why a link leads nowhere; links to other sites are not followed.
+fn dead_link(clone: &Clone, page: &str, text: &str, target: &str) -> Option<String> {
+    if target.contains("://") || target.starts_with("mailto:") {
+        return None;
+    }
+    let (path, heading) = target.split_once('#').unwrap_or((target, ""));
+    let folder = Path::new(page).parent().unwrap_or(Path::new(""));
+    let linked = clone.root.join(folder).join(path);
+    if !path.is_empty() && !linked.exists() {
+        return Some(format!("the link {target} leads to no file"));
+    }
+    if heading.is_empty() {
+        return None;
+    }
+    let known = if path.is_empty() { headings(text) } else { headings(&std::fs::read_to_string(linked).ok()?) };
+    (!known.contains(heading)).then(|| format!("the link {target} leads to no heading"))
+}
+
+/// The anchors of a page's headings, made as code hosts make them.
+fn headings(text: &str) -> BTreeSet<String> {
+    text.lines()
+        .filter(|line| line.starts_with('#'))
+        .map(|line| {
+            let kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
+            let heading: String = line.trim_start_matches('#').trim().chars().filter(kept).collect();
+            heading.to_lowercase().replace(' ', "-")
+        })
+        .collect()
+}
+
+fn upward_uses(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+    let mut finds = Vec::new();
+    for file in files.iter().filter(|file| file.starts_with("src/") && ends_with_one_of(file, &["rs"])) {
+        let place = file.trim_start_matches("src/").split(['/', '.']).next().unwrap_or_default();
+        let Some(room) = ROOMS.iter().position(|room| *room == place) else { continue };
+        // Comments may point up; code may not.
+        for (number, line) in clone.read(file)?.lines().enumerate().filter(|(_, line)| !line.trim().starts_with("//")) {
+            for above in ROOMS[..room].iter().filter(|above| line.contains(&format!("crate::{above}"))) {
+                finds.push(format!("{file}:{} uses {above}, which is above {place}", number + 1));
+            }
+        }
+    }
+    Ok(finds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_paths_and_links() {
+        let line =
+            "see `src/lib.rs`, [the page](docs/bundle.md#1-container), target/demo/a.png and src/present/mod.rs.";
+        let named: Vec<_> = named_files(line).collect();
+        assert_eq!(named, ["src/lib.rs", "docs/bundle.md", "src/present/mod.rs"]);
+        assert_eq!(links(line), ["docs/bundle.md#1-container"]);
+    }
+
+    #[test]
+    fn headings_become_anchors() {
+        let known = headings("# The world bundle\n## 2. Manifest: `cairn-world.json`\ntext # no\n");
+        assert!(known.contains("the-world-bundle") && known.contains("2-manifest-cairn-worldjson"), "{known:?}");
+    }
+}

@@ -1,0 +1,171 @@
+//! `cargo xtask test`: named runners, one after the other, and one sum.
+
+mod cargo;
+mod house;
+mod junit;
+mod python;
+mod readme;
+mod skips;
+mod study;
+mod tally;
+mod thorough;
+
+use std::cell::OnceCell;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use provision::Console;
+
+use crate::cli::TestOptions;
+use crate::clone::Clone;
+use crate::shell::Log;
+use skips::Allowed;
+use tally::Tally;
+
+pub(crate) use cargo::DENY_VERSION;
+
+/// One named part of the tests. What it reports is counted; a message instead of a tally is one failure.
+struct Runner {
+    name: &'static str,
+    what: &'static str,
+    run: fn(&Context<'_>, &mut Log) -> Result<Tally, String>,
+}
+
+/// In the order they run: what is quick and often wrong first, then what reuses the compiled code of its predecessor.
+const RUNNERS: &[Runner] = &[
+    Runner { name: "fmt", what: "the code is formatted", run: cargo::fmt },
+    Runner { name: "house", what: "file lengths, forbidden words, links, who may use whom", run: house::run },
+    Runner { name: "clippy", what: "no warning, all targets", run: cargo::clippy },
+    Runner { name: "docs", what: "documentation without a warning", run: cargo::docs },
+    Runner { name: "clippy-windows", what: "no warning for Windows, all targets", run: cargo::clippy_windows },
+    Runner { name: "link-windows", what: "the library links for Windows", run: cargo::link_windows },
+    Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
+    Runner { name: "pytest", what: "the bundle builder, and parity with the oracle", run: python::run },
+    Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
+    Runner { name: "readme", what: "every command the documents name exists", run: readme::run },
+    Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny },
+];
+
+/// Run with `--thorough` only.
+const THOROUGH: &[Runner] = &[
+    Runner { name: "fuzz", what: "every fuzz target for a minute", run: thorough::fuzz },
+    Runner { name: "soak", what: "2,000 latents with flat memory", run: thorough::soak },
+];
+
+/// What runners share: the clone, and what was fetched for them.
+struct Context<'a> {
+    clone: &'a Clone,
+    library: OnceCell<Result<PathBuf, String>>,
+    bundles: OnceCell<Result<PathBuf, String>>,
+    python: OnceCell<Result<PathBuf, String>>,
+    built: OnceCell<Result<(), String>>,
+}
+
+impl<'a> Context<'a> {
+    fn new(clone: &'a Clone) -> Self {
+        let (library, bundles, python, built) = (OnceCell::new(), OnceCell::new(), OnceCell::new(), OnceCell::new());
+        Self { clone, library, bundles, python, built }
+    }
+
+    /// Provides something once; a failure is remembered too, so that an unreachable index is asked once.
+    fn provide(
+        cell: &OnceCell<Result<PathBuf, String>>,
+        how: fn(&dyn provision::Progress) -> provision::Result<PathBuf>,
+    ) -> Result<&Path, String> {
+        cell.get_or_init(|| how(&Console::new()).map_err(|e| e.to_string())).as_deref().map_err(String::clone)
+    }
+
+    /// The Python with the builder's and the tests' packages.
+    fn python(&self) -> Result<&Path, String> {
+        Self::provide(&self.python, provision::python_env)
+    }
+
+    /// Tells a command where ONNX Runtime and the test worlds are.
+    fn provide_worlds(&self, command: &mut Command) -> Result<(), String> {
+        command.env("CAIRN_ONNXRUNTIME", Self::provide(&self.library, provision::onnxruntime)?);
+        command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
+        Ok(())
+    }
+
+    /// Builds the workspace's programs, once, with the profile and features of `cargo test`.
+    fn build_programs(&self, log: &mut Log) -> Result<(), String> {
+        let build = || {
+            let ended = log.run(&mut self.clone.cargo(["build", "--workspace"]))?;
+            if ended.success { Ok(()) } else { Err("the workspace does not build".to_owned()) }
+        };
+        self.built.get_or_init(build).clone()
+    }
+}
+
+/// Runs what `options` choose; whether nothing failed.
+pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> {
+    let all = RUNNERS.iter().chain(if options.thorough || options.list { THOROUGH } else { &[] });
+    if options.list {
+        for runner in all {
+            println!("{:16}{}", runner.name, runner.what);
+        }
+        println!("\nfuzz and soak run with --thorough only");
+        return Ok(true);
+    }
+    let chosen: Vec<&Runner> = all
+        .filter(|runner| options.filters.is_empty() || options.filters.iter().any(|f| runner.name.contains(f.as_str())))
+        .collect();
+    if chosen.is_empty() {
+        let names: Vec<_> = RUNNERS.iter().chain(THOROUGH).map(|runner| runner.name).collect();
+        return Err(format!("no runner's name holds {:?}. There are {}", options.filters, names.join(", ")));
+    }
+    let allowed = Allowed::read(&clone.read("xtask/skips.toml")?)?;
+    let must_allow = std::env::var_os("CI").is_some_and(|value| value == "true" || value == "1");
+
+    let context = Context::new(clone);
+    let mut lines = Vec::new();
+    let mut failures = String::new();
+    let mut skipped = String::new();
+    let mut total = Tally::default();
+    for (number, runner) in chosen.iter().enumerate() {
+        let began = Instant::now();
+        let path = clone.target.join("xtask").join(format!("{}.log", runner.name));
+        let mut log = Log::new(&path, &format!("[{}/{}] {}: {}", number + 1, chosen.len(), runner.name, runner.what))?;
+        let mut tally = (runner.run)(&context, &mut log).unwrap_or_else(Tally::broken);
+        if tally.is_empty() {
+            tally = Tally::broken("it ran no test at all");
+        }
+        if must_allow {
+            tally.fail_skips_unless(|skip| allowed.covers(skip));
+        }
+        for failure in &tally.failures {
+            log.line(&format!("failed: {failure}"))?;
+        }
+        log.end(&format!("{}: {tally}", runner.name));
+        if !tally.failures.is_empty() {
+            describe_failures(&mut failures, runner.name, &tally, &path);
+        }
+        for skip in &tally.skips {
+            _ = writeln!(skipped, "  {}: {} ({})", runner.name, skip.name, skip.reason);
+        }
+        lines.push(format!("{:16}{}{:>9.1} s", runner.name, tally.columns(), began.elapsed().as_secs_f64()));
+        total.add(tally);
+    }
+
+    if !failures.is_empty() {
+        println!("{failures}");
+    }
+    println!("\n{:16}{:>8}{:>8}{:>9}{:>11}", "runner", "passed", "failed", "skipped", "time");
+    lines.iter().for_each(|line| println!("{line}"));
+    if !skipped.is_empty() {
+        println!("\nSkipped:\n{skipped}");
+    }
+    println!("\n{total}");
+    Ok(total.failures.is_empty())
+}
+
+/// A failed runner's whole log, and what failed in it.
+fn describe_failures(text: &mut String, name: &str, tally: &Tally, log: &Path) {
+    let output = std::fs::read_to_string(log).unwrap_or_else(|e| format!("the log is lost: {e}\n"));
+    _ = write!(text, "\n---- {name}: {} ----\n{output}\n", log.display());
+    for failure in &tally.failures {
+        _ = writeln!(text, "{name} failed: {failure}");
+    }
+}

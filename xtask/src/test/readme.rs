@@ -1,0 +1,111 @@
+//! The commands in README.md and docs/*.md: that they exist and take the options the text gives them.
+
+use std::process::Command;
+
+use clap::Parser;
+
+use super::Context;
+use super::tally::Tally;
+use crate::cli::Cli;
+use crate::shell::Log;
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let pages = context.clone.files()?.into_iter().filter(|file| {
+        file == "README.md"
+            || (file.starts_with("docs/") && std::path::Path::new(file).extension().is_some_and(|e| e == "md"))
+    });
+    let mut tally = Tally::default();
+    for page in pages {
+        for line in commands(&context.clone.read(&page)?) {
+            let failure = check(context, log, &line)?;
+            log.line(&format!("{page}: {line}: {}", failure.as_deref().unwrap_or("ok")))?;
+            tally.check(failure.map(|why| format!("{page}: \"{line}\": {why}")));
+        }
+    }
+    Ok(tally)
+}
+
+/// The lines of a page's shell blocks, without prompts and comments, continued lines joined.
+fn commands(page: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut inside = false;
+    for line in page.replace("\\\n", " ").lines() {
+        if let Some(fence) = line.trim().strip_prefix("```") {
+            inside = !inside && matches!(fence, "sh" | "bash" | "console");
+        } else if inside {
+            let line = line.split(" #").next().unwrap_or_default().trim().trim_start_matches("$ ");
+            if !line.is_empty() && !line.starts_with('#') {
+                found.push(line.to_owned());
+            }
+        }
+    }
+    found
+}
+
+/// What is wrong with a command of ours; commands of others are only looked at.
+fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<String>, String> {
+    let words: Vec<&str> =
+        line.split_whitespace().skip_while(|word| word.contains('=') && !word.starts_with('-')).collect();
+    match words.as_slice() {
+        ["cargo", "xtask", arguments @ ..] => {
+            Ok(Cli::try_parse_from(std::iter::once("xtask").chain(arguments.iter().copied()))
+                .err()
+                .filter(clap::Error::use_stderr)
+                .map(|e| e.to_string().lines().next().unwrap_or_default().to_owned()))
+        }
+        ["cargo", "run", rest @ ..] => run_of_a_package(context, log, rest),
+        ["python" | "python3", "-m", "cairn.build", arguments @ ..] => {
+            let mut help = Command::new(context.python()?);
+            help.args(["-m", "cairn.build"]).env("PYTHONPATH", provision::python_path());
+            knows(log, help, arguments)
+        }
+        ["git" | "cd" | "mpv" | "ffplay" | "rustup" | "apt" | "apt-get" | "sudo" | "export", ..] => Ok(None),
+        [program, ..] => Ok(Some(format!("{program} is no program these documents may ask for"))),
+        [] => Ok(Some("a line of variables alone".to_owned())),
+    }
+}
+
+/// `cargo run ... -p PACKAGE ... -- ARGUMENTS`, or `--example NAME`.
+fn run_of_a_package(context: &Context<'_>, log: &mut Log, words: &[&str]) -> Result<Option<String>, String> {
+    let after = |names: &[&str]| words.windows(2).find(|pair| names.contains(&pair[0])).map(|pair| pair[1]);
+    if let Some(example) = after(&["--example"]) {
+        let there = context.clone.root.join("examples").join(format!("{example}.rs")).is_file();
+        return Ok((!there).then(|| format!("there is no example {example}")));
+    }
+    let Some(package) = after(&["-p", "--package"]) else { return Ok(Some("it names no package".to_owned())) };
+    if !context.clone.packages.iter().any(|known| known == package) {
+        return Ok(Some(format!("there is no package {package}")));
+    }
+    context.build_programs(log)?;
+    let arguments = words.iter().position(|word| *word == "--").map_or(&[][..], |at| &words[at + 1..]);
+    knows(log, Command::new(context.clone.program("debug", package)), arguments)
+}
+
+/// Whether `program SUBCOMMAND --help` works and mentions every option of `arguments`.
+fn knows(log: &mut Log, mut program: Command, arguments: &[&str]) -> Result<Option<String>, String> {
+    let subcommand = arguments.first().filter(|word| !word.starts_with('-'));
+    let ended = log.run(program.args(subcommand).arg("--help"))?;
+    if !ended.success {
+        return Ok(Some(format!("it has no {}", subcommand.unwrap_or(&"help"))));
+    }
+    let known = |option: &str| {
+        ended.output.split(|c: char| c.is_whitespace() || ",[]=<>|".contains(c)).any(|word| word == option)
+    };
+    let options = arguments.iter().filter(|word| word.starts_with('-') && word.len() > 1);
+    let unknown = options.map(|option| option.split('=').next().unwrap_or(option)).find(|option| !known(option));
+    Ok(unknown.map(|option| format!("it does not know {option}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn takes_commands_from_shell_blocks_only() {
+        let page = "text\n```sh\n# comment\ncargo xtask demo   # see it\n$ cargo run -p study \\\n  -- rollout\n```\n```rust\nlet a;\n```\n";
+        let found = commands(page);
+        assert_eq!(found.len(), 2);
+        assert_eq!(found[0], "cargo xtask demo");
+        assert_eq!(found[1].split_whitespace().collect::<Vec<_>>(), ["cargo", "run", "-p", "study", "--", "rollout"]);
+    }
+}

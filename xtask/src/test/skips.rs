@@ -1,0 +1,65 @@
+//! Which tests may be skipped where every skip must be accounted for: `xtask/skips.toml`.
+
+use serde::Deserialize;
+
+use super::tally::Skip;
+
+/// What a test may need that a machine may lack.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Allowed {
+    #[serde(default, rename = "need")]
+    needs: Vec<Need>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Need {
+    /// The word a skipping test gives: its reason starts with `needs <id>`.
+    id: String,
+    /// Why no machine of ours can be sure to have it.
+    reason: String,
+}
+
+impl Allowed {
+    pub(super) fn read(text: &str) -> Result<Self, String> {
+        let allowed: Self = toml::from_str(text).map_err(|e| format!("xtask/skips.toml: {e}"))?;
+        match allowed.needs.iter().find(|need| need.id.trim().is_empty() || need.reason.trim().is_empty()) {
+            Some(need) => Err(format!("xtask/skips.toml: the entry \"{}\" needs an id and a reason", need.id)),
+            None => Ok(allowed),
+        }
+    }
+
+    /// Whether the skip gives one of the listed needs as its reason.
+    pub(super) fn covers(&self, skip: &Skip) -> bool {
+        let Some(need) = skip.reason.strip_prefix("needs ") else { return false };
+        let id = need.split([':', ' ', ',']).next().unwrap_or_default();
+        self.needs.iter().any(|need| need.id == id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn skip(reason: &str) -> Skip {
+        Skip { name: "a test".to_owned(), reason: reason.to_owned() }
+    }
+
+    #[test]
+    fn the_committed_list_is_readable_and_covers_by_need() {
+        let allowed = Allowed::read(include_str!("../../skips.toml")).unwrap();
+        assert!(allowed.covers(&skip("needs real-gpu")));
+        assert!(allowed.covers(&skip("needs amd-dlls: amd_fidelityfx_dx12.dll is not beside the library")));
+        assert!(!allowed.covers(&skip("needs time")));
+        assert!(!allowed.covers(&skip("real-gpu")));
+        assert!(!allowed.covers(&skip("")));
+    }
+
+    #[test]
+    fn an_entry_without_a_reason_is_refused() {
+        assert!(Allowed::read("[[need]]\nid = \"x\"\nreason = \" \"").is_err());
+        assert!(Allowed::read("[[need]]\nid = \"x\"").is_err());
+        assert!(Allowed::read("[[nede]]\nid = \"x\"").is_err());
+    }
+}

@@ -1,0 +1,63 @@
+//! The main job end to end, through the program as a user starts it: a short rollout, and its replay.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use super::Context;
+use super::tally::Tally;
+use crate::shell::Log;
+
+/// What a rollout leaves.
+const MADE: [&str; 2] = ["manifest.json", "contact-sheet.png"];
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    context.build_programs(log)?;
+    let folder = context.clone.target.join("xtask").join("study");
+    match fs::remove_dir_all(&folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
+        _ => {}
+    }
+    let first = folder.join("rollout");
+    let mut tally = Tally::default();
+
+    let mut rollout = study(context)?;
+    rollout.args(["demo", "--out"]).arg(&first);
+    tally.check((!log.run(&mut rollout)?.success).then(|| "the rollout failed".to_owned()));
+    for name in MADE {
+        tally.check(missing(&first.join(name)));
+    }
+    tally.check(video(&first));
+
+    let mut replay = study(context)?;
+    replay.arg("replay").arg(first.join("manifest.json")).arg("--out").arg(folder.join("replay"));
+    tally.check((!log.run(&mut replay)?.success).then(|| "the replay differs from the rollout, or failed".to_owned()));
+    Ok(tally)
+}
+
+fn study(context: &Context<'_>) -> Result<Command, String> {
+    let mut command = Command::new(context.clone.program("debug", "study"));
+    command.current_dir(&context.clone.root);
+    context.provide_worlds(&mut command)?;
+    Ok(command)
+}
+
+fn missing(path: &Path) -> Option<String> {
+    match fs::metadata(path) {
+        Ok(data) if data.len() > 0 => None,
+        Ok(_) => Some(format!("{} is empty", path.display())),
+        Err(e) => Some(format!("{}: {e}", path.display())),
+    }
+}
+
+/// An MP4 file starts with its `ftyp` box.
+fn video(folder: &Path) -> Option<String> {
+    let Ok(entries) = fs::read_dir(folder) else { return Some(format!("{} is not there", folder.display())) };
+    let video = entries.flatten().map(|entry| entry.path()).find(|path| path.extension().is_some_and(|e| e == "mp4"));
+    match video.map(fs::read) {
+        Some(Ok(bytes)) if bytes.get(4..8) == Some(b"ftyp") => None,
+        Some(Ok(_)) => Some("the video is no MP4 file".to_owned()),
+        Some(Err(e)) => Some(format!("the video cannot be read: {e}")),
+        None => Some(format!("{} holds no video", folder.display())),
+    }
+}
