@@ -1,1 +1,22 @@
-//! ONNX Runtime on one device: sessions, buffers and their bindings.
+//! ONNX Runtime on one device: sessions, memory and their bindings.
+//!
+//! [`Ort`] is the library itself, loaded by path. A [`Device`] makes [`Graph`]s (sessions, shared by everybody) and
+//! [`Lane`]s (one rollout's memory and bound runs, in order). What lies behind a lane may be host memory or a graphics
+//! device: users name buffers by handle, move bytes only through [`Lane`], and wait only in [`Lane::read`] and
+//! [`Lane::finite`].
+
+mod cpu;
+mod device;
+mod failure;
+mod find;
+mod graph;
+mod lane;
+mod library;
+mod memory;
+
+pub use cpu::CpuOptions;
+pub use device::Device;
+pub(crate) use graph::{Graph, TensorSpec, element_size};
+pub use lane::Bytes;
+pub(crate) use lane::{BindingId, BufferId, Lane, Region};
+pub use library::Ort;

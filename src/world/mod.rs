@@ -1,19 +1,31 @@
 //! The rollout: controls, noise, schedule, KV ring, sampler, autoencoder, state.
 
+mod autoencoder;
+mod contract;
 mod controls;
 mod keys;
+mod kv_memory;
 mod noise;
+mod numbers;
 mod operating_point;
+mod passes;
 mod plan;
 mod plan_state;
 mod preset;
+mod resize;
 mod ring;
+mod rollout;
 mod rope;
 mod schedule;
+mod state;
+mod statistics;
 mod time;
+#[expect(clippy::module_inception, reason = "a world is what this room is about")]
+mod world;
 
 pub use controls::{ControlInput, MAX_MOUSE};
 pub use keys::{Key, KeySet};
+pub use kv_memory::Part;
 pub use noise::{NoiseKey, fill_noise};
 pub use operating_point::{
     CacheMode, Counts, GuidanceSource, MAX_INTERVAL, MAX_LATENT_RATE, MAX_PRESENTED_RATE, OperatingPoint, Presentation,
@@ -22,6 +34,9 @@ pub use operating_point::{
 pub use plan::{CachePass, Planner, RingPlan, StepPlan};
 pub use preset::Preset;
 pub use ring::{MAX_BUCKETS, Ring};
+pub use rollout::{Probe, Rollout};
 pub use rope::RopeTable;
 pub use schedule::{MAX_POINTS, Schedule, SigmaTable};
+pub use statistics::{Stage, Stages, Statistics, StepInfo};
 pub use time::{MAX_SECONDS, WorldTime};
+pub use world::{World, WorldOptions};

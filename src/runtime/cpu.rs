@@ -1,0 +1,232 @@
+//! The host's processor as a device: ONNX Runtime's CPU provider over memory of our own.
+
+use std::sync::Arc;
+
+use ort::AsPointer;
+use ort::memory::{AllocationDevice, AllocatorType, MemoryInfo, MemoryType};
+use ort::session::builder::{AutoDevicePolicy, GraphOptimizationLevel, SessionBuilder};
+use ort::session::{IoBinding, Session};
+use ort::value::{Shape, TensorRefMut};
+
+use super::device::Backend;
+use super::failure::ort_failure;
+use super::graph::TensorSpec;
+use super::lane::{BindingId, BufferId, Bytes, Lane, Region};
+use super::memory::Memory;
+use super::{Graph, Ort};
+use crate::bundle::{ModelSource, Precision};
+use crate::{Error, ErrorKind, Result};
+
+const MAX_THREADS: usize = 1024;
+
+/// How the processor is used.
+///
+/// A rollout's numbers depend on the thread count in their last bits: the same count gives the same bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct CpuOptions {
+    /// Threads that share one pass, 1 to 1024, the caller's own among them. `None`: one for each physical core this
+    /// process may use; a second thread of a core only contends for its vector units.
+    pub threads: Option<usize>,
+    /// Asks ONNX Runtime for its deterministic kernels only. Its CPU kernels are repeatable at a fixed thread count
+    /// without it, too.
+    pub deterministic: bool,
+}
+
+/// The backend behind [`Device::cpu`](super::Device::cpu).
+pub(super) struct CpuBackend {
+    ort: Ort,
+    threads: usize,
+    deterministic: bool,
+}
+
+impl CpuBackend {
+    pub(super) fn new(ort: &Ort, options: CpuOptions) -> Result<Self> {
+        let threads = options.threads.unwrap_or_else(physical_threads);
+        if threads == 0 || threads > MAX_THREADS {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("{threads} threads cannot share a pass"))
+                .field("threads")
+                .remedy(format!("Use 1 to {MAX_THREADS}")));
+        }
+        Ok(Self { ort: ort.clone(), threads, deterministic: options.deterministic })
+    }
+
+    /// The options every session shares.
+    fn session(&self, dimensions: &[(&str, usize)]) -> ort::Result<SessionBuilder> {
+        let mut builder = Session::builder(self.ort.environment())?
+            .with_auto_device(AutoDevicePolicy::PreferCPU)?
+            .with_optimization_level(GraphOptimizationLevel::Level3)?
+            .with_parallel_execution(false)?
+            .with_intra_threads(self.threads)?
+            .with_deterministic_compute(self.deterministic)?
+            // Workers spin between the hundreds of small operators of a pass, where sleeping costs more than the
+            // operator, and stop when the pass ends: the host's own threads get the processor back at once.
+            .with_intra_op_spinning(true)?
+            .with_config_entry("session.force_spinning_stop", "1")?;
+        for &(name, size) in dimensions {
+            builder = builder.with_dimension_override(name, i64::try_from(size).unwrap_or(i64::MAX))?;
+        }
+        Ok(builder)
+    }
+}
+
+impl Backend for CpuBackend {
+    fn describe(&self) -> String {
+        let plural = if self.threads == 1 { "" } else { "s" };
+        let deterministic = if self.deterministic { ", deterministic" } else { "" };
+        format!("ONNX Runtime {} CPU, {} thread{plural}{deterministic}", self.ort.version(), self.threads)
+    }
+
+    fn precision(&self) -> Precision {
+        Precision::F32
+    }
+
+    fn threads(&self) -> usize {
+        self.threads
+    }
+
+    fn graph(
+        &self,
+        what: &str,
+        model: &ModelSource<'_>,
+        dimensions: &[(&str, usize)],
+        inputs: Vec<TensorSpec>,
+        outputs: Vec<TensorSpec>,
+    ) -> Result<Arc<Graph>> {
+        let builder = self.session(dimensions).map_err(|e| ort_failure("prepare a session", &e))?;
+        Graph::commit(builder, what, model, inputs, outputs)
+    }
+
+    fn lane(&self) -> Result<Box<dyn Lane>> {
+        Ok(Box::new(CpuLane { memories: Vec::new(), bindings: Vec::new(), bytes: Bytes::default(), read: 0.into() }))
+    }
+}
+
+/// Physical cores, or fewer where the process may use fewer processors.
+fn physical_threads() -> usize {
+    let allowed = std::thread::available_parallelism().map_or(1, usize::from);
+    sysinfo::System::physical_core_count().unwrap_or(allowed).clamp(1, allowed)
+}
+
+/// Work is done when submitted, so nothing ever waits.
+struct CpuLane {
+    // Bindings hold addresses of memories: they are dropped first.
+    bindings: Vec<Bound>,
+    memories: Vec<Memory>,
+    bytes: Bytes,
+    read: std::sync::atomic::AtomicU64,
+}
+
+/// A session's inputs and outputs, tied to addresses.
+struct Bound {
+    binding: IoBinding,
+    graph: Arc<Graph>,
+}
+
+impl Lane for CpuLane {
+    fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
+        self.memories.push(Memory::zeroed(bytes)?);
+        Ok(BufferId(self.memories.len() - 1))
+    }
+
+    fn size(&self, of: BufferId) -> usize {
+        self.memories[of.0].len()
+    }
+
+    fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId> {
+        assert_eq!(tensors.len(), graph.tensors().len(), "one buffer for each input and output");
+        let what = |e: ort::Error| ort_failure("bind a tensor", &e);
+        let mut binding = graph.session().create_binding().map_err(what)?;
+        for (i, ((name, spec), buffer)) in graph.tensors().iter().zip(tensors).enumerate() {
+            let memory = &self.memories[buffer.0];
+            assert_eq!(memory.len(), spec.bytes(), "{}: the buffer fits the tensor", spec.name);
+            let input = i < graph.input_count();
+            assert!(input || tensors.iter().filter(|b| *b == buffer).count() == 1, "{}: written alone", spec.name);
+            bind_one(&mut binding, name, input, spec, memory.address())?;
+        }
+        self.bindings.push(Bound { binding, graph: graph.clone() });
+        Ok(BindingId(self.bindings.len() - 1))
+    }
+
+    fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()> {
+        self.memories[to.0].bytes_mut()[at..at + bytes.len()].copy_from_slice(bytes);
+        self.bytes.uploaded += bytes.len() as u64;
+        Ok(())
+    }
+
+    fn clear(&mut self, buffer: BufferId) -> Result<()> {
+        self.memories[buffer.0].bytes_mut().fill(0);
+        Ok(())
+    }
+
+    fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
+        let [to, from] = self.memories.get_disjoint_mut([to.0, from.0]).expect("two buffers of this lane");
+        let (to, from) = (to.bytes_mut(), from.bytes());
+        for r in regions {
+            to[r.to..r.to + r.len].copy_from_slice(&from[r.from..r.from + r.len]);
+            self.bytes.copied += r.len as u64;
+        }
+        Ok(())
+    }
+
+    fn run(&mut self, binding: BindingId) -> Result<()> {
+        let Bound { binding, graph } = &self.bindings[binding.0];
+        let run = ort::api().RunWithBinding;
+        // SAFETY: a session may run on several threads; this binding and its memories are used by `&mut self` alone.
+        let status = unsafe { run(graph.session().ptr().cast_mut(), std::ptr::null(), binding.ptr()) };
+        // SAFETY: the status is what the call above returned, used once.
+        unsafe { ort::Error::result_from_status(status) }.map_err(|e| ort_failure("run a graph", &e))
+    }
+
+    fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
+        into.copy_from_slice(&self.memories[from.0].bytes()[at..at + into.len()]);
+        self.read.fetch_add(into.len() as u64, std::sync::atomic::Ordering::Relaxed);
+        Ok(())
+    }
+
+    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool> {
+        let bytes = self.memories[of.0].bytes();
+        // All exponent bits set marks NaN and infinity; without an early exit the loop runs at the memory's speed.
+        Ok(match precision {
+            Precision::F32 => {
+                let words: &[u32] = bytemuck::cast_slice(bytes);
+                !words.iter().fold(false, |bad, w| bad | (w & 0x7f80_0000 == 0x7f80_0000))
+            }
+            Precision::F16 => {
+                let words: &[u16] = bytemuck::cast_slice(bytes);
+                !words.iter().fold(false, |bad, w| bad | (w & 0x7c00 == 0x7c00))
+            }
+        })
+    }
+
+    fn bytes(&self) -> Bytes {
+        Bytes { read: self.read.load(std::sync::atomic::Ordering::Relaxed), ..self.bytes }
+    }
+}
+
+/// Binds one tensor at `address`, whose memory is as large as `spec` says and outlives `binding`.
+fn bind_one(
+    binding: &mut IoBinding,
+    name: &std::ffi::CStr,
+    input: bool,
+    spec: &TensorSpec,
+    address: *mut u8,
+) -> Result<()> {
+    let what = |e: ort::Error| ort_failure("bind a tensor", &e);
+    let host = MemoryInfo::new(AllocationDevice::CPU, 0, AllocatorType::Device, MemoryType::Default).map_err(what)?;
+    let shape = Shape::new(spec.shape.iter().map(|&d| d as i64));
+    let value = match spec.element {
+        Precision::F32 => {
+            // SAFETY: the address is host memory of the tensor's size that outlives the binding.
+            unsafe { TensorRefMut::<f32>::from_raw(host, address.cast(), shape) }.map_err(what)?.into_dyn()
+        }
+        Precision::F16 => {
+            // SAFETY: as above.
+            unsafe { TensorRefMut::<half::f16>::from_raw(host, address.cast(), shape) }.map_err(what)?.into_dyn()
+        }
+    };
+    let bind = if input { ort::api().BindInput } else { ort::api().BindOutput };
+    // SAFETY: name and value are valid for the call; the binding keeps its own reference to the value.
+    let status = unsafe { bind(binding.ptr_mut(), name.as_ptr(), value.ptr()) };
+    // SAFETY: the status is what the call above returned, used once.
+    unsafe { ort::Error::result_from_status(status) }.map_err(what)
+}

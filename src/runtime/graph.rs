@@ -1,0 +1,138 @@
+//! A session: one graph, loaded from memory and checked against what its user expects.
+
+use std::ffi::CString;
+use std::sync::Arc;
+
+use ort::AsPointer;
+use ort::session::Session;
+use ort::session::builder::SessionBuilder;
+use ort::value::{Outlet, TensorElementType, ValueType};
+
+use super::failure::ort_failure;
+use crate::bundle::{ModelSource, Precision};
+use crate::{Error, ErrorKind, Result};
+
+/// Name, element type and shape of an input or output, as `docs/bundle.md` section 4 fixes them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct TensorSpec {
+    pub(crate) name: String,
+    pub(crate) element: Precision,
+    pub(crate) shape: Vec<usize>,
+}
+
+impl TensorSpec {
+    pub(crate) fn new(name: impl Into<String>, element: Precision, shape: &[usize]) -> Self {
+        Self { name: name.into(), element, shape: shape.to_vec() }
+    }
+
+    /// Size in bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        self.shape.iter().product::<usize>() * element_size(self.element)
+    }
+}
+
+/// Bytes of one number.
+pub(crate) const fn element_size(element: Precision) -> usize {
+    match element {
+        Precision::F32 => 4,
+        Precision::F16 => 2,
+    }
+}
+
+/// A loaded graph. Shared by rollouts; several may run it at the same time through bindings of their own.
+pub(crate) struct Graph {
+    session: Session,
+    tensors: Vec<(CString, TensorSpec)>,
+    inputs: usize,
+}
+
+impl Graph {
+    /// Makes the session from the bundle's own checked bytes and compares it with `inputs` and `outputs`.
+    pub(super) fn commit(
+        mut builder: SessionBuilder,
+        what: &str,
+        model: &ModelSource<'_>,
+        inputs: Vec<TensorSpec>,
+        outputs: Vec<TensorSpec>,
+    ) -> Result<Arc<Self>> {
+        add_external(&mut builder, model)?;
+        let session =
+            builder.commit_from_memory(model.onnx).map_err(|e| ort_failure(&format!("load the {what}"), &e))?;
+        compare(what, "input", session.inputs(), &inputs)?;
+        compare(what, "output", session.outputs(), &outputs)?;
+        let count = inputs.len();
+        let tensors = inputs
+            .into_iter()
+            .chain(outputs)
+            .map(|spec| {
+                let name = CString::new(spec.name.as_str())
+                    .map_err(|_| Error::new(ErrorKind::InvalidBundle, "a tensor name holds a NUL"))?;
+                Ok((name, spec))
+            })
+            .collect::<Result<_>>()?;
+        Ok(Arc::new(Self { session, tensors, inputs: count }))
+    }
+
+    pub(super) fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Inputs, then outputs.
+    pub(super) fn tensors(&self) -> &[(CString, TensorSpec)] {
+        &self.tensors
+    }
+
+    /// How many of the tensors are inputs.
+    pub(super) fn input_count(&self) -> usize {
+        self.inputs
+    }
+}
+
+/// Hands over the weight files' bytes. ONNX Runtime copies what it needs of them while it makes the session.
+fn add_external(builder: &mut SessionBuilder, model: &ModelSource<'_>) -> Result<()> {
+    for (location, bytes) in &model.external {
+        if !location.is_ascii() {
+            return Err(Error::new(ErrorKind::InvalidBundle, "an external location is not ASCII").field(*location));
+        }
+        let name: Vec<ort::sys::os_char> =
+            location.bytes().map(|b| b as ort::sys::os_char).chain(std::iter::once(0)).collect();
+        let add = ort::api().AddExternalInitializersFromMemory;
+        // SAFETY: one file: a NUL-terminated name, and bytes that live until the session is made and are only read.
+        let status =
+            unsafe { add(builder.ptr_mut(), &name.as_ptr(), &bytes.as_ptr().cast_mut().cast(), &bytes.len(), 1) };
+        // SAFETY: the status is what the call above returned, used once.
+        unsafe { ort::Error::result_from_status(status) }.map_err(|e| ort_failure("take the weights", &e))?;
+    }
+    Ok(())
+}
+
+/// ONNX Runtime must see exactly the tensors the rollout will bind.
+fn compare(what: &str, side: &str, found: &[Outlet], expected: &[TensorSpec]) -> Result<()> {
+    let broken = |why: String| Err(Error::new(ErrorKind::InvalidBundle, why).field(what.to_owned()));
+    if found.len() != expected.len() {
+        return broken(format!("the graph has {} {side}s, the geometry asks for {}", found.len(), expected.len()));
+    }
+    for (found, expected) in found.iter().zip(expected) {
+        let ValueType::Tensor { ty, shape, .. } = found.dtype() else {
+            return broken(format!("{side} `{}` is no tensor", found.name()));
+        };
+        let element = match ty {
+            TensorElementType::Float32 => Some(Precision::F32),
+            TensorElementType::Float16 => Some(Precision::F16),
+            _ => None,
+        };
+        let same_shape = shape.len() == expected.shape.len()
+            && shape.iter().zip(&expected.shape).all(|(&f, &e)| usize::try_from(f) == Ok(e));
+        if found.name() != expected.name || element != Some(expected.element) || !same_shape {
+            return broken(format!(
+                "{side} `{}` is {ty:?} {:?}, the geometry asks for `{}`, {:?} {:?}",
+                found.name(),
+                &shape[..],
+                expected.name,
+                expected.element,
+                expected.shape
+            ));
+        }
+    }
+    Ok(())
+}

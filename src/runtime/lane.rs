@@ -1,0 +1,84 @@
+//! One rollout's timeline on a device.
+
+use std::sync::Arc;
+
+use super::Graph;
+use crate::Result;
+use crate::bundle::Precision;
+
+/// Names a buffer of one lane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BufferId(pub(super) usize);
+
+/// Names a graph of one lane with every input and output bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BindingId(pub(super) usize);
+
+/// One stretch of a copy between buffers, in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Region {
+    pub(crate) to: usize,
+    pub(crate) from: usize,
+    pub(crate) len: usize,
+}
+
+/// Bytes a lane has moved since it was made, outside of graphs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Bytes {
+    /// From the host to the device.
+    pub uploaded: u64,
+    /// From buffer to buffer on the device.
+    pub copied: u64,
+    /// From the device to the host, because somebody asked.
+    pub read: u64,
+}
+
+impl std::ops::Sub for Bytes {
+    type Output = Bytes;
+
+    /// What was moved since `earlier`.
+    fn sub(self, earlier: Bytes) -> Bytes {
+        Bytes {
+            uploaded: self.uploaded - earlier.uploaded,
+            copied: self.copied - earlier.copied,
+            read: self.read - earlier.read,
+        }
+    }
+}
+
+/// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the lane, so a handle can
+/// never outlive what it names; a lane belongs to one user at a time.
+///
+/// `upload`, `clear`, `copy` and `run` submit and may return before the work is done; `read` and `finite` wait for it.
+pub(crate) trait Lane: Send {
+    /// Makes a zeroed buffer.
+    fn buffer(&mut self, bytes: usize) -> Result<BufferId>;
+
+    /// A buffer's size in bytes.
+    fn size(&self, of: BufferId) -> usize;
+
+    /// Binds `graph` once and for all: `tensors` are its inputs in order, then its outputs in order. An output's buffer must not
+    /// be bound twice in one binding.
+    fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId>;
+
+    /// Writes `bytes` into `to` from byte `at` on. `bytes` may be reused at once.
+    fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()>;
+
+    /// Fills a buffer with zeroes.
+    fn clear(&mut self, buffer: BufferId) -> Result<()>;
+
+    /// Copies regions of `from` into `to`, two different buffers.
+    fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()>;
+
+    /// Runs a bound graph.
+    fn run(&mut self, binding: BindingId) -> Result<()>;
+
+    /// Waits, then reads `into.len()` bytes of `from` from byte `at` on.
+    fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()>;
+
+    /// Waits, then says whether every number of a buffer of `precision` is finite.
+    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool>;
+
+    /// What was moved so far.
+    fn bytes(&self) -> Bytes;
+}

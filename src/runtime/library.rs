@@ -1,0 +1,204 @@
+//! The ONNX Runtime library: loaded by path, checked, and kept for the life of the process.
+
+use std::ffi::CStr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use parking_lot::Mutex;
+
+use super::failure::ort_failure;
+use super::find;
+use crate::{Error, ErrorKind, Result};
+
+/// The release series this build is made for, as ONNX Runtime writes it.
+const SERIES: &str = "1.24.";
+
+/// ONNX Runtime allows one environment per process, so the first library that loads stays.
+static LOADED: Mutex<Option<Ort>> = Mutex::new(None);
+
+/// A loaded ONNX Runtime 1.24.x. Cheap to clone; every clone is the same library.
+///
+/// Threads: may be used from any thread at any time.
+#[derive(Clone)]
+pub struct Ort(Arc<Inner>);
+
+struct Inner {
+    path: PathBuf,
+    version: String,
+    environment: ort::environment::Environment,
+}
+
+impl Ort {
+    /// Loads the library at `path` and starts its environment. Loading the same file again gives the same [`Ort`].
+    ///
+    /// # Errors
+    /// `RuntimeMissing` when there is no file, it is no ONNX Runtime, or its version is not 1.24.x; `Unsupported` when this
+    /// process already uses another ONNX Runtime file; `Device` when its environment does not start.
+    pub fn load(path: &Path) -> Result<Ort> {
+        let path = path.canonicalize().map_err(|e| missing(path, &format!("cannot be opened: {e}")))?;
+        let mut loaded = LOADED.lock();
+        if let Some(ort) = loaded.as_ref() {
+            return if ort.0.path == path {
+                Ok(ort.clone())
+            } else {
+                Err(Error::new(
+                    ErrorKind::Unsupported,
+                    format!("this process already uses the ONNX Runtime at {}", ort.0.path.display()),
+                )
+                .field(path.display().to_string())
+                .remedy("Use one ONNX Runtime file in one process"))
+            };
+        }
+        let library = Checked::open(&path)?;
+        let builder = ort::init_from(&path).map_err(|e| missing(&path, &e.to_string()))?;
+        let environment = builder
+            .with_name("cairn")
+            .with_telemetry(false)
+            .with_logger(Arc::new(forward_log))
+            .build()
+            .map_err(|e| ort_failure("start its environment", &e))?;
+        // The environment starts at its most talkative level whenever a logger is given.
+        environment.set_log_level(ort::logging::LogLevel::Warning);
+        let version = library.version.clone();
+        // The sessions' code lies in this library: it must never be unloaded.
+        std::mem::forget(library);
+        let ort = Ort(Arc::new(Inner { path, version, environment }));
+        *loaded = Some(ort.clone());
+        Ok(ort)
+    }
+
+    /// Finds ONNX Runtime and loads it. With `explicit`, that file and no other; else the file that the environment
+    /// variable `CAIRN_ONNXRUNTIME` names, and no other; else the first there is of: beside this library, beside the
+    /// program, `<cache>/cairn/onnxruntime-1.24.4/`, where `<cache>` is `$CAIRN_CACHE_DIR`, else `$XDG_CACHE_HOME` or
+    /// `~/.cache` (on Windows `%LOCALAPPDATA%`). The system's library path is never searched: a stray library of another
+    /// version lies there too often.
+    ///
+    /// # Errors
+    /// As [`Ort::load`]; `RuntimeMissing` names the places looked at.
+    pub fn find(explicit: Option<&Path>) -> Result<Ort> {
+        match find::library(explicit) {
+            Ok(path) => Self::load(&path),
+            Err(tried) => {
+                let tried: Vec<_> = tried.iter().map(|p| p.display().to_string()).collect();
+                Err(Error::new(
+                    ErrorKind::RuntimeMissing,
+                    format!("ONNX Runtime was not found; looked at {}", tried.join(", ")),
+                )
+                .field(find::VARIABLE)
+                .remedy(REMEDY))
+            }
+        }
+    }
+
+    /// The file it was loaded from, canonical.
+    pub fn path(&self) -> &Path {
+        &self.0.path
+    }
+
+    /// Its version, e.g. `1.24.4`.
+    pub fn version(&self) -> &str {
+        &self.0.version
+    }
+
+    pub(super) fn environment(&self) -> &ort::environment::Environment {
+        &self.0.environment
+    }
+}
+
+impl std::fmt::Debug for Ort {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Ort({} at {})", self.version(), self.path().display())
+    }
+}
+
+const REMEDY: &str =
+    "Install ONNX Runtime 1.24.4 (`cargo xtask setup` fetches it) and set CAIRN_ONNXRUNTIME to its library file";
+
+fn missing(path: &Path, why: &str) -> Error {
+    Error::new(ErrorKind::RuntimeMissing, format!("ONNX Runtime {why}"))
+        .field(path.display().to_string())
+        .remedy(REMEDY)
+}
+
+/// A library whose version and interface were looked at before the `ort` crate, which asserts both, may see it.
+struct Checked {
+    version: String,
+    _library: libloading::Library,
+}
+
+impl Checked {
+    fn open(path: &Path) -> Result<Self> {
+        if !path.is_file() {
+            return Err(missing(path, "is not a file"));
+        }
+        // SAFETY: runs the initialisers of a library the caller named as ONNX Runtime; that trust is the caller's.
+        let library = unsafe { libloading::Library::new(path) }
+            .map_err(|e| missing(path, &format!("cannot be loaded as a library: {e}")))?;
+        type GetApiBase = unsafe extern "system" fn() -> *const ort::sys::OrtApiBase;
+        // SAFETY: the symbol has this type in every release of ONNX Runtime.
+        let base = unsafe { library.get::<GetApiBase>(b"OrtGetApiBase\0") }
+            .map_err(|_| missing(path, "was expected, but this library does not export OrtGetApiBase"))?;
+        // SAFETY: takes nothing and returns a static table or null.
+        let base = unsafe { base() };
+        // SAFETY: null or a static table that lives as long as `library`.
+        let base =
+            unsafe { base.as_ref() }.ok_or_else(|| missing(path, "gave no interface (OrtGetApiBase is null)"))?;
+        // SAFETY: takes nothing and returns a static string or null.
+        let version = unsafe { (base.GetVersionString)() };
+        if version.is_null() {
+            return Err(missing(path, "does not say its version"));
+        }
+        // SAFETY: not null, NUL-terminated and static by ONNX Runtime's contract.
+        let version = unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned();
+        if !version.starts_with(SERIES) {
+            return Err(missing(
+                path,
+                &format!("{version} is {} than the {SERIES}x this build is made for", age(&version)),
+            ));
+        }
+        // SAFETY: any number may be asked for; an unknown version gives null.
+        if unsafe { (base.GetApi)(ort::sys::ORT_API_VERSION) }.is_null() {
+            return Err(missing(
+                path,
+                &format!("{version} does not offer interface version {}", ort::sys::ORT_API_VERSION),
+            ));
+        }
+        Ok(Self { version, _library: library })
+    }
+}
+
+/// Whether a version that is not of the series is older, newer, or cannot be told.
+fn age(version: &str) -> &'static str {
+    let part = |text: &str, i: usize| text.split('.').nth(i).and_then(|p| p.parse::<u32>().ok());
+    let pair = |text: &str| part(text, 0).zip(part(text, 1));
+    match (pair(version), pair(SERIES)) {
+        (Some(found), Some(wanted)) if found < wanted => "older",
+        (Some(found), Some(wanted)) if found > wanted => "newer",
+        _ => "other",
+    }
+}
+
+fn forward_log(level: ort::logging::LogLevel, category: &str, _id: &str, place: &str, message: &str) {
+    use ort::logging::LogLevel;
+    let level = match level {
+        LogLevel::Verbose => log::Level::Trace,
+        LogLevel::Info => log::Level::Debug,
+        LogLevel::Warning => log::Level::Warn,
+        LogLevel::Error | LogLevel::Fatal => log::Level::Error,
+    };
+    log::log!(target: "cairn::onnxruntime", level, "{category} {place}: {message}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_told_apart_by_number_not_by_spelling() {
+        assert_eq!(age("1.9.0"), "older");
+        assert_eq!(age("0.99.1"), "older");
+        assert_eq!(age("1.25.0"), "newer");
+        assert_eq!(age("2.0.0"), "newer");
+        assert_eq!(age("nonsense"), "other");
+    }
+}

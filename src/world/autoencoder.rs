@@ -1,0 +1,125 @@
+//! Pictures to latents and back: the encoder, and the streaming decoder with its memories.
+
+use crate::bundle::Precision;
+use crate::runtime::{BindingId, BufferId, Lane};
+use crate::world::contract::Shapes;
+use crate::world::numbers::{self, Uploader};
+use crate::world::resize::Bilinear;
+use crate::world::rollout::device_not_finite;
+use crate::world::world::World;
+use crate::{Picture, Result};
+
+/// A set of the decoder's memories and the pictures that were decoded with them.
+struct Side {
+    memories: Vec<BufferId>,
+    rgb: BufferId,
+}
+
+/// A rollout's autoencoder.
+///
+/// The decoder goes back and forth between two sides: it reads one side's memories and writes the other's, so that a failure
+/// leaves the side that counts as it was.
+pub(super) struct Autoencoder {
+    shapes: Shapes,
+    precision: Precision,
+    encode: BindingId,
+    encoder_rgb: BufferId,
+    /// `decode[i]` reads side i and writes the other.
+    decode: [BindingId; 2],
+    sides: [Side; 2],
+    /// The side that counts.
+    current: usize,
+}
+
+impl Autoencoder {
+    /// Binds both graphs: `latent` is what the encoder writes and the decoder reads.
+    pub(super) fn new(lane: &mut dyn Lane, world: &World, latent: BufferId) -> Result<Self> {
+        let element = crate::runtime::element_size(world.precision());
+        let pictures_bytes = world.shapes.pictures * world.shapes.picture_len() * element;
+        let encoder_rgb = lane.buffer(pictures_bytes)?;
+        let encode = lane.bind(&world.encoder, &[encoder_rgb, latent])?;
+        let shapes = &world.manifest().geometry.autoencoder.memories;
+        let mut side = || -> Result<Side> {
+            let bytes = |m: &[u32; 3]| m.iter().map(|&n| n as usize).product::<usize>() * element;
+            let memories = shapes.iter().map(|m| lane.buffer(bytes(m))).collect::<Result<_>>()?;
+            Ok(Side { memories, rgb: lane.buffer(pictures_bytes)? })
+        };
+        let sides = [side()?, side()?];
+        let mut bind = |from: &Side, to: &Side| {
+            let tensors: Vec<_> =
+                [&[latent][..], &from.memories, &[to.rgb], &to.memories].into_iter().flatten().copied().collect();
+            lane.bind(&world.decoder, &tensors)
+        };
+        let decode = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
+        let (shapes, precision) = (world.shapes, world.precision());
+        Ok(Self { shapes, precision, encode, encoder_rgb, decode, sides, current: 0 })
+    }
+
+    /// Makes the latent of a still: `picture`, of any size, resized and repeated for each picture of a latent.
+    pub(super) fn encode(&self, lane: &mut dyn Lane, picture: &Picture) -> Result<()> {
+        let [height, width] = self.shapes.decoded;
+        let mut rgb = numbers::zeroed(self.shapes.pictures * self.shapes.picture_len())?;
+        let (first, rest) = rgb.split_at_mut(self.shapes.picture_len());
+        Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, first);
+        rest.chunks_exact_mut(first.len()).for_each(|copy| copy.copy_from_slice(first));
+        Uploader::new(self.precision, rgb.len()).upload(lane, self.encoder_rgb, &rgb)?;
+        lane.run(self.encode)
+    }
+
+    /// Decodes latent number `latent`, after decoding it `prime` times for the memories' sake alone. Gives the side the result is on, for
+    /// [`commit`](Self::commit); until then the side that counts is as it was.
+    pub(super) fn decode(&self, lane: &mut dyn Lane, latent: u64, prime: u32) -> Result<usize> {
+        // One run writes the side that does not count. More runs come back to the one that does.
+        let mut backup = Vec::new();
+        if prime > 0 {
+            for buffer in self.state() {
+                let mut contents = vec![0; lane.size(buffer)];
+                lane.read(buffer, 0, &mut contents)?;
+                backup.push((buffer, contents));
+            }
+        }
+        let result = (0..=prime).try_fold(self.current, |side, _| {
+            lane.run(self.decode[side])?;
+            Ok(1 - side)
+        });
+        let result = result.and_then(|side| {
+            for buffer in self.side_buffers(side) {
+                if !lane.finite(buffer, self.precision)? {
+                    return Err(device_not_finite(&format!("the decoder's view of latent {latent}")));
+                }
+            }
+            Ok(side)
+        });
+        if result.is_err() {
+            for (buffer, contents) in &backup {
+                lane.upload(*buffer, 0, contents)?;
+            }
+        }
+        result
+    }
+
+    /// Lets the side count that [`decode`](Self::decode) gave.
+    pub(super) fn commit(&mut self, side: usize) {
+        self.current = side;
+    }
+
+    /// Zero memories, as before the first latent.
+    pub(super) fn reset(&mut self, lane: &mut dyn Lane) -> Result<()> {
+        self.state().try_for_each(|buffer| lane.clear(buffer))
+    }
+
+    /// Fills `planes`, `[3, H, W]`, with picture `i` of the last decoded latent.
+    pub(super) fn read(&self, lane: &dyn Lane, i: usize, planes: &mut [f32]) -> Result<()> {
+        numbers::read(lane, self.precision, self.sides[self.current].rgb, i * self.shapes.picture_len(), planes)
+    }
+
+    /// The buffers that make up the decoder's state and last pictures, in the order of the bundle's memories, pictures last.
+    pub(super) fn state(&self) -> impl Iterator<Item = BufferId> + '_ {
+        self.side_buffers(self.current)
+    }
+
+    fn side_buffers(&self, side: usize) -> impl Iterator<Item = BufferId> + '_ {
+        let side = &self.sides[side];
+        side.memories.iter().copied().chain([side.rgb])
+    }
+}

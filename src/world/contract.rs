@@ -1,0 +1,144 @@
+//! The tensors of a bundle's three graphs, from its geometry: `docs/bundle.md` section 4.
+
+use crate::bundle::{Geometry, Manifest, Precision};
+use crate::runtime::TensorSpec;
+
+/// Inputs and outputs of one graph, in order.
+pub(super) struct Contract {
+    pub(super) inputs: Vec<TensorSpec>,
+    pub(super) outputs: Vec<TensorSpec>,
+}
+
+/// The shapes the rollout computes with, as sizes of this machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shapes {
+    /// `[C, h, w]`.
+    pub(super) latent: [usize; 3],
+    /// T.
+    pub(super) tokens: usize,
+    pub(super) layers: usize,
+    pub(super) kv_heads: usize,
+    pub(super) head_width: usize,
+    /// Latents a local layer's ring holds.
+    pub(super) local_buckets: usize,
+    /// Latents a global layer's ring holds.
+    pub(super) global_buckets: usize,
+    /// All control numbers.
+    pub(super) controls: usize,
+    /// Pictures per latent.
+    pub(super) pictures: usize,
+    /// `[H, W]` of a decoded picture.
+    pub(super) decoded: [usize; 2],
+}
+
+impl Shapes {
+    /// The shapes of `manifest` at global window `g`, which the bundle has checked.
+    pub(super) fn new(manifest: &Manifest, g: u32) -> Self {
+        let geometry = &manifest.geometry;
+        let [width, height] = manifest.picture.decoded;
+        Self {
+            latent: [geometry.latent.channels, geometry.latent.height, geometry.latent.width].map(|n| n as usize),
+            tokens: geometry.tokens as usize,
+            layers: geometry.layers as usize,
+            kv_heads: geometry.kv_heads as usize,
+            head_width: geometry.head_width as usize,
+            local_buckets: geometry.local.window as usize,
+            global_buckets: (g / geometry.global.dilation) as usize,
+            controls: manifest.controls.len(),
+            pictures: geometry.autoencoder.temporal as usize,
+            decoded: [height as usize, width as usize],
+        }
+    }
+
+    /// Numbers of one latent.
+    pub(super) fn latent_len(&self) -> usize {
+        self.latent.iter().product()
+    }
+
+    /// Latents a layer's ring holds.
+    pub(super) fn buckets(&self, global: bool) -> usize {
+        if global { self.global_buckets } else { self.local_buckets }
+    }
+
+    /// Keys a layer attends to: its ring and the current latent.
+    pub(super) fn keys(&self, global: bool) -> usize {
+        (self.buckets(global) + 1) * self.tokens
+    }
+
+    /// Numbers of K, or of V, of one latent in one layer: `[kv_heads, T, head_width]`.
+    pub(super) fn slab_len(&self) -> usize {
+        self.kv_heads * self.tokens * self.head_width
+    }
+
+    /// Numbers of K, or of V, in a layer's ring: `[kv_heads, buckets * T, head_width]`.
+    pub(super) fn ring_len(&self, global: bool) -> usize {
+        self.buckets(global) * self.slab_len()
+    }
+
+    /// Cosines, and sines, of one latent: `[T, head_width / 2]`.
+    pub(super) fn rope_len(&self) -> usize {
+        self.tokens * self.head_width / 2
+    }
+
+    /// Numbers of one decoded picture: `[3, H, W]`.
+    pub(super) fn picture_len(&self) -> usize {
+        3 * self.decoded[0] * self.decoded[1]
+    }
+}
+
+/// The symbolic dimensions of the transformer and their values.
+pub(super) fn dimensions(s: &Shapes) -> [(&'static str, usize); 4] {
+    [
+        ("local_past", s.local_buckets * s.tokens),
+        ("local_keys", s.keys(false)),
+        ("global_past", s.global_buckets * s.tokens),
+        ("global_keys", s.keys(true)),
+    ]
+}
+
+pub(super) fn transformer(geometry: &Geometry, s: &Shapes, f: Precision) -> Contract {
+    let [c, h, w] = s.latent;
+    let rope = [1, 1, s.tokens, s.head_width / 2];
+    let mut inputs = vec![
+        TensorSpec::new("x", f, &[1, c, h, w]),
+        TensorSpec::new("sigma", Precision::F32, &[1]),
+        TensorSpec::new("dsigma", Precision::F32, &[1]),
+        TensorSpec::new("rope_cos", Precision::F32, &rope),
+        TensorSpec::new("rope_sin", Precision::F32, &rope),
+        TensorSpec::new("controls", Precision::F32, &[1, s.controls]),
+        TensorSpec::new("local_mask", f, &[1, 1, 1, s.keys(false)]),
+        TensorSpec::new("global_mask", f, &[1, 1, 1, s.keys(true)]),
+    ];
+    let mut outputs = vec![TensorSpec::new("x_next", f, &[1, c, h, w])];
+    for i in 0..geometry.layers {
+        let past = [1, s.kv_heads, s.buckets(geometry.is_global(i)) * s.tokens, s.head_width];
+        let present = [1, s.kv_heads, s.tokens, s.head_width];
+        for part in ["k", "v"] {
+            inputs.push(TensorSpec::new(format!("past.{i}.{part}"), f, &past));
+            outputs.push(TensorSpec::new(format!("present.{i}.{part}"), f, &present));
+        }
+    }
+    Contract { inputs, outputs }
+}
+
+pub(super) fn encoder(s: &Shapes, f: Precision) -> Contract {
+    let [c, h, w] = s.latent;
+    let [height, width] = s.decoded;
+    Contract {
+        inputs: vec![TensorSpec::new("rgb", f, &[s.pictures, 3, height, width])],
+        outputs: vec![TensorSpec::new("latent", f, &[1, c, h, w])],
+    }
+}
+
+pub(super) fn decoder(geometry: &Geometry, s: &Shapes, f: Precision) -> Contract {
+    let [c, h, w] = s.latent;
+    let [height, width] = s.decoded;
+    let mut inputs = vec![TensorSpec::new("latent", f, &[1, c, h, w])];
+    let mut outputs = vec![TensorSpec::new("rgb", f, &[s.pictures, 3, height, width])];
+    for (j, memory) in geometry.autoencoder.memories.iter().enumerate() {
+        let shape = [1, memory[0] as usize, memory[1] as usize, memory[2] as usize];
+        inputs.push(TensorSpec::new(format!("past_mem.{j}"), f, &shape));
+        outputs.push(TensorSpec::new(format!("present_mem.{j}"), f, &shape));
+    }
+    Contract { inputs, outputs }
+}

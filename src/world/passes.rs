@@ -1,0 +1,191 @@
+//! The transformer of one rollout: its inputs on the device and the passes that read them.
+
+use super::contract::Shapes;
+use super::kv_memory::KvMemory;
+use super::numbers::{self, Uploader};
+use super::plan::{RingPlan, StepPlan};
+use super::rope::RopeTable;
+use super::schedule::MAX_POINTS;
+use super::world::World;
+use crate::Result;
+use crate::bundle::Precision;
+use crate::runtime::{BindingId, BufferId, Lane, Region, element_size};
+
+/// The mask value of a hidden key; f16 can hold it, and no score comes near it.
+const HIDDEN: f32 = -10_000.0;
+
+/// One row of the sigma table: sigma and dsigma.
+const ROW: usize = 8;
+
+/// Inputs, outputs and bindings of the transformer.
+///
+/// Two latent buffers take turns: a pass reads one and writes the other, so passes follow each other on the device without
+/// a copy. The first one, [`latent`](Self::latent), is where the finished latent ends up.
+pub(super) struct Passes {
+    shapes: Shapes,
+    precision: Precision,
+    rope: RopeTable,
+    x: [BufferId; 2],
+    sigma: BufferId,
+    dsigma: BufferId,
+    rope_cos: BufferId,
+    rope_sin: BufferId,
+    controls: BufferId,
+    local_mask: BufferId,
+    global_mask: BufferId,
+    /// All sigmas of a latent step, a [`ROW`] for each pass; passes copy theirs on the device's own timeline.
+    table: BufferId,
+    /// `bindings[i]` reads `x[i]` and writes the other.
+    bindings: [BindingId; 2],
+    uploader: Uploader,
+    staging: Staging,
+}
+
+/// Host memory for what goes up, kept so that a step allocates nothing.
+struct Staging {
+    x: Vec<f32>,
+    rope_cos: Vec<f32>,
+    rope_sin: Vec<f32>,
+    local_mask: Vec<f32>,
+    global_mask: Vec<f32>,
+    table: Vec<[f32; 2]>,
+}
+
+impl Passes {
+    pub(super) fn new(lane: &mut dyn Lane, world: &World, kv: &KvMemory) -> Result<Self> {
+        let (shapes, precision) = (world.shapes, world.precision());
+        let (f, single) = (element_size(precision), element_size(Precision::F32));
+        let rope = RopeTable::new(&world.manifest().geometry)?;
+        assert_eq!(rope.len(), shapes.rope_len(), "rope angles are [T, head_width / 2]");
+        let mut buffer = |len: usize, element| lane.buffer(len * element);
+        let x = [buffer(shapes.latent_len(), f)?, buffer(shapes.latent_len(), f)?];
+        let (sigma, dsigma) = (buffer(1, single)?, buffer(1, single)?);
+        let (rope_cos, rope_sin) = (buffer(rope.len(), single)?, buffer(rope.len(), single)?);
+        let controls = buffer(shapes.controls, single)?;
+        let (local_mask, global_mask) = (buffer(shapes.keys(false), f)?, buffer(shapes.keys(true), f)?);
+        let table = buffer(MAX_POINTS, ROW)?;
+        let mut bind = |x: BufferId, x_next: BufferId| {
+            let inputs = [x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask];
+            let tensors: Vec<_> = inputs.into_iter().chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
+            lane.bind(&world.transformer, &tensors)
+        };
+        let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
+        let staging = Staging {
+            x: numbers::zeroed(shapes.latent_len())?,
+            rope_cos: numbers::zeroed(rope.len())?,
+            rope_sin: numbers::zeroed(rope.len())?,
+            local_mask: numbers::zeroed(shapes.keys(false))?,
+            global_mask: numbers::zeroed(shapes.keys(true))?,
+            table: Vec::with_capacity(MAX_POINTS),
+        };
+        let largest = shapes.latent_len().max(shapes.keys(true)).max(shapes.keys(false));
+        Ok(Self {
+            shapes,
+            precision,
+            rope,
+            x,
+            sigma,
+            dsigma,
+            rope_cos,
+            rope_sin,
+            controls,
+            local_mask,
+            global_mask,
+            table,
+            bindings,
+            uploader: Uploader::new(precision, largest),
+            staging,
+        })
+    }
+
+    /// Where the finished latent ends up, and where an appended one must lie.
+    pub(super) fn latent(&self) -> BufferId {
+        self.x[0]
+    }
+
+    /// Denoise passes there is room for, besides the one after them.
+    pub(super) fn max_passes(&self) -> usize {
+        MAX_POINTS - 1
+    }
+
+    /// Uploads what all passes of `plan` have in common, and its sigmas, followed by `last`.
+    pub(super) fn prepare(&mut self, lane: &mut dyn Lane, plan: &StepPlan, last: [f32; 2]) -> Result<()> {
+        let s = &mut self.staging;
+        self.rope.fill(plan.rope_time, &mut s.rope_cos, &mut s.rope_sin)?;
+        lane.upload(self.rope_cos, 0, bytemuck::cast_slice(&s.rope_cos))?;
+        lane.upload(self.rope_sin, 0, bytemuck::cast_slice(&s.rope_sin))?;
+        assert_eq!(plan.controls.len(), self.shapes.controls, "controls are [mouse + buttons + scroll]");
+        lane.upload(self.controls, 0, bytemuck::cast_slice(&plan.controls))?;
+        for (mask, buffer, ring) in
+            [(&mut s.local_mask, self.local_mask, &plan.local), (&mut s.global_mask, self.global_mask, &plan.global)]
+        {
+            fill_mask(mask, ring, self.shapes.tokens);
+            self.uploader.upload(lane, buffer, mask)?;
+        }
+        s.table.clear();
+        s.table.extend(plan.sigmas.iter().zip(&plan.dsigmas).map(|(&sigma, &dsigma)| [sigma, dsigma]));
+        s.table.push(last);
+        lane.upload(self.table, 0, bytemuck::cast_slice(&s.table))
+    }
+
+    /// Denoises by the prepared plan: noise first, then every pass from the one buffer to the other.
+    pub(super) fn denoise(&mut self, lane: &mut dyn Lane, plan: &StepPlan) -> Result<()> {
+        let n = plan.sigmas.len();
+        if let Some(key) = plan.noise {
+            key.fill(&mut self.staging.x);
+            // n passes end in the first buffer.
+            self.uploader.upload(lane, self.x[n % 2], &self.staging.x)?;
+        }
+        (0..n).try_for_each(|pass| self.run(lane, pass, (n - pass) % 2))
+    }
+
+    /// The pass after the plan's own, at the level `prepare` was given as the last, on the finished latent. As the
+    /// cache pass its slabs count and its `x_next` does not.
+    pub(super) fn extra(&self, lane: &mut dyn Lane, plan: &StepPlan) -> Result<()> {
+        self.run(lane, plan.sigmas.len(), 0)
+    }
+
+    fn run(&self, lane: &mut dyn Lane, row: usize, from: usize) -> Result<()> {
+        for (buffer, offset) in [(self.sigma, 0), (self.dsigma, ROW / 2)] {
+            lane.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])?;
+        }
+        lane.run(self.bindings[from])
+    }
+
+    /// Uploads a latent from outside.
+    pub(super) fn set_latent(&mut self, lane: &mut dyn Lane, latent: &[f32]) -> Result<()> {
+        assert_eq!(latent.len(), self.shapes.latent_len(), "a latent is [C, h, w]");
+        self.uploader.upload(lane, self.x[0], latent)
+    }
+
+    /// What the last pass made of the latent it read.
+    pub(super) fn read_next(&self, lane: &dyn Lane, x_next: &mut [f32]) -> Result<()> {
+        numbers::read(lane, self.precision, self.x[1], 0, x_next)
+    }
+
+    /// Whether the finished latent holds finite numbers only.
+    pub(super) fn finite(&self, lane: &dyn Lane) -> Result<bool> {
+        lane.finite(self.x[0], self.precision)
+    }
+}
+
+/// One number for each key: slot by slot, then the current latent, which is always visible.
+fn fill_mask(mask: &mut [f32], ring: &RingPlan, tokens: usize) {
+    assert_eq!(mask.len(), (ring.visible.len() + 1) * tokens, "a mask is [keys]");
+    let current = std::iter::once(&true);
+    for (keys, &visible) in mask.chunks_exact_mut(tokens).zip(ring.visible.iter().chain(current)) {
+        keys.fill(if visible { 0.0 } else { HIDDEN });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mask_hides_whole_latents_and_never_the_current_one() {
+        let mut mask = vec![1.0; 6];
+        fill_mask(&mut mask, &RingPlan { visible: vec![false, true], slot: None }, 2);
+        assert_eq!(mask, [HIDDEN, HIDDEN, 0.0, 0.0, 0.0, 0.0]);
+    }
+}

@@ -1,0 +1,446 @@
+//! The rollout: one running instance of a world.
+
+use std::cell::{Cell, OnceCell};
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::autoencoder::Autoencoder;
+use super::controls::ControlInput;
+use super::kv_memory::{KvMemory, Part};
+use super::numbers;
+use super::operating_point::OperatingPoint;
+use super::passes::Passes;
+use super::plan::{CachePass, Planner, StepPlan};
+use super::resize::Bilinear;
+use super::statistics::{Stages, Statistics, StepInfo};
+use super::world::World;
+use crate::runtime::{BufferId, Lane, Region};
+use crate::{Error, ErrorKind, Picture, Result};
+
+/// One running instance of a world: KV ring, clocks, noise seed, autoencoder memories.
+///
+/// Every call does all it says or, when it fails, leaves the rollout as it was; only a lost device is beyond that.
+///
+/// Threads: a rollout may move between threads and is used by one at a time. Rollouts of one world may run at the same
+/// time.
+pub struct Rollout {
+    pub(super) world: Arc<World>,
+    pub(super) point: OperatingPoint,
+    pub(super) planner: Planner,
+    pub(super) lane: Box<dyn Lane>,
+    pub(super) kv: KvMemory,
+    pub(super) autoencoder: Autoencoder,
+    /// The last finished latent.
+    pub(super) latent: BufferId,
+    passes: Passes,
+    /// Kept from step to step for its memory.
+    plan: StepPlan,
+    /// The last finished latent on the host, once somebody asked.
+    host_latent: OnceCell<Vec<f32>>,
+    spare_latent: Cell<Vec<f32>>,
+    /// One decoded picture on its way out.
+    planes: Vec<f32>,
+    to_render: Bilinear,
+    statistics: Statistics,
+}
+
+/// What a frozen pass computes, for parity tests and research.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Probe {
+    /// The velocity v, `[C, h, w]`.
+    pub velocity: Vec<f32>,
+    /// The latent's K of each layer, `[kv_heads, T, head_width]`.
+    pub keys: Vec<Vec<f32>>,
+    /// The latent's V of each layer, the same shape.
+    pub values: Vec<Vec<f32>>,
+}
+
+impl Rollout {
+    /// A rollout at its start: empty rings, clocks at zero, decoder unprimed. `seed` decides all noise.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the operating point does not fit the world, or names another global window than it was loaded with;
+    /// `OutOfMemory`, with figures, when its memory cannot be had; `Device` when ONNX Runtime refuses a binding.
+    pub fn new(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Result<Self> {
+        world.check_point(point)?;
+        let planner = Planner::new(world.manifest(), point, seed)?;
+        let mut lane = world.device().lane()?;
+        let kv = KvMemory::new(&mut *lane, world)?;
+        let passes = Passes::new(&mut *lane, world, &kv)?;
+        let autoencoder = Autoencoder::new(&mut *lane, world, passes.latent())?;
+        let latent = lane.buffer(lane.size(passes.latent()))?;
+        Ok(Self {
+            planner,
+            point: point.clone(),
+            kv,
+            autoencoder,
+            latent,
+            passes,
+            lane,
+            plan: StepPlan::default(),
+            host_latent: OnceCell::new(),
+            spare_latent: Cell::new(numbers::zeroed(world.latent_len())?),
+            planes: numbers::zeroed(world.shapes.picture_len())?,
+            to_render: Bilinear::new(world.decoded_size(), world.render_size()),
+            statistics: Statistics::default(),
+            world: world.clone(),
+        })
+    }
+
+    /// Appends a still picture of any size, as the seed or in the midst of a rollout: it is resized to the autoencoder's
+    /// size (which squeezes or stretches it), encoded, committed by a cache pass of its own at sigma 0 with idle controls, and
+    /// decoded.
+    ///
+    /// # Errors
+    /// `Device` when a pass fails or gives a number that is not finite; `Unsupported` when a clock has run out.
+    pub fn append(&mut self, picture: &Picture) -> Result<StepInfo> {
+        self.with_plan(
+            |planner, plan| planner.plan_append_into(plan),
+            |rollout, plan| {
+                let mut run = Run::start(rollout);
+                let start = Instant::now();
+                rollout.autoencoder.encode(&mut *rollout.lane, picture)?;
+                run.stages.encode.add(1, start);
+                rollout.finish(plan, run)
+            },
+        )
+    }
+
+    /// Appends a latent, `[C, h, w]`, as [`append`](Self::append) does the latent of a picture.
+    ///
+    /// # Errors
+    /// As [`append`](Self::append), and `InvalidArgument` for another length or a number that is not finite.
+    pub fn append_latent(&mut self, latent: &[f32]) -> Result<StepInfo> {
+        self.with_plan(
+            |planner, plan| planner.plan_append_into(plan),
+            |rollout, plan| rollout.execute_append(plan, latent),
+        )
+    }
+
+    /// Makes the next latent with these controls.
+    ///
+    /// # Errors
+    /// As [`append`](Self::append).
+    pub fn step(&mut self, input: &ControlInput) -> Result<StepInfo> {
+        self.with_plan(|planner, plan| planner.plan_step_into(input, plan), Self::execute)
+    }
+
+    /// Executes a plan to the letter, whoever made it: denoise passes, cache pass, decoding, commit.
+    ///
+    /// # Errors
+    /// As [`append`](Self::append), and `InvalidArgument` for a plan that cannot be executed now, that holds a number that is not
+    /// finite, or that does not start from noise.
+    pub fn execute(&mut self, plan: &StepPlan) -> Result<StepInfo> {
+        self.check_plan(plan)?;
+        if plan.noise.is_none() || plan.sigmas.is_empty() {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the plan makes no latent: it is an append's")
+                .field("plan.noise")
+                .remedy("Give the latent that is appended"));
+        }
+        let run = Run::start(self);
+        self.finish(plan, run)
+    }
+
+    /// Executes the plan of an append with a latent from outside, `[C, h, w]`.
+    ///
+    /// # Errors
+    /// As [`execute`](Self::execute), for a plan that starts from noise, and for a latent of another length or with a number that is
+    /// not finite.
+    pub fn execute_append(&mut self, plan: &StepPlan, latent: &[f32]) -> Result<StepInfo> {
+        self.check_plan(plan)?;
+        if plan.noise.is_some() || !plan.sigmas.is_empty() {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the plan makes a latent of its own")
+                .field("plan.noise")
+                .remedy("Use the plan of an append"));
+        }
+        self.check_latent(latent)?;
+        let run = Run::start(self);
+        self.passes.set_latent(&mut *self.lane, latent)?;
+        self.finish(plan, run)
+    }
+
+    /// Runs one frozen pass by `plan` on latent `x` at noise level `sigma`, and gives the velocity, `x - x_next` at dsigma -1, with K
+    /// and V of the latent. The rollout stays as it is.
+    ///
+    /// # Errors
+    /// As [`execute_append`](Self::execute_append), for any plan.
+    pub fn probe(&mut self, plan: &StepPlan, sigma: f32, x: &[f32]) -> Result<Probe> {
+        self.check_plan(plan)?;
+        self.check_latent(x)?;
+        if !sigma.is_finite() {
+            return Err(not_finite("sigma"));
+        }
+        self.passes.prepare(&mut *self.lane, plan, [sigma, -1.0])?;
+        self.passes.set_latent(&mut *self.lane, x)?;
+        self.passes.extra(&mut *self.lane, plan)?;
+        let mut velocity = numbers::zeroed(x.len())?;
+        self.passes.read_next(&*self.lane, &mut velocity)?;
+        velocity.iter_mut().zip(x).for_each(|(v, x)| *v = x - *v);
+        let (mut keys, mut values) = (Vec::new(), Vec::new());
+        for (i, slab) in self.kv.slabs().enumerate() {
+            let mut numbers = numbers::zeroed(self.world.shapes.slab_len())?;
+            numbers::read(&*self.lane, self.world.precision(), slab, 0, &mut numbers)?;
+            if i % 2 == 0 { keys.push(numbers) } else { values.push(numbers) }
+        }
+        Ok(Probe { velocity, keys, values })
+    }
+
+    /// Encodes a picture of any size to a latent, `[C, h, w]`. The rollout stays as it is.
+    ///
+    /// # Errors
+    /// `Device` when the encoder fails or gives a number that is not finite.
+    pub fn encode(&mut self, picture: &Picture) -> Result<Vec<f32>> {
+        self.autoencoder.encode(&mut *self.lane, picture)?;
+        let mut latent = numbers::zeroed(self.world.latent_len())?;
+        numbers::read(&*self.lane, self.world.precision(), self.passes.latent(), 0, &mut latent)?;
+        if self.passes.finite(&*self.lane)? { Ok(latent) } else { Err(device_not_finite("the encoded latent")) }
+    }
+
+    /// Back to the start, with the same seed.
+    ///
+    /// # Errors
+    /// `Device` when the device is lost.
+    pub fn reset(&mut self) -> Result<()> {
+        self.kv.reset(&mut *self.lane)?;
+        self.autoencoder.reset(&mut *self.lane)?;
+        self.lane.clear(self.latent)?;
+        self.planner.reset();
+        self.forget_host_latent();
+        Ok(())
+    }
+
+    /// The last latent, `[C, h, w]`; waits for it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` before the first latent; `Device` when it cannot be read.
+    pub fn latent(&self) -> Result<&[f32]> {
+        self.check_started()?;
+        if let Some(latent) = self.host_latent.get() {
+            return Ok(latent);
+        }
+        let mut latent = self.spare_latent.take();
+        if latent.is_empty() {
+            latent = numbers::zeroed(self.world.latent_len())?;
+        }
+        numbers::read(&*self.lane, self.world.precision(), self.latent, 0, &mut latent)?;
+        Ok(self.host_latent.get_or_init(|| latent))
+    }
+
+    /// Writes picture `i` of the last latent, 0 to `pictures_per_latent - 1` in order of time, at render size; waits for it.
+    /// `picture` is replaced when it has another size, else its memory is used again.
+    ///
+    /// # Errors
+    /// `InvalidArgument` before the first latent and for a picture that is not there; `Device` when it cannot be read.
+    pub fn read_picture(&mut self, i: u32, picture: &mut Picture) -> Result<()> {
+        self.check_started()?;
+        let temporal = self.world.manifest().geometry.autoencoder.temporal;
+        let index = self.point.decoded_index(i, temporal).ok_or_else(|| {
+            let count = self.point.pictures_per_latent;
+            Error::new(ErrorKind::InvalidArgument, format!("there is no picture {i}; a latent has {count}"))
+                .field("i")
+                .remedy("Count from 0")
+        })?;
+        let start = Instant::now();
+        let (width, height) = self.world.render_size();
+        if picture.size() != (width, height) {
+            *picture = Picture::new(width, height)?;
+        }
+        self.autoencoder.read(&*self.lane, index as usize, &mut self.planes)?;
+        self.to_render.to_picture(&self.planes, picture);
+        self.statistics.stages.resize.add(1, start);
+        Ok(())
+    }
+
+    /// All decoded pictures of the last latent as the decoder gave them, `[pictures, 3, H, W]`; waits for them.
+    ///
+    /// # Errors
+    /// As [`latent`](Self::latent).
+    pub fn decoded(&self) -> Result<Vec<f32>> {
+        self.check_started()?;
+        let shapes = &self.world.shapes;
+        let mut rgb = numbers::zeroed(shapes.pictures * shapes.picture_len())?;
+        self.autoencoder.read(&*self.lane, 0, &mut rgb)?;
+        Ok(rgb)
+    }
+
+    /// The decoder's memories, in the order and of the shapes of the manifest.
+    ///
+    /// # Errors
+    /// `Device` when they cannot be read.
+    pub fn decoder_memories(&self) -> Result<Vec<Vec<f32>>> {
+        let element = crate::runtime::element_size(self.world.precision());
+        let count = self.world.manifest().geometry.autoencoder.memories.len();
+        self.autoencoder
+            .state()
+            .take(count)
+            .map(|buffer| {
+                let mut memory = numbers::zeroed(self.lane.size(buffer) / element)?;
+                numbers::read(&*self.lane, self.world.precision(), buffer, 0, &mut memory)?;
+                Ok(memory)
+            })
+            .collect()
+    }
+
+    /// K or V of one layer's ring as it lies on the device, `[kv_heads, buckets * T, head_width]` in the graphs' type.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a layer that is not there; `Device` when it cannot be read.
+    pub fn ring_bytes(&self, layer: u32, part: Part) -> Result<Vec<u8>> {
+        let buffer = self.kv.ring(layer as usize, part).ok_or_else(|| {
+            let layers = self.world.manifest().geometry.layers;
+            Error::new(ErrorKind::InvalidArgument, format!("there is no layer {layer}; the world has {layers}"))
+                .field("layer")
+        })?;
+        let mut bytes = vec![0; self.lane.size(buffer)];
+        self.lane.read(buffer, 0, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// The world it runs in.
+    pub fn world(&self) -> &Arc<World> {
+        &self.world
+    }
+
+    /// How it runs.
+    pub fn operating_point(&self) -> &OperatingPoint {
+        &self.point
+    }
+
+    /// Clocks and ring flags, and plans for [`execute`](Self::execute) and [`probe`](Self::probe).
+    pub fn planner(&self) -> &Planner {
+        &self.planner
+    }
+
+    /// Figures since it was made; [`reset`](Self::reset) and [`restore`](Self::restore) do not touch them.
+    pub fn statistics(&self) -> Statistics {
+        Statistics { bytes: self.lane.bytes(), ..self.statistics }
+    }
+
+    /// Makes a plan in the plan that is kept, and executes it.
+    fn with_plan(
+        &mut self,
+        make: impl FnOnce(&Planner, &mut StepPlan) -> Result<()>,
+        execute: impl FnOnce(&mut Self, &StepPlan) -> Result<StepInfo>,
+    ) -> Result<StepInfo> {
+        let mut plan = std::mem::take(&mut self.plan);
+        let result = make(&self.planner, &mut plan).and_then(|()| execute(self, &plan));
+        self.plan = plan;
+        result
+    }
+
+    /// All of a step but what comes before its denoise passes. Nothing that counts is written before every result is there and finite.
+    fn finish(&mut self, plan: &StepPlan, mut run: Run) -> Result<StepInfo> {
+        let lane = &mut *self.lane;
+        self.passes.prepare(lane, plan, [0.0, 0.0])?;
+        let start = Instant::now();
+        self.passes.denoise(lane, plan)?;
+        run.stages.denoise.add(plan.sigmas.len() as u64, start);
+        if plan.cache == CachePass::Separate {
+            let start = Instant::now();
+            self.passes.extra(lane, plan)?;
+            run.stages.cache.add(1, start);
+        }
+        let committed = plan.cache != CachePass::Skip;
+        let start = Instant::now();
+        if !self.passes.finite(lane)? {
+            return Err(device_not_finite(&format!("latent {}", plan.latent)));
+        }
+        if committed && !self.kv.slabs_finite(lane)? {
+            return Err(device_not_finite(&format!("K or V of latent {}", plan.latent)));
+        }
+        run.stages.commit.add(0, start);
+        let start = Instant::now();
+        // Last, because what primes the decoder cannot be undone after this.
+        let side = self.autoencoder.decode(lane, plan.latent, plan.prime)?;
+        run.stages.decode.add(u64::from(plan.prime) + 1, start);
+
+        let start = Instant::now();
+        self.planner.committed(plan)?;
+        let before = lane.bytes().copied;
+        if committed {
+            self.kv.commit(lane, plan.local.slot, plan.global.slot)?;
+        }
+        let ring_bytes = lane.bytes().copied - before;
+        lane.copy(self.latent, self.passes.latent(), &[Region { to: 0, from: 0, len: lane.size(self.latent) }])?;
+        self.autoencoder.commit(side);
+        run.stages.commit.add(u64::from(committed), start);
+        self.forget_host_latent();
+
+        self.statistics.latents += 1;
+        self.statistics.stages.add(&run.stages);
+        self.statistics.ring_bytes += ring_bytes;
+        let bytes = self.lane.bytes() - run.bytes;
+        Ok(StepInfo { latent: plan.latent, committed, stages: run.stages, bytes, ring_bytes })
+    }
+
+    pub(super) fn forget_host_latent(&mut self) {
+        if let Some(latent) = self.host_latent.take() {
+            self.spare_latent.set(latent);
+        }
+    }
+
+    fn check_started(&self) -> Result<()> {
+        if self.planner.latents() > 0 {
+            return Ok(());
+        }
+        Err(Error::new(ErrorKind::InvalidArgument, "there is no latent yet").remedy("Append a picture or step first"))
+    }
+
+    fn check_plan(&self, plan: &StepPlan) -> Result<()> {
+        self.planner.check(plan)?;
+        if plan.sigmas.len() > self.passes.max_passes() {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("{} denoise passes are more than {}", plan.sigmas.len(), self.passes.max_passes()),
+            )
+            .field("plan.sigmas"));
+        }
+        for (name, values) in [("sigmas", &plan.sigmas), ("dsigmas", &plan.dsigmas), ("controls", &plan.controls)] {
+            if values.iter().any(|v| !v.is_finite()) {
+                return Err(not_finite(&format!("plan.{name}")));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_latent(&self, latent: &[f32]) -> Result<()> {
+        let expected = self.world.latent_len();
+        if latent.len() != expected {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("a latent of this world has {expected} numbers, not {}", latent.len()),
+            )
+            .field("latent"));
+        }
+        if latent.iter().any(|v| !v.is_finite()) {
+            return Err(not_finite("latent"));
+        }
+        Ok(())
+    }
+}
+
+impl std::fmt::Debug for Rollout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Rollout(latent {} at {} of {:?})", self.planner.latents(), self.point, self.world)
+    }
+}
+
+/// What one step has cost so far.
+struct Run {
+    stages: Stages,
+    bytes: crate::runtime::Bytes,
+}
+
+impl Run {
+    fn start(rollout: &Rollout) -> Self {
+        Self { stages: Stages::default(), bytes: rollout.lane.bytes() }
+    }
+}
+
+fn not_finite(field: &str) -> Error {
+    Error::new(ErrorKind::InvalidArgument, "a number is not finite").field(field).remedy("Give finite numbers")
+}
+
+pub(super) fn device_not_finite(what: &str) -> Error {
+    Error::new(ErrorKind::Device, format!("{what} came out with a number that is not finite"))
+}

@@ -1,0 +1,181 @@
+//! A rollout's whole state as bytes.
+//!
+//! ```text
+//! 8 bytes   "CairnRol"
+//! u32       version, 1
+//! u32       length of the head
+//! head      JSON: the bundle's digest, precision, operating point and seed
+//! u32       length of the planner's state, and the state
+//! payload   rings (K, V of layer 0, of layer 1, ...), last latent, decoder memories, decoded pictures: the device's
+//!           bytes, sizes as the bundle's geometry has them
+//! 32 bytes  SHA-256 of all before
+//! ```
+//!
+//! All numbers are little-endian. The state of a rollout continues bit for bit on the same kind of device, in any process.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::operating_point::OperatingPoint;
+use super::plan::Planner;
+use super::rollout::Rollout;
+use crate::bundle::Precision;
+use crate::runtime::BufferId;
+use crate::{Error, ErrorKind, Result};
+
+const MAGIC: &[u8; 8] = b"CairnRol";
+const VERSION: u32 = 1;
+const CHECKSUM: usize = 32;
+
+/// What a state belongs to.
+#[derive(Serialize, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+struct Head {
+    bundle: String,
+    precision: String,
+    operating_point: String,
+    seed: u64,
+}
+
+impl Rollout {
+    /// The whole state: rings, clocks, flags, seed, operating point, decoder memories, last latent and its pictures. Waits for the
+    /// device.
+    ///
+    /// # Errors
+    /// `OutOfMemory` when the copy does not fit; `Device` when the device cannot be read.
+    pub fn save(&self) -> Result<Vec<u8>> {
+        let head =
+            serde_json::to_vec(&self.head()).map_err(|e| damaged(&format!("the head cannot be written: {e}")))?;
+        let planner = self.planner.save();
+        let payload: usize = self.state_buffers().map(|buffer| self.lane.size(buffer)).sum();
+        let len = MAGIC.len() + 12 + head.len() + planner.len() + payload + CHECKSUM;
+        let mut out = Vec::new();
+        out.try_reserve_exact(len)
+            .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a state of {len} bytes cannot be allocated")))?;
+        out.extend_from_slice(MAGIC);
+        out.extend_from_slice(&VERSION.to_le_bytes());
+        for part in [&head, &planner] {
+            out.extend_from_slice(&(part.len() as u32).to_le_bytes());
+            out.extend_from_slice(part);
+        }
+        for buffer in self.state_buffers() {
+            let start = out.len();
+            out.resize(start + self.lane.size(buffer), 0);
+            self.lane.read(buffer, 0, &mut out[start..])?;
+        }
+        let checksum = Sha256::digest(&out);
+        out.extend_from_slice(&checksum);
+        Ok(out)
+    }
+
+    /// Takes up a state that [`save`](Self::save) made in a rollout of the same bundle, precision and global window, in this process or
+    /// another. The operating point and the seed become the state's. What follows is, bit for bit, what would have followed
+    /// there.
+    ///
+    /// # Errors
+    /// `Unsupported` for a state of another version; `InvalidState` when it is damaged, belongs to another bundle, precision or global
+    /// window, or holds a number that is not finite. The rollout is unchanged then.
+    pub fn restore(&mut self, state: &[u8]) -> Result<()> {
+        let (head, planner_state, payload) = split(state)?;
+        let head: Head = serde_json::from_slice(head).map_err(|e| damaged(&format!("its head is not valid: {e}")))?;
+        let mine = self.head();
+        for (field, found, expected) in
+            [("bundle", &head.bundle, &mine.bundle), ("precision", &head.precision, &mine.precision)]
+        {
+            if found != expected {
+                return Err(foreign(field, &format!("the state is of {field} {found:?}, this world of {expected:?}")));
+            }
+        }
+        let point: OperatingPoint =
+            head.operating_point.parse().map_err(|e: Error| damaged(&format!("its operating point: {e}")))?;
+        self.world.check_point(&point).map_err(|e| foreign("operating_point", &e.to_string()))?;
+        let mut planner = Planner::new(self.world.manifest(), &point, head.seed)?;
+        planner.restore(planner_state)?;
+        let expected: usize = self.state_buffers().map(|buffer| self.lane.size(buffer)).sum();
+        if payload.len() != expected {
+            return Err(damaged(&format!("it holds {} bytes of memory, this world has {expected}", payload.len())));
+        }
+        if !finite(payload, self.world.precision()) {
+            return Err(damaged("it holds a number that is not finite"));
+        }
+        // Nothing can be wrong with the state any more.
+        let mut rest = payload;
+        let buffers: Vec<_> = self.state_buffers().collect();
+        for buffer in buffers {
+            let (bytes, tail) = rest.split_at(self.lane.size(buffer));
+            self.lane.upload(buffer, 0, bytes)?;
+            rest = tail;
+        }
+        self.planner = planner;
+        self.point = point;
+        self.forget_host_latent();
+        Ok(())
+    }
+
+    fn head(&self) -> Head {
+        Head {
+            bundle: self.world.digest().to_owned(),
+            precision: format!("{:?}", self.world.precision()).to_lowercase(),
+            operating_point: self.point.to_string(),
+            seed: self.planner.seed(),
+        }
+    }
+
+    /// Every buffer that must be kept, in the order of the format.
+    fn state_buffers(&self) -> impl Iterator<Item = BufferId> + '_ {
+        self.kv.rings().chain([self.latent]).chain(self.autoencoder.state())
+    }
+}
+
+/// Checks magic, version, checksum and lengths; gives head, planner's state and payload.
+fn split(state: &[u8]) -> Result<(&[u8], &[u8], &[u8])> {
+    let short = || damaged("it ends too early");
+    let (magic, rest) = state.split_first_chunk::<8>().ok_or_else(short)?;
+    if magic != MAGIC {
+        return Err(damaged("these bytes are no state of a rollout"));
+    }
+    let (version, rest) = rest.split_first_chunk::<4>().ok_or_else(short)?;
+    let version = u32::from_le_bytes(*version);
+    if version != VERSION {
+        return Err(Error::new(
+            ErrorKind::Unsupported,
+            format!("the state has version {version}, this library reads version {VERSION}"),
+        )
+        .field("state.version")
+        .remedy("Use the version of the library that saved it"));
+    }
+    let body = rest.len().checked_sub(CHECKSUM).ok_or_else(short)?;
+    let (rest, checksum) = rest.split_at(body);
+    if Sha256::digest(&state[..state.len() - CHECKSUM]).as_slice() != checksum {
+        return Err(damaged("its checksum is wrong: it was cut short or changed"));
+    }
+    let (head, rest) = take_part(rest).ok_or_else(short)?;
+    let (planner, payload) = take_part(rest).ok_or_else(short)?;
+    Ok((head, planner, payload))
+}
+
+/// A part that is preceded by its length.
+fn take_part(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (len, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(u32::from_le_bytes(*len) as usize)
+}
+
+/// Whether all numbers of `bytes`, which may start at any address, are finite.
+fn finite(bytes: &[u8], precision: Precision) -> bool {
+    match precision {
+        Precision::F32 => bytes.as_chunks::<4>().0.iter().all(|b| f32::from_le_bytes(*b).is_finite()),
+        Precision::F16 => bytes.as_chunks::<2>().0.iter().all(|b| half::f16::from_le_bytes(*b).is_finite()),
+    }
+}
+
+fn damaged(why: &str) -> Error {
+    Error::new(ErrorKind::InvalidState, format!("the saved state cannot be used: {why}"))
+        .field("state")
+        .remedy("Use a state as it was saved")
+}
+
+fn foreign(field: &str, why: &str) -> Error {
+    Error::new(ErrorKind::InvalidState, why.to_owned())
+        .field(format!("state.{field}"))
+        .remedy("Restore into a rollout of the world that saved it")
+}

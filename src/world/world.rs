@@ -1,0 +1,168 @@
+//! A world: a bundle loaded on one device, shared by its rollouts.
+
+use std::sync::Arc;
+
+use super::contract::{self, Shapes};
+use super::operating_point::{OperatingPoint, global_buckets};
+use crate::bundle::{Bundle, GraphKind, Manifest, Precision};
+use crate::runtime::{Device, Graph};
+use crate::{Error, ErrorKind, Result};
+
+/// How a bundle is loaded.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct WorldOptions {
+    /// The global window g in latents: a multiple of the dilation, at most the bundle's `max_window`. `None`: the
+    /// bundle's stock window. It is fixed for all rollouts of the world.
+    pub global_window: Option<u32>,
+    /// What the graphs compute in. `None`: what the device is best at.
+    pub precision: Option<Precision>,
+}
+
+/// A loaded bundle: sessions, weights and geometry.
+///
+/// Threads: may be used from any thread at any time. Its rollouts may run at the same time, each on a thread of its
+/// own; ONNX Runtime then shares the device's threads among them, and no rollout's numbers depend on another.
+pub struct World {
+    device: Device,
+    manifest: Manifest,
+    digest: String,
+    precision: Precision,
+    global_window: u32,
+    pub(super) shapes: Shapes,
+    pub(super) transformer: Arc<Graph>,
+    pub(super) encoder: Arc<Graph>,
+    pub(super) decoder: Arc<Graph>,
+}
+
+impl World {
+    /// Loads `bundle` on `device`: compares the memory it needs with what there is, makes the three sessions and checks
+    /// their tensors against the manifest's geometry. Takes seconds to minutes with real weights. The bundle's bytes are not
+    /// needed afterwards.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a global window the bundle does not serve; `Unsupported` for a precision it does not hold;
+    /// `InvalidBundle` when the graphs contradict the manifest; `Device` when
+    /// ONNX Runtime refuses a graph.
+    pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
+        let manifest = bundle.manifest();
+        let geometry = bundle.geometry();
+        let precision = options.precision.unwrap_or_else(|| device.precision());
+        if !bundle.has(precision) {
+            return Err(Error::new(ErrorKind::Unsupported, format!("the bundle has no {precision:?} graphs"))
+                .field("precision")
+                .remedy("Use another precision, or build the bundle with it"));
+        }
+        let global_window = options.global_window.unwrap_or(geometry.global.window);
+        global_buckets(geometry, global_window)?;
+
+        let shapes = Shapes::new(manifest, global_window);
+        let graph = |kind, what, dimensions: &[(&str, usize)], c: contract::Contract| {
+            device.graph(what, &bundle.model(kind, precision)?, dimensions, c.inputs, c.outputs)
+        };
+        let transformer = graph(
+            GraphKind::Transformer,
+            "transformer",
+            &contract::dimensions(&shapes),
+            contract::transformer(geometry, &shapes, precision),
+        )?;
+        let encoder = graph(GraphKind::Encoder, "encoder", &[], contract::encoder(&shapes, precision))?;
+        let decoder = graph(GraphKind::Decoder, "decoder", &[], contract::decoder(geometry, &shapes, precision))?;
+        Ok(Arc::new(World {
+            device: device.clone(),
+            manifest: manifest.clone(),
+            digest: bundle.digest().to_owned(),
+            precision,
+            global_window,
+            shapes,
+            transformer,
+            encoder,
+            decoder,
+        }))
+    }
+
+    /// Checks that rollouts of this world can run at `point`.
+    pub(super) fn check_point(&self, point: &OperatingPoint) -> Result<()> {
+        point.check_for(&self.manifest.geometry)?;
+        if point.global_window != self.global_window {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("the world was loaded at g{}, not at g{}", self.global_window, point.global_window),
+            )
+            .field("global_window")
+            .remedy("Load the world with the operating point's global window"));
+        }
+        Ok(())
+    }
+
+    /// The device it runs on.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// The bundle's manifest.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The bundle's identity: SHA-256 of its manifest, hexadecimal.
+    pub fn digest(&self) -> &str {
+        &self.digest
+    }
+
+    /// What the graphs compute in.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// The global window g, in latents.
+    pub fn global_window(&self) -> u32 {
+        self.global_window
+    }
+
+    /// Numbers of one latent, `C * h * w`.
+    pub fn latent_len(&self) -> usize {
+        self.shapes.latent_len()
+    }
+
+    /// `(width, height)` of a picture as the autoencoder makes it.
+    pub fn decoded_size(&self) -> (u32, u32) {
+        self.manifest.picture.decoded.into()
+    }
+
+    /// `(width, height)` of a picture in square pixels, as rollouts give it.
+    pub fn render_size(&self) -> (u32, u32) {
+        self.manifest.picture.render.into()
+    }
+
+    /// Bytes K and V of one latent add to all the rings a commit writes: local layers always, global ones when
+    /// `global_too`.
+    pub fn slab_bytes(&self, global_too: bool) -> u64 {
+        let geometry = &self.manifest.geometry;
+        let layers = (0..geometry.layers).filter(|&i| global_too || !geometry.is_global(i)).count();
+        let element = crate::runtime::element_size(self.precision);
+        (layers * 2 * self.shapes.slab_len() * element) as u64
+    }
+
+    /// Bytes of past K and V that the concat of past and present moves inside the transformer in one pass, from its shapes: every
+    /// ring and the current latent of every layer, read and written once.
+    pub fn concat_bytes_per_pass(&self) -> u64 {
+        let geometry = &self.manifest.geometry;
+        let numbers: usize = (0..geometry.layers)
+            .map(|i| 2 * (self.shapes.ring_len(geometry.is_global(i)) + self.shapes.slab_len()))
+            .sum();
+        (numbers * crate::runtime::element_size(self.precision)) as u64
+    }
+}
+
+impl std::fmt::Debug for World {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "World({} g{} {:?} on {})",
+            self.manifest.name,
+            self.global_window,
+            self.precision,
+            self.device.describe()
+        )
+    }
+}

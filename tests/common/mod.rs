@@ -1,0 +1,87 @@
+//! What the tests that run a world have in common. They need ONNX Runtime and the test bundles, which `cargo xtask setup`
+//! makes, and fail without them.
+#![allow(dead_code, unreachable_pub, reason = "each test program uses its part")]
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cairn::bundle::Bundle;
+use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::world::{
+    CacheMode, ControlInput, Key, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
+};
+use cairn::{Picture, Result};
+
+/// ONNX Runtime as the library itself finds it.
+pub fn ort() -> Ort {
+    Ort::find(None).unwrap_or_else(|e| panic!("this test runs a world: {e}"))
+}
+
+/// The test bundle `name`: in the folder `CAIRN_TEST_BUNDLE` where that is set, else the one `cargo xtask setup` keeps
+/// in the user's cache.
+pub fn bundle(name: &str) -> Arc<Bundle> {
+    let path = match std::env::var_os("CAIRN_TEST_BUNDLE").filter(|v| !v.is_empty()) {
+        Some(folder) => PathBuf::from(folder).join(name),
+        None => provision::bundle(name, &provision::Silent)
+            .unwrap_or_else(|e| panic!("this test runs a bundle that `cargo xtask setup` makes: {e}")),
+    };
+    Bundle::open(&path).unwrap_or_else(|e| panic!("{}: {e}; run `cargo xtask setup`", path.display()))
+}
+
+/// Two threads whatever the machine has, so that figures of one run can be compared with another's.
+pub fn device() -> Device {
+    Device::cpu(&ort(), CpuOptions { threads: Some(2), deterministic: true }).expect("a CPU device")
+}
+
+/// The test bundle `name` at its stock window.
+pub fn world(name: &str) -> Arc<World> {
+    World::load(&device(), &bundle(name), WorldOptions::default()).expect("a world")
+}
+
+/// Four passes, one picture per latent, at the world's own window.
+pub fn point(world: &World) -> OperatingPoint {
+    OperatingPoint {
+        global_window: world.global_window(),
+        schedule: Schedule::Stock,
+        cache_mode: CacheMode::Separate,
+        latents_per_second: 15,
+        pictures_per_latent: 1,
+        ..Preset::Decoded60.operating_point()
+    }
+}
+
+/// A rollout with its seed picture appended.
+pub fn seeded(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Rollout {
+    let mut rollout = Rollout::new(world, point, seed).expect("a rollout");
+    rollout.append(&picture(40, 30, 1)).expect("a seed");
+    rollout
+}
+
+/// A picture with structure in every channel.
+pub fn picture(width: u32, height: u32, kind: u32) -> Picture {
+    let mut picture = Picture::new(width, height).expect("a picture");
+    for (i, pixel) in (0u32..).zip(picture.pixels_mut()) {
+        let (x, y) = (i % width, i / width);
+        *pixel = [(x * 255 / width) as u8, (y * 255 / height) as u8, ((x ^ y) * 8 * kind) as u8, 255];
+    }
+    picture
+}
+
+/// Controls that differ from step to step.
+pub fn controls(i: u64) -> ControlInput {
+    let mut keys = KeySet::NONE;
+    keys.insert(Key(65 + (i % 20) as u8));
+    ControlInput::new([i as f32 * 0.5 - 3.0, -(i as f32)], keys, i as f32 - 2.0).expect("controls")
+}
+
+/// Everything a rollout is, as bits: its saved state, its latent and its pictures.
+pub fn fingerprint(rollout: &mut Rollout) -> Result<Vec<u8>> {
+    let mut all = rollout.save()?;
+    all.extend(rollout.latent()?.iter().flat_map(|v| v.to_bits().to_le_bytes()));
+    let mut picture = Picture::new(1, 1)?;
+    for i in 0..rollout.operating_point().pictures_per_latent {
+        rollout.read_picture(i, &mut picture)?;
+        all.extend_from_slice(picture.rgba());
+    }
+    Ok(all)
+}

@@ -1,0 +1,350 @@
+//! Rollouts of a small world: what repeats, what stays, what is refused.
+
+use std::sync::Arc;
+
+use cairn::world::{CacheMode, CachePass, ControlInput, OperatingPoint, Part, Rollout, Schedule, World, WorldOptions};
+use cairn::{ErrorKind, Picture};
+
+mod common;
+use common::{controls, fingerprint, picture, point, seeded, world};
+
+/// K and V of every layer's ring, as bytes, and the planner's clocks and flags.
+fn ring(rollout: &Rollout) -> (Vec<Vec<u8>>, Vec<u8>) {
+    let layers = rollout.world().manifest().geometry.layers;
+    let bytes = (0..layers)
+        .flat_map(|layer| [Part::Keys, Part::Values].map(|part| rollout.ring_bytes(layer, part).expect("a ring")))
+        .collect();
+    (bytes, rollout.planner().save())
+}
+
+fn steps(rollout: &mut Rollout, range: std::ops::Range<u64>) {
+    for i in range {
+        rollout.step(&controls(i)).expect("a step");
+    }
+}
+
+#[test]
+fn the_same_seed_and_controls_give_the_same_bits_and_others_do_not() {
+    let world = world("tiny");
+    let run = |seed, shift| {
+        let mut rollout = seeded(&world, &point(&world), seed);
+        steps(&mut rollout, shift..shift + 5);
+        fingerprint(&mut rollout).expect("bits")
+    };
+    let first = run(7, 0);
+    assert!(first == run(7, 0), "the same again");
+    assert!(first != run(8, 0), "another seed");
+    assert!(first != run(7, 1), "other controls");
+}
+
+#[test]
+fn rollouts_of_one_world_on_threads_of_their_own_do_not_disturb_each_other() {
+    fn send<T: Send>() {}
+    fn send_and_sync<T: Send + Sync>() {}
+    send::<Rollout>();
+    send_and_sync::<World>();
+
+    let world = world("tiny");
+    let run = |world: &Arc<World>, seed| {
+        let mut rollout = seeded(world, &point(world), seed);
+        steps(&mut rollout, 0..6);
+        fingerprint(&mut rollout).expect("bits")
+    };
+    let alone: Vec<_> = (0..3).map(|seed| run(&world, seed)).collect();
+    let together: Vec<_> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..3)
+            .map(|seed| {
+                scope.spawn({
+                    let world = &world;
+                    move || run(world, seed)
+                })
+            })
+            .collect();
+        threads.into_iter().map(|thread| thread.join().expect("a thread")).collect()
+    });
+    assert!(alone == together);
+}
+
+#[test]
+fn a_rollout_may_move_between_threads_midway() {
+    let world = world("tiny");
+    let mut still = seeded(&world, &point(&world), 1);
+    steps(&mut still, 0..4);
+    let mut moved = seeded(&world, &point(&world), 1);
+    steps(&mut moved, 0..2);
+    let mut moved = std::thread::spawn(move || {
+        steps(&mut moved, 2..4);
+        moved
+    })
+    .join()
+    .expect("a thread");
+    assert!(fingerprint(&mut still).expect("bits") == fingerprint(&mut moved).expect("bits"));
+}
+
+#[test]
+fn a_frozen_pass_leaves_every_byte_and_flag_of_the_ring() {
+    let world = world("tiny");
+    let mut rollout = seeded(&world, &point(&world), 3);
+    for i in 0..9 {
+        let before = ring(&rollout);
+        let plan = rollout.planner().plan_step(&controls(i)).expect("a plan");
+        let x = vec![0.25; world.latent_len()];
+        let probe = rollout.probe(&plan, 0.75, &x).expect("a pass");
+        assert!(probe.velocity.iter().any(|v| *v != 0.0));
+        assert_eq!((probe.keys.len(), probe.values.len()), (8, 8));
+        assert!(ring(&rollout) == before, "latent {i}");
+        // A second look is the same, and the step after it is what it would have been.
+        assert_eq!(rollout.probe(&plan, 0.75, &x).expect("a pass"), probe);
+        rollout.step(&controls(i)).expect("a step");
+        assert!(ring(&rollout) != before, "the step itself commits");
+    }
+    let mut unlooked = seeded(&world, &point(&world), 3);
+    steps(&mut unlooked, 0..9);
+    assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut unlooked).expect("bits"));
+}
+
+#[test]
+fn a_commit_writes_its_slot_with_the_slabs_and_nothing_else() {
+    let world = world("tiny");
+    let geometry = world.manifest().geometry.clone();
+    let mut rollout = seeded(&world, &point(&world), 4);
+    // Beyond one wrap of either ring.
+    for i in 0..20 {
+        let plan = rollout.planner().plan_step(&controls(i)).expect("a plan");
+        let (before, _) = ring(&rollout);
+        let info = rollout.execute(&plan).expect("a step");
+        let (after, _) = ring(&rollout);
+        // The cache pass at sigma 0 on the finished latent made what was committed.
+        let latent = rollout.latent().expect("a latent").to_vec();
+        let mut changed = 0;
+        for layer in 0..geometry.layers {
+            let global = geometry.is_global(layer);
+            let (slot, buckets) = if global {
+                (plan.global.slot, plan.global.visible.len())
+            } else {
+                (plan.local.slot, plan.local.visible.len())
+            };
+            let stretch = (geometry.tokens * geometry.head_width * 4) as usize;
+            for part in 0..2 {
+                let index = (2 * layer + part) as usize;
+                let pairs = before[index].chunks_exact(stretch).zip(after[index].chunks_exact(stretch));
+                for (n, (old, new)) in pairs.enumerate() {
+                    if Some(n % buckets) == slot {
+                        assert!(old != new, "latent {i}, layer {layer}: slot {slot:?} is written");
+                        changed += stretch as u64;
+                    } else {
+                        assert!(old == new, "latent {i}, layer {layer}: stretch {n} is left alone");
+                    }
+                }
+            }
+        }
+        assert!(latent.iter().all(|v| v.is_finite()));
+        assert_eq!(info.ring_bytes, changed, "the bytes that are counted are the bytes that changed");
+        assert_eq!(info.ring_bytes, world.slab_bytes(plan.global.slot.is_some()));
+    }
+}
+
+#[test]
+fn the_cache_modes_commit_what_they_say() {
+    let world = world("tiny");
+    let run = |cache_mode, count| {
+        let mut rollout = seeded(&world, &OperatingPoint { cache_mode, ..point(&world) }, 5);
+        let committed: Vec<_> =
+            (0..count).map(|i| rollout.step(&controls(i)).expect("a step")).map(|info| info.committed).collect();
+        (committed, rollout)
+    };
+    let (all, separate) = run(CacheMode::Separate, 4);
+    assert_eq!(all, [true; 4]);
+    assert_eq!(separate.statistics().stages.cache.count, 5, "the seed's and four");
+    let (all, fused) = run(CacheMode::Fused, 4);
+    assert_eq!(all, [true; 4]);
+    assert_eq!(fused.statistics().stages.cache.count, 1, "only the seed has a cache pass");
+    assert!(ring(&fused).0 != ring(&separate).0, "K and V of a noisy latent are others");
+    let (some, every_third) = run(CacheMode::Interval(3), 7);
+    assert_eq!(some, [false, false, true, false, false, true, false]);
+    assert_eq!((every_third.planner().latents(), every_third.planner().ring_clock()), (8, 3));
+
+    // A skipped latent leaves every slot and flag as it was.
+    let mut rollout = seeded(&world, &OperatingPoint { cache_mode: CacheMode::Interval(2), ..point(&world) }, 5);
+    let before = ring(&rollout).0;
+    let info = rollout.step(&controls(0)).expect("a step");
+    assert_eq!((info.committed, info.ring_bytes), (false, 0));
+    assert!(ring(&rollout).0 == before);
+    assert_eq!(rollout.planner().ring_clock(), 1);
+}
+
+#[test]
+fn fused_commits_the_slabs_of_the_last_denoise_pass() {
+    let world = world("tiny");
+    let mut fused = seeded(&world, &OperatingPoint { cache_mode: CacheMode::Fused, ..point(&world) }, 6);
+    let mut separate = seeded(&world, &point(&world), 6);
+    let plan = fused.planner().plan_step(&controls(0)).expect("a plan");
+    assert_eq!(plan.cache, CachePass::Fused);
+    fused.step(&controls(0)).expect("a step");
+    separate.step(&controls(0)).expect("a step");
+    // The latent itself does not depend on how it is cached.
+    assert_eq!(fused.latent().expect("a latent"), separate.latent().expect("a latent"));
+    // One pass less of denoising, probed at the last level, has the K and V that were committed.
+    let (sigma, dsigma) = (plan.sigmas[3], plan.dsigmas[3]);
+    let mut shorter = seeded(&world, &point(&world), 6);
+    let mut cut = plan.clone();
+    cut.sigmas.truncate(3);
+    cut.dsigmas.truncate(3);
+    cut.cache = CachePass::Skip;
+    (cut.local.slot, cut.global.slot) = (None, None);
+    shorter.execute(&cut).expect("a step");
+    let before_last = shorter.latent().expect("a latent").to_vec();
+    let probe = seeded(&world, &point(&world), 6).probe(&plan, sigma, &before_last).expect("a pass");
+    let x = before_last.iter().zip(&probe.velocity).map(|(x, v)| x + dsigma * v);
+    let furthest = x.zip(fused.latent().expect("a latent")).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(furthest < 1e-4, "the last pass is the one that was probed: {furthest}");
+    let slot = plan.local.slot.expect("local layers take every latent");
+    let stretch = (world.manifest().geometry.tokens * world.manifest().geometry.head_width) as usize;
+    let ring: Vec<f32> = fused
+        .ring_bytes(0, Part::Keys)
+        .expect("a ring")
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|b| f32::from_le_bytes(*b))
+        .collect();
+    let buckets = plan.local.visible.len();
+    for (head, keys) in probe.keys[0].chunks_exact(stretch).enumerate() {
+        assert_eq!(keys, &ring[(head * buckets + slot) * stretch..][..stretch], "head {head}");
+    }
+}
+
+#[test]
+fn a_picture_may_be_appended_at_any_time_and_is_committed_in_every_mode() {
+    let world = world("tiny");
+    for cache_mode in [CacheMode::Separate, CacheMode::Fused, CacheMode::Interval(100)] {
+        let mut rollout = seeded(&world, &OperatingPoint { cache_mode, ..point(&world) }, 9);
+        steps(&mut rollout, 0..3);
+        let before = rollout.planner().ring_clock();
+        let info = rollout.append(&picture(301, 77, 3)).expect("an append");
+        assert!(info.committed && info.stages.encode.count == 1 && info.stages.denoise.count == 0);
+        assert_eq!((info.latent, rollout.planner().ring_clock()), (4, before + 1));
+        // What was appended is the encoder's latent, and it can be appended as such.
+        let encoded = rollout.encode(&picture(301, 77, 3)).expect("a latent");
+        assert_eq!(rollout.latent().expect("a latent"), encoded);
+        let mut other = seeded(&world, &OperatingPoint { cache_mode, ..point(&world) }, 9);
+        steps(&mut other, 0..3);
+        other.append_latent(&encoded).expect("an append");
+        assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut other).expect("bits"));
+        steps(&mut rollout, 3..5);
+    }
+}
+
+#[test]
+fn every_window_that_divides_by_the_dilation_runs_and_a_wider_one_remembers_more() {
+    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let latent_at = |g| {
+        let options = WorldOptions { global_window: Some(g), ..Default::default() };
+        let world = World::load(&device, &bundle, options).expect("a world");
+        let mut rollout = seeded(&world, &point(&world), 2);
+        steps(&mut rollout, 0..12);
+        rollout.latent().expect("a latent").to_vec()
+    };
+    let (narrow, stock, wide) = (latent_at(4), latent_at(16), latent_at(64));
+    assert!(narrow != stock, "g4 has forgotten what g16 still sees");
+    assert_eq!(stock.len(), wide.len());
+    for g in [0, 3, 18, 68] {
+        let options = WorldOptions { global_window: Some(g), ..Default::default() };
+        let error = World::load(&device, &bundle, options).expect_err("no such window");
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument, "g{g}: {error}");
+    }
+}
+
+#[test]
+fn one_two_or_four_pictures_of_a_latent_are_the_last_the_second_and_last_or_all() {
+    let world = world("tiny");
+    let read = |pictures_per_latent| {
+        let mut rollout = seeded(&world, &OperatingPoint { pictures_per_latent, ..point(&world) }, 5);
+        steps(&mut rollout, 0..2);
+        let pictures: Vec<_> = (0..pictures_per_latent)
+            .map(|i| {
+                let mut picture = Picture::new(1, 1).expect("a picture");
+                rollout.read_picture(i, &mut picture).expect("a picture");
+                assert_eq!(picture.size(), world.render_size());
+                picture.rgba().to_vec()
+            })
+            .collect();
+        let error =
+            rollout.read_picture(pictures_per_latent, &mut Picture::new(1, 1).unwrap()).expect_err("one too far");
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        pictures
+    };
+    let all = read(4);
+    assert!(all[0] != all[3]);
+    assert!(read(2) == [all[1].clone(), all[3].clone()]);
+    assert!(read(1) == [all[3].clone()]);
+}
+
+#[test]
+fn the_first_decode_after_a_reset_is_primed_and_no_other() {
+    let world = world("tiny");
+    let mut rollout = seeded(&world, &point(&world), 5);
+    assert_eq!(rollout.statistics().stages.decode.count, 4);
+    let first = fingerprint(&mut rollout).expect("bits");
+    steps(&mut rollout, 0..2);
+    assert_eq!(rollout.statistics().stages.decode.count, 6);
+    rollout.reset().expect("a reset");
+    assert!(rollout.decoder_memories().expect("memories").iter().flatten().all(|v| *v == 0.0));
+    assert_eq!(rollout.latent().expect_err("nothing there").kind(), ErrorKind::InvalidArgument);
+    rollout.append(&picture(40, 30, 1)).expect("a seed");
+    assert_eq!(rollout.statistics().stages.decode.count, 10);
+    assert!(fingerprint(&mut rollout).expect("bits") == first, "a reset rollout is a new one");
+
+    // Without priming the pictures differ; the latent does not.
+    let mut plan = Rollout::new(&world, &point(&world), 5).expect("a rollout").planner().plan_append().expect("a plan");
+    let latent = rollout.latent().expect("a latent").to_vec();
+    plan.prime = 0;
+    let mut unprimed = Rollout::new(&world, &point(&world), 5).expect("a rollout");
+    unprimed.execute_append(&plan, &latent).expect("an append");
+    assert!(unprimed.decoded().expect("pictures") != rollout.decoded().expect("pictures"));
+}
+
+#[test]
+fn schedules_of_any_length_end_in_the_same_buffer() {
+    let world = world("tiny");
+    for points in [vec![1.0, 0.0], vec![1.0, 0.5, 0.0], vec![1.0, 0.9, 0.5, 0.0]] {
+        let passes = points.len() as u64 - 1;
+        let mut rollout = seeded(&world, &OperatingPoint { schedule: Schedule::Explicit(points), ..point(&world) }, 5);
+        let plan = rollout.planner().plan_step(&ControlInput::IDLE).expect("a plan");
+        // The same Euler steps, by hand.
+        let mut x = vec![0.0; world.latent_len()];
+        plan.noise.expect("noise").fill(&mut x);
+        for (&sigma, &dsigma) in plan.sigmas.iter().zip(&plan.dsigmas) {
+            let probe = rollout.probe(&plan, sigma, &x).expect("a pass");
+            x.iter_mut().zip(&probe.velocity).for_each(|(x, v)| *x += dsigma * v);
+        }
+        let info = rollout.step(&ControlInput::IDLE).expect("a step");
+        assert_eq!(info.stages.denoise.count, passes);
+        let norm = x.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
+        let latent = rollout.latent().expect("a latent");
+        let error = x.iter().zip(latent).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt();
+        assert!(error < 1e-5 * norm, "{passes} passes: {error} of {norm}");
+    }
+}
+
+#[test]
+fn the_halves_of_a_bundle_agree() {
+    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let load = |precision| {
+        World::load(&device, &bundle, WorldOptions { precision: Some(precision), ..Default::default() })
+            .expect("a world")
+    };
+    let (single, half) = (load(cairn::bundle::Precision::F32), load(cairn::bundle::Precision::F16));
+    let (mut a, mut b) = (seeded(&single, &point(&single), 1), seeded(&half, &point(&half), 1));
+    let latent = a.latent().expect("a latent").to_vec();
+    let distance = |a: &[f32], b: &[f32]| {
+        let norm: f64 = a.iter().map(|v| f64::from(*v).powi(2)).sum();
+        (a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / norm).sqrt()
+    };
+    assert!(distance(&latent, b.latent().expect("a latent")) < 1e-2);
+    let plan = a.planner().plan_step(&controls(1)).expect("a plan");
+    let (v, w) = (a.probe(&plan, 0.9, &latent).expect("a pass"), b.probe(&plan, 0.9, &latent).expect("a pass"));
+    assert!(distance(&v.velocity, &w.velocity) < 1e-2, "{}", distance(&v.velocity, &w.velocity));
+    assert_eq!(b.ring_bytes(0, Part::Keys).unwrap().len() * 2, a.ring_bytes(0, Part::Keys).unwrap().len());
+    b.step(&controls(1)).expect("a step");
+}

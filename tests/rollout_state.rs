@@ -1,0 +1,172 @@
+//! Saved states: they continue bit for bit, here and in another process, and whatever is not such a state is refused.
+
+use std::process::Command;
+
+use cairn::ErrorKind;
+use cairn::world::{OperatingPoint, Rollout, World, WorldOptions};
+use sha2::{Digest, Sha256};
+
+mod common;
+use common::{controls, fingerprint, picture, point, seeded, world};
+
+const LATENTS: u64 = 18;
+
+/// The rest of the run after `from` latents, as bits.
+fn rest(rollout: &mut Rollout, from: u64) -> Vec<u8> {
+    let mut bits = fingerprint(rollout).expect("bits");
+    for i in from..LATENTS {
+        rollout.step(&controls(i)).expect("a step");
+        bits.extend(rollout.latent().expect("a latent").iter().flat_map(|v| v.to_bits().to_le_bytes()));
+    }
+    bits.extend(fingerprint(rollout).expect("bits"));
+    bits
+}
+
+#[test]
+fn a_restored_rollout_continues_bit_for_bit() {
+    let world = world("tiny");
+    let mut rollout = seeded(&world, &point(&world), 11);
+    let mut states = vec![(0, rollout.save().expect("a state"))];
+    for i in 0..LATENTS {
+        rollout.step(&controls(i)).expect("a step");
+        // On and off a global layer's write step, before and after both rings wrap.
+        if [0, 1, 3, 4, 15, 16].contains(&i) {
+            states.push((i + 1, rollout.save().expect("a state")));
+        }
+    }
+    let end = fingerprint(&mut rollout).expect("bits");
+    // A rollout with another seed, another point and a past of its own takes all of it over.
+    let mut other = seeded(&world, &OperatingPoint { pictures_per_latent: 4, ..point(&world) }, 99);
+    for (from, state) in states {
+        other.append(&picture(9, 9, 2)).expect("an append");
+        other.restore(&state).expect("a state");
+        assert!(other.save().expect("a state") == state, "what was restored is what was saved");
+        for i in from..LATENTS {
+            other.step(&controls(i)).expect("a step");
+        }
+        assert!(fingerprint(&mut other).expect("bits") == end, "from latent {from}");
+    }
+}
+
+#[test]
+fn a_state_before_the_first_latent_is_a_state() {
+    let world = world("tiny");
+    let state = Rollout::new(&world, &point(&world), 11).expect("a rollout").save().expect("a state");
+    let mut other = seeded(&world, &point(&world), 12);
+    other.restore(&state).expect("a state");
+    assert_eq!(other.latent().expect_err("nothing there").kind(), ErrorKind::InvalidArgument);
+    other.append(&picture(40, 30, 1)).expect("a seed");
+    assert!(fingerprint(&mut other).unwrap() == fingerprint(&mut seeded(&world, &point(&world), 11)).unwrap());
+}
+
+/// This test is its own second process: it starts itself with a state to continue.
+#[test]
+fn a_state_continues_bit_for_bit_in_another_process() {
+    const VARIABLE: &str = "CAIRN_TEST_STATE";
+    let world = world("tiny");
+    if let Some(path) = std::env::var_os(VARIABLE) {
+        let mut rollout = Rollout::new(&world, &point(&world), 0).expect("a rollout");
+        rollout.restore(&std::fs::read(&path).expect("the state")).expect("a state");
+        let bits = rest(&mut rollout, 6);
+        std::fs::write(&path, Sha256::digest(&bits)).expect("a file");
+        return;
+    }
+    let mut rollout = seeded(&world, &point(&world), 21);
+    for i in 0..6 {
+        rollout.step(&controls(i)).expect("a step");
+    }
+    let path = std::env::temp_dir().join(format!("cairn-state-{}", std::process::id()));
+    std::fs::write(&path, rollout.save().expect("a state")).expect("a file");
+    let child = Command::new(std::env::current_exe().expect("this program"))
+        .args(["--exact", "a_state_continues_bit_for_bit_in_another_process"])
+        .env(VARIABLE, &path)
+        .output()
+        .expect("a second process");
+    let answer = std::fs::read(&path).expect("the answer");
+    std::fs::remove_file(&path).expect("the file is removed");
+    assert!(child.status.success(), "{}", String::from_utf8_lossy(&child.stdout));
+    assert_eq!(answer, Sha256::digest(rest(&mut rollout, 6)).as_slice());
+}
+
+/// `state` with a checksum that fits.
+fn sealed(mut state: Vec<u8>) -> Vec<u8> {
+    let body = state.len() - 32;
+    let checksum = Sha256::digest(&state[..body]);
+    state[body..].copy_from_slice(&checksum);
+    state
+}
+
+#[test]
+fn damaged_states_are_refused_and_leave_the_rollout_alone() {
+    let world = world("tiny");
+    let mut rollout = seeded(&world, &point(&world), 1);
+    rollout.step(&controls(0)).expect("a step");
+    let state = rollout.save().expect("a state");
+    rollout.step(&controls(1)).expect("a step");
+    let before = fingerprint(&mut rollout).expect("bits");
+    let mut refused = |bytes: &[u8], what: &str| {
+        let error = rollout.restore(bytes).expect_err(what);
+        assert!(matches!(error.kind(), ErrorKind::InvalidState | ErrorKind::Unsupported), "{what}: {error}");
+        assert!(error.offending_field().is_some_and(|field| field.starts_with("state")), "{what}: {error}");
+        error
+    };
+    for len in (0..400).chain([state.len() / 2, state.len() - 33, state.len() - 32, state.len() - 1]) {
+        refused(&state[..len], "cut short");
+    }
+    refused(&[&state[..], &[0]].concat(), "too long");
+    // The head, the planner's state and places in the memory, bit by bit.
+    for at in (0..600).chain((600..state.len()).step_by(state.len() / 37)) {
+        let mut flipped = state.clone();
+        flipped[at] ^= 1 << (at % 8);
+        refused(&flipped, "a flipped bit");
+    }
+    // With a checksum that fits, the contents are judged.
+    let mut newer = state.clone();
+    newer[8] = 2;
+    assert_eq!(refused(&sealed(newer), "a newer version").kind(), ErrorKind::Unsupported);
+    for len in [u32::MAX, state.len() as u32, 0, 1] {
+        let mut wrong = state.clone();
+        wrong[12..16].copy_from_slice(&len.to_le_bytes());
+        refused(&sealed(wrong), "a wrong length");
+    }
+    let middle = state.len() / 2 & !3;
+    let mut poisoned = state.clone();
+    // Every alignment of the number is covered by eight bytes.
+    poisoned[middle..middle + 8].fill(0xff);
+    assert!(refused(&sealed(poisoned), "a NaN").to_string().contains("not finite"));
+    refused(&sealed(state[..state.len() - 4].to_vec()), "four bytes less");
+    refused(&sealed([&state[..], &[0; 4]].concat()), "four bytes more");
+    // A head that is no JSON, and one with members this version does not know.
+    let head_len = u32::from_le_bytes(state[12..16].try_into().unwrap()) as usize;
+    let head = String::from_utf8(state[16..16 + head_len].to_vec()).expect("JSON");
+    for wrong in [
+        "{}".to_owned(),
+        "[".repeat(100_000),
+        head.replacen('{', "{\"extra\":1,", 1),
+        head.replace("separate", "thrice"),
+    ] {
+        let bytes =
+            [&state[..12], &(wrong.len() as u32).to_le_bytes(), wrong.as_bytes(), &state[16 + head_len..]].concat();
+        refused(&sealed(bytes), "a wrong head");
+    }
+    assert!(fingerprint(&mut rollout).expect("bits") == before);
+    rollout.restore(&state).expect("the state itself is well");
+}
+
+#[test]
+fn states_of_another_world_are_refused() {
+    let tiny = world("tiny");
+    let mut rollout = seeded(&tiny, &point(&tiny), 1);
+    let before = fingerprint(&mut rollout).expect("bits");
+    let window = world("window");
+    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let load = |options| World::load(&device, &bundle, options).expect("a world");
+    let wider = load(WorldOptions { global_window: Some(32), ..Default::default() });
+    let half = load(WorldOptions { precision: Some(cairn::bundle::Precision::F16), ..Default::default() });
+    for (other, field) in [(window, "state.bundle"), (wider, "state.operating_point"), (half, "state.precision")] {
+        let state = seeded(&other, &point(&other), 1).save().expect("a state");
+        let error = rollout.restore(&state).expect_err("foreign");
+        assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidState, Some(field)), "{error}");
+    }
+    assert!(fingerprint(&mut rollout).expect("bits") == before);
+}
