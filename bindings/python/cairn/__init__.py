@@ -1,0 +1,1 @@
+"""Cairn from Python. `cairn.build` makes world bundles."""

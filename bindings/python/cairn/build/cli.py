@@ -1,0 +1,240 @@
+"""The command line: `python -m cairn.build`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from . import archive, table
+from .checkpoint import open_checkpoint
+from .errors import BuildError
+from .geometry import PRESETS, Geometry
+from .manifest import Licence
+from .random_weights import RandomWeights
+from .writer import build_bundle
+
+HELP = """\
+Makes world bundles for Cairn: a manifest, ONNX graphs, weights and checksums (docs/bundle.md).
+
+A bundle is a folder, or one file with the suffix .cairn: name the output so, and it is packed.
+
+examples:
+  python -m cairn.build random --preset demo --seed 1 --out worlds/demo
+  python -m cairn.build random --preset tiny --width 128 --heads 4 --out worlds/wider
+  python -m cairn.build checkpoint ~/Waypoint-1.5-1B --out worlds/waypoint.cairn
+  python -m cairn.build describe --preset 720p
+  python -m cairn.build describe worlds/demo
+  python -m cairn.build pack worlds/demo --out worlds/demo.cairn
+"""
+
+CHECKPOINT_HELP = """\
+Reads a Waypoint-1.5 checkpoint as it is released:
+
+  model.safetensors     or model.safetensors.index.json with its shards; float32, float16 or bfloat16
+  config.yaml           shapes and rates
+  taehv1_5.pth          the autoencoder, or taehv1_5.safetensors; elsewhere: --autoencoder
+
+Every tensor must be known, present and of the right shape. Names are the released ones, or the engine's own after loading:
+blocks without "transformer.", "mlp" for "dit_mlp", "cond_head" for the two half heads, "ctrl_mlpfusion.mlp.fc1" for
+fc1_x beside fc1_c, "attn.qkv_proj" for q, k and v. The file of the autoencoder is read without torch, and nothing in
+it is run.
+"""
+
+RANDOM_HELP = """\
+Random weights make a world that runs like a trained one and shows no world. The same seed and shapes give the same
+bytes on every machine.
+
+presets:
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands and their options."""
+    raw = argparse.RawDescriptionHelpFormatter
+    top = argparse.ArgumentParser(prog="python -m cairn.build", description=HELP, formatter_class=raw)
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    checkpoint = commands.add_parser("checkpoint", help="from a checkpoint directory", description=CHECKPOINT_HELP, formatter_class=raw)
+    checkpoint.add_argument("directory", type=Path, help="where model.safetensors and config.yaml are")
+    checkpoint.add_argument("--autoencoder", type=Path, help="the autoencoder's file, where it is not in the directory")
+    checkpoint.add_argument("--max-window", type=int, default=512, help="the largest global window to declare (512)")
+    checkpoint.add_argument(
+        "--rounding",
+        choices=["bf16", "none"],
+        default="bf16",
+        help="noise levels and their Fourier frequencies: rounded to bfloat16 as the released engine runs (the default), or exact",
+    )
+    checkpoint.add_argument("--name", help="shown to people; the directory's name unless given")
+    checkpoint.add_argument("--licence", default="Apache-2.0", help="SPDX expression of the weights (Apache-2.0)")
+    checkpoint.add_argument("--licence-file", type=Path, help="its text; LICENSE in the directory unless given")
+    _output(checkpoint)
+
+    presets = "".join(f"  {name:8} {what}\n" for name, (what, _) in PRESETS.items())
+    random = commands.add_parser("random", help="with seeded random weights", description=RANDOM_HELP + presets, formatter_class=raw)
+    _geometry(random)
+    random.add_argument("--seed", type=int, default=1, help="0 to 2^64 - 1 (1)")
+    random.add_argument("--name", help="shown to people")
+    _output(random)
+
+    describe = commands.add_parser("describe", help="table of sizes of a bundle or of shapes", formatter_class=raw)
+    describe.add_argument("bundle", type=Path, nargs="?", help="a folder or a .cairn file; else give shapes")
+    _geometry(describe)
+
+    pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
+    pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
+    pack.add_argument("--out", type=Path, required=True, help="what to write")
+    pack.add_argument("--replace", action="store_true", help="replace what is there")
+    return top
+
+
+def _output(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
+    command.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
+    command.add_argument("--precision", choices=["f32", "both"], default="both", help="graphs to write (both)")
+    command.add_argument("--quiet", action="store_true", help="no progress and no table")
+
+
+_SHAPES = {
+    "layers": "transformer blocks",
+    "width": "model width",
+    "heads": "query heads",
+    "kv_heads": "key/value heads",
+    "mlp_ratio": "hidden width of the MLP over the width",
+    "latent_channels": "channels of a latent",
+    "latent_height": "rows of a latent",
+    "latent_width": "columns of a latent",
+    "local_window": "latents a local layer remembers",
+    "global_window": "stock global window, in latents",
+    "global_dilation": "a global layer remembers every n-th latent",
+    "global_max_window": "largest global window declared",
+    "global_period": "one layer in so many is global",
+    "control_period": "one layer in so many sees the controls",
+    "encoder_width": "channels inside the encoder",
+}
+
+
+def _geometry(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--preset", choices=list(PRESETS), help="shapes to start from (tiny)")
+    shapes = command.add_argument_group("shapes", "each changes one number of the preset")
+    for name, meaning in _SHAPES.items():
+        shapes.add_argument("--" + name.replace("_", "-"), type=int, help=meaning)
+    shapes.add_argument("--patch", type=int, nargs=2, metavar=("ROWS", "COLUMNS"), help="latent cells per token")
+    shapes.add_argument("--decoder-widths", type=int, nargs=4, metavar="N", help="channels of the decoder's stages")
+    shapes.add_argument("--render", type=int, nargs=2, metavar=("WIDTH", "HEIGHT"), help="square-pixel size of a picture")
+
+
+def chosen_geometry(options: argparse.Namespace) -> Geometry:
+    """The preset with the changes asked for."""
+    base = PRESETS[options.preset or "tiny"][1]
+    changes = {n: v for n in _SHAPES if (v := getattr(options, n)) is not None}
+    changes |= {n: tuple(v) for n in ("patch", "decoder_widths", "render") if (v := getattr(options, n)) is not None}
+    if "render" not in changes and {"latent_height", "latent_width"} & changes.keys():
+        changes["render"] = (0, 0)
+    return base.with_(**changes)
+
+
+class Printer:
+    """Progress on standard error: rewritten in place on a terminal, a line at most every two seconds elsewhere."""
+
+    def __init__(self, quiet: bool):
+        self.quiet = quiet
+        self.live = sys.stderr.isatty()
+        self.last = 0.0
+        self.started = time.monotonic()
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        finished = done >= total
+        if self.quiet or not (finished or now - self.last >= (0.1 if self.live else 2.0)):
+            return
+        self.last = now
+        share = 100 * done / total if total else 100
+        left = (now - self.started) * (total - done) / done if done else 0
+        line = f"{share:5.1f} %  {done / 2**20:8.1f} of {total / 2**20:.1f} MiB  {left:4.0f} s left  {what}"
+        print(f"\r{line[:118]:<118}" if self.live else line, end="" if self.live else "\n", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Ends the live line."""
+        if self.live and not self.quiet:
+            print(file=sys.stderr)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs one command; 0 when it worked, 2 with a message on standard error when it did not."""
+    options = parser().parse_args(arguments)
+    try:
+        return _COMMANDS[options.command](options)
+    except BuildError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {error.filename or 'file system'}: {error.strerror or error}. Check the path and the space left.", file=sys.stderr)
+        return 2
+
+
+def _build(options: argparse.Namespace, geometry: Geometry, source, **facts) -> int:
+    progress = Printer(options.quiet)
+    precisions = ("f32",) if options.precision == "f32" else ("f32", "f16")
+    build_bundle(
+        geometry, source, options.out, precisions=precisions, progress=progress, replace=options.replace, **facts
+    )
+    progress.close()
+    if not options.quiet:
+        print(table.describe(geometry))
+        print(f"\nwrote {options.out}")
+    return 0
+
+
+def _checkpoint(options: argparse.Namespace) -> int:
+    found = open_checkpoint(options.directory, options.autoencoder, options.max_window)
+    licence_file = options.licence_file or options.directory / "LICENSE"
+    if options.licence_file is not None or licence_file.is_file():
+        licence = Licence.read(options.licence, licence_file)
+    else:
+        licence = Licence(options.licence)
+    return _build(
+        options,
+        found.geometry,
+        found,
+        name=options.name or options.directory.resolve().name[:100],
+        provenance={**found.provenance, "rounding": options.rounding},
+        licence=licence,
+        sigma_rounding=options.rounding,
+        fourier_rounding=options.rounding,
+    )
+
+
+def _random(options: argparse.Namespace) -> int:
+    if not 0 <= options.seed < 1 << 64:
+        raise BuildError(f"{options.seed} is outside 0 .. 2^64 - 1", field="--seed", remedy="Choose a seed in that range.")
+    geometry = chosen_geometry(options)
+    return _build(
+        options,
+        geometry,
+        RandomWeights(geometry, options.seed),
+        name=options.name or f"Random {options.preset or 'tiny'} world, seed {options.seed}",
+        provenance={"tool": "cairn.build", "weights": "random: they show no trained world", "seed": str(options.seed)},
+        licence=Licence("CC0-1.0"),
+    )
+
+
+def _describe(options: argparse.Namespace) -> int:
+    if options.bundle is not None:
+        print(table.describe(archive.read_geometry(options.bundle)))
+    else:
+        print(table.describe(chosen_geometry(options)))
+    return 0
+
+
+def _pack(options: argparse.Namespace) -> int:
+    if options.bundle.is_dir():
+        archive.pack(options.bundle, options.out, options.replace)
+    else:
+        archive.unpack(options.bundle, options.out, options.replace)
+    print(f"wrote {options.out}")
+    return 0
+
+
+_COMMANDS = {"checkpoint": _checkpoint, "random": _random, "describe": _describe, "pack": _pack}

@@ -1,0 +1,118 @@
+"""`config.yaml` of a checkpoint: shapes and rates, and which variants of the model it asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from .errors import BuildError
+from .geometry import AUTOENCODER_TEMPORAL, Geometry
+
+# What this builder's graph is; a checkpoint that says otherwise is of another model.
+_FIXED = {
+    "model_type": "waypoint-1.5",
+    "rope_impl": "ortho",
+    "noise_conditioning": "wan",
+    "value_residual": True,
+    "gated_attn": False,
+    "moe": False,
+    "prompt_conditioning": None,
+    "ctrl_conditioning": True,
+    "taehv_ae": True,
+    "causal": True,
+    "temporal_compression": AUTOENCODER_TEMPORAL,
+    "n_buttons": 256,
+}
+_REQUIRED = (
+    "model_type n_layers n_heads n_kv_heads d_model mlp_ratio channels tokens_per_frame height width patch local_window "
+    "global_window global_pinned_dilation global_attn_period global_attn_offset ctrl_conditioning_period scheduler_sigmas "
+    "base_fps inference_fps temporal_compression"
+).split()
+_LIMIT = 1 << 20
+
+
+def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
+    """The shapes of the checkpoint; `autoencoder` gives the widths of its autoencoder, which the file does not name."""
+    if not path.is_file():
+        raise BuildError("it is missing", field=str(path), remedy="Fetch the checkpoint's config.yaml.")
+    if path.stat().st_size > _LIMIT:
+        raise BuildError("it is longer than 1 MiB", field=str(path), remedy="Fetch the checkpoint's config.yaml.")
+    try:
+        config = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise BuildError(f"it is no YAML ({error})", field=str(path), remedy="Fetch it again.") from error
+    if not isinstance(config, dict):
+        raise BuildError("it is no mapping", field=str(path), remedy="Fetch it again.")
+    missing = [name for name in _REQUIRED if name not in config]
+    if missing:
+        raise BuildError("config.yaml does not name it", field=missing[0], remedy="Fetch it again.")
+    for name, wanted in _FIXED.items():
+        if name in config and (config[name] != wanted or isinstance(config[name], bool) != isinstance(wanted, bool)):
+            raise BuildError(
+                f"{config[name]!r} is another model, {wanted!r} is what is read",
+                field=f"config.yaml: {name}",
+                remedy="Only Waypoint-1.5 checkpoints can become bundles.",
+            )
+    return _geometry(config, max_window, autoencoder)
+
+
+def _geometry(config: dict, max_window: int, autoencoder: dict) -> Geometry:
+    patch = _numbers(config, "patch", 2, int)
+    rows, columns = _number(config, "height"), _number(config, "width")
+    if _number(config, "tokens_per_frame") != rows * columns:
+        raise BuildError(
+            f"{config['tokens_per_frame']} is not height * width, {rows} * {columns}",
+            field="config.yaml: tokens_per_frame",
+            remedy="Fetch config.yaml again.",
+        )
+    latents, rest = divmod(_number(config, "inference_fps"), AUTOENCODER_TEMPORAL)
+    if rest or latents == 0 or _number(config, "base_fps") % latents:
+        raise BuildError(
+            f"{config['inference_fps']} pictures per second do not divide into latents of {AUTOENCODER_TEMPORAL}, nor these into base_fps",
+            field="config.yaml: inference_fps",
+            remedy="Fetch config.yaml again.",
+        )
+    geometry = Geometry(
+        layers=_number(config, "n_layers"),
+        width=_number(config, "d_model"),
+        heads=_number(config, "n_heads"),
+        kv_heads=_number(config, "n_kv_heads"),
+        latent_channels=_number(config, "channels"),
+        latent_height=rows * patch[0],
+        latent_width=columns * patch[1],
+        patch=patch,
+        mlp_ratio=_number(config, "mlp_ratio"),
+        local_window=_number(config, "local_window"),
+        global_window=_number(config, "global_window"),
+        global_dilation=_number(config, "global_pinned_dilation"),
+        global_max_window=max_window,
+        global_period=_number(config, "global_attn_period"),
+        global_offset=_number(config, "global_attn_offset"),
+        control_period=_number(config, "ctrl_conditioning_period"),
+        nyquist_fraction=_number(config, "rope_nyquist_frac", float, 0.8),
+        time_base=_number(config, "rope_theta", float, 10000.0),
+        latents_per_second=latents,
+        time_multiplier=config["base_fps"] // latents,
+        schedule=_numbers(config, "scheduler_sigmas", None, float),
+        **autoencoder,
+    )
+    conv = config.get("conv_kw")
+    if isinstance(conv, dict) and any(list(conv.get(k, patch)) != list(patch) for k in ("kernel_size", "stride")):
+        raise BuildError(f"{conv!r} is not the patch {list(patch)}", field="config.yaml: conv_kw", remedy="Fetch it again.")
+    return geometry
+
+
+def _number(config: dict, name: str, kind: type = int, default=None):
+    value = config.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, (int, kind)):
+        raise BuildError(f"{value!r} is no number of the right kind", field=f"config.yaml: {name}", remedy="Fetch it again.")
+    return kind(value)
+
+
+def _numbers(config: dict, name: str, count: int | None, kind: type) -> tuple:
+    value = config[name]
+    good = isinstance(value, list) and all(isinstance(v, (int, kind)) and not isinstance(v, bool) for v in value)
+    if not good or (count is not None and len(value) != count):
+        raise BuildError(f"{value!r} is no list of numbers", field=f"config.yaml: {name}", remedy="Fetch it again.")
+    return tuple(kind(v) for v in value)

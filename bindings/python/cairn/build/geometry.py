@@ -1,0 +1,235 @@
+"""Shapes of a world: `docs/bundle.md`, section 3, with its arithmetic checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from .errors import BuildError
+
+# The noise conditioner's Fourier features and hidden width are constants of the architecture, not of the geometry.
+FOURIER_WIDTH = 512
+CONDITIONER_RATIO = 4
+# Three blocks of three memory layers in the decoder, each halving once in space; pixel shuffle adds another factor.
+AUTOENCODER_PATCH = 2
+AUTOENCODER_STRIDE = 8
+AUTOENCODER_TEMPORAL = 4
+STAGES = 3
+MEMORIES_PER_STAGE = 3
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Everything that fixes the shapes of one world. Sizes are in the units of `docs/bundle.md`."""
+
+    layers: int
+    width: int
+    heads: int
+    kv_heads: int
+    latent_channels: int
+    latent_height: int
+    latent_width: int
+    patch: tuple[int, int] = (2, 2)
+    mlp_ratio: int = 4
+    local_window: int = 16
+    global_window: int = 128
+    global_dilation: int = 8
+    global_max_window: int = 512
+    global_period: int = 4
+    global_offset: int = -1
+    control_period: int = 3
+    nyquist_fraction: float = 0.8
+    time_base: float = 10000.0
+    buttons: int = 256
+    latents_per_second: int = 15
+    time_multiplier: int = 1
+    schedule: tuple[float, ...] = (1.0, 0.9, 0.75, 0.3, 0.0)
+    encoder_width: int = 64
+    decoder_widths: tuple[int, int, int, int] = (256, 128, 64, 64)
+    render: tuple[int, int] = field(default=(0, 0))
+
+    def __post_init__(self) -> None:
+        positive = (
+            "layers width heads kv_heads latent_channels latent_height latent_width mlp_ratio local_window global_window "
+            "global_dilation global_max_window global_period control_period buttons latents_per_second "
+            "time_multiplier encoder_width"
+        ).split()
+        for name in positive:
+            value = getattr(self, name)
+            if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 1 << 20:
+                raise BuildError(f"{value!r} is not a whole number from 1 to 1048576", field=name, remedy="Give one.")
+        for name, count in (("patch", 2), ("decoder_widths", 4), ("render", 2)):
+            value = getattr(self, name)
+            if len(value) != count or not all(isinstance(v, int) and 0 <= v <= 1 << 20 for v in value):
+                raise BuildError(f"{value!r} is not {count} whole numbers", field=name, remedy="Give them.")
+        if min(self.decoder_widths) < 1 or min(self.patch) < 1:
+            raise BuildError("a size of 0", field="decoder_widths or patch", remedy="Give positive numbers.")
+        self._divides("width", self.width, "heads", self.heads)
+        self._divides("heads", self.heads, "kv_heads", self.kv_heads)
+        self._divides("width / heads", self.head_width, "8", 8)
+        self._divides("latent_height", self.latent_height, "patch rows", self.patch[0])
+        self._divides("latent_width", self.latent_width, "patch columns", self.patch[1])
+        self._divides("global_window", self.global_window, "global_dilation", self.global_dilation)
+        self._divides("global_max_window", self.global_max_window, "global_dilation", self.global_dilation)
+        if self.global_max_window < self.global_window:
+            raise BuildError(
+                f"{self.global_max_window} is below the stock window {self.global_window}",
+                field="global_max_window",
+                remedy="Declare at least the stock window.",
+            )
+        steps = list(zip(self.schedule, self.schedule[1:]))
+        if not 2 <= len(self.schedule) <= 64 or self.schedule[-1] != 0 or self.schedule[0] > 1 or any(
+            not a > b for a, b in steps
+        ):
+            raise BuildError(
+                f"{self.schedule!r} does not fall strictly from at most 1 to exactly 0",
+                field="schedule",
+                remedy="Give 2 to 64 falling noise levels, such as 1 0.9 0.75 0.3 0.",
+            )
+        if 0 in self.render:
+            object.__setattr__(self, "render", square_pixels(self.decoded))
+
+    @staticmethod
+    def _divides(name: str, value: int, by_name: str, by: int) -> None:
+        if value % by:
+            raise BuildError(f"{value} is not a multiple of {by_name} ({by})", field=name, remedy="Change one of the two.")
+
+    @property
+    def head_width(self) -> int:
+        """Numbers in one head."""
+        return self.width // self.heads
+
+    @property
+    def group(self) -> int:
+        """Query heads that share one key/value head."""
+        return self.heads // self.kv_heads
+
+    @property
+    def kv_width(self) -> int:
+        """Numbers of K (or V) of one token."""
+        return self.kv_heads * self.head_width
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Token rows and columns."""
+        return self.latent_height // self.patch[0], self.latent_width // self.patch[1]
+
+    @property
+    def tokens(self) -> int:
+        """Tokens of one latent."""
+        return self.grid[0] * self.grid[1]
+
+    @property
+    def patch_width(self) -> int:
+        """Latent numbers in one token."""
+        return self.latent_channels * self.patch[0] * self.patch[1]
+
+    @property
+    def spatial(self) -> int:
+        """Decoded pixels per latent cell, each way."""
+        return AUTOENCODER_PATCH * AUTOENCODER_STRIDE
+
+    @property
+    def decoded(self) -> tuple[int, int]:
+        """`(width, height)` of the autoencoder's pictures."""
+        return self.latent_width * self.spatial, self.latent_height * self.spatial
+
+    @property
+    def control_width(self) -> int:
+        """Mouse, buttons and scroll."""
+        return 2 + self.buttons + 1
+
+    @property
+    def memories(self) -> list[tuple[int, int, int]]:
+        """`(channels, height, width)` of the decoder's memories, in order."""
+        return [
+            (self.decoder_widths[stage], self.latent_height << stage, self.latent_width << stage)
+            for stage in range(STAGES)
+            for _ in range(MEMORIES_PER_STAGE)
+        ]
+
+    def is_global(self, layer: int) -> bool:
+        """Whether `layer` attends to the dilated window."""
+        return (layer - self.global_offset) % self.global_period == 0
+
+    def sees_controls(self, layer: int) -> bool:
+        """Whether `layer` mixes in the controls."""
+        return layer % self.control_period == 0
+
+    def past_tokens(self, layer: int, window: int) -> int:
+        """Ring positions of `layer` with a global window of `window` latents."""
+        buckets = window // self.global_dilation if self.is_global(layer) else self.local_window
+        return buckets * self.tokens
+
+    def dimensions(self, window: int) -> dict[str, int]:
+        """The symbolic dimensions of the transformer's graph at a global window of `window` latents."""
+        local = self.local_window * self.tokens
+        wide = window // self.global_dilation * self.tokens
+        return {
+            "local_past": local,
+            "local_keys": local + self.tokens,
+            "global_past": wide,
+            "global_keys": wide + self.tokens,
+        }
+
+    def with_(self, **changes) -> "Geometry":
+        """A changed copy, checked again."""
+        return replace(self, **changes)
+
+
+def square_pixels(decoded: tuple[int, int]) -> tuple[int, int]:
+    """The square-pixel size of a decoded picture: Waypoint squeezes 16:9 to 2:1, other shapes are already square."""
+    width, height = decoded
+    if width == 2 * height:
+        # 1024 x 512 becomes 1280 x 720, 512 x 256 becomes 640 x 360: the released pairs. Even sizes, for video.
+        return width * 5 // 4 // 2 * 2, height * 45 // 32 // 2 * 2
+    return width, height
+
+
+def _waypoint(rows: int, columns: int) -> Geometry:
+    return Geometry(
+        layers=24, width=2048, heads=32, kv_heads=16, latent_channels=32, latent_height=rows, latent_width=columns
+    )
+
+
+_TINY = Geometry(
+    layers=8,
+    width=64,
+    heads=4,
+    kv_heads=2,
+    latent_channels=4,
+    latent_height=4,
+    latent_width=8,
+    local_window=4,
+    global_window=16,
+    global_dilation=4,
+    global_max_window=64,
+    encoder_width=16,
+    decoder_widths=(32, 16, 16, 16),
+    render=(128, 72),
+)
+
+# What `random --preset` offers: a name, what it is for, its geometry.
+PRESETS: dict[str, tuple[str, Geometry]] = {
+    "tiny": ("8 tokens, windows 4 / 4 / 16: tests of a few milliseconds", _TINY),
+    "window": (
+        "tiny with the real windows 16 / 8 / 128",
+        _TINY.with_(local_window=16, global_window=128, global_dilation=8, global_max_window=128),
+    ),
+    "demo": (
+        "128 tokens, 512 x 256 decoded, up to g512: runs on two processor cores",
+        Geometry(
+            layers=8,
+            width=256,
+            heads=4,
+            kv_heads=2,
+            latent_channels=16,
+            latent_height=16,
+            latent_width=32,
+            encoder_width=32,
+            decoder_widths=(64, 48, 32, 32),
+            render=(640, 360),
+        ),
+    ),
+    "360p": ("the released small model's shapes, 1.28 billion parameters", _waypoint(16, 32)),
+    "720p": ("the released model's shapes, 1.28 billion parameters", _waypoint(32, 64)),
+}

@@ -1,0 +1,189 @@
+"""A small writer of ONNX graphs: typed values, constants stored once, weights as external data."""
+
+from __future__ import annotations
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+from .weights import Placed
+
+OPSET = 18
+IR_VERSION = 8
+PRODUCER = "cairn.build"
+# Everything a graph of a bundle may contain: `docs/bundle.md`, section 4. All of it runs on DirectML.
+OPERATORS = (
+    "Add Cast Clip Concat Conv Cos DepthToSpace Div MatMul Mul ReduceMean Relu Reshape Resize Sigmoid Sin Slice Softmax "
+    "Split Sqrt Sub Tanh Transpose"
+).split()
+ONNX_TYPE = {"f32": TensorProto.FLOAT, "f16": TensorProto.FLOAT16}
+NUMPY_TYPE = {"f32": np.float32, "f16": np.float16}
+
+
+class Graph:
+    """One graph in one precision. Values are names; `kind` tells "f32" from "f16" for each of them.
+
+    Only the operators of `docs/bundle.md`, section 4, are ever written.
+    """
+
+    def __init__(self, name: str, precision: str, weights: dict[str, Placed]):
+        self.name = name
+        self.precision = precision
+        self.weights = weights
+        self.used_weights: set[str] = set()
+        self._nodes: list[onnx.NodeProto] = []
+        self._inputs: list[onnx.ValueInfoProto] = []
+        self._outputs: list[onnx.ValueInfoProto] = []
+        self._initializers: list[onnx.TensorProto] = []
+        self._constants: dict[tuple, str] = {}
+        self._casts: dict[tuple[str, str], str] = {}
+        self._kinds: dict[str, str] = {}
+        self._names: set[str] = set()
+        self._renamed: dict[str, str] = {}
+
+    # Values that come in and go out.
+
+    def input(self, name: str, kind: str, shape: list) -> str:
+        """Declares the next input."""
+        self._inputs.append(helper.make_tensor_value_info(name, ONNX_TYPE[kind], shape))
+        self._kinds[name] = kind
+        self._names.add(name)
+        return name
+
+    def output(self, value: str, name: str, shape: list) -> None:
+        """Declares `value` as the next output: it takes the name `name`, which no other value has."""
+        if name in self._names or value in self._renamed:
+            raise AssertionError(f"{name} and {value} must each name one value")
+        self._renamed[value] = name
+        self._names.add(name)
+        self._outputs.append(helper.make_tensor_value_info(name, ONNX_TYPE[self._kinds[value]], shape))
+
+    def weight(self, name: str, kind: str | None = None) -> str:
+        """A stored weight as `kind` (the graph's precision unless given)."""
+        if name not in self.used_weights:
+            placed = self.weights[name]
+            tensor = TensorProto(name=name, data_type=TensorProto.FLOAT16, dims=placed.weight.shape)
+            tensor.data_location = TensorProto.EXTERNAL
+            for key, value in (("location", placed.file), ("offset", placed.offset), ("length", placed.length)):
+                tensor.external_data.add(key=key, value=str(value))
+            self._initializers.append(tensor)
+            self._kinds[name] = "f16"
+            self._names.add(name)
+            self.used_weights.add(name)
+        return self.cast(name, kind or self.precision)
+
+    def number(self, value: float, kind: str) -> str:
+        """A scalar constant."""
+        return self.constant(f"c.{value:.9g}.{kind}", np.array(value, NUMPY_TYPE[kind]))
+
+    def constant(self, name: str, array: np.ndarray) -> str:
+        """A small constant, written into the graph once."""
+        key = (name, array.tobytes(), array.shape)
+        if key not in self._constants:
+            unique = self._unique(name)
+            self._initializers.append(numpy_helper.from_array(array, unique))
+            self._constants[key] = unique
+            if array.dtype != np.int64:
+                self._kinds[unique] = "f32" if array.dtype == np.float32 else "f16"
+        return self._constants[key]
+
+    # Operators.
+
+    def node(self, operator: str, inputs: list[str], label: str, kind: str | None = None, outputs: int = 1, **attributes):
+        """Adds a node; gives its output's name, or a list of them where `outputs` is above 1."""
+        if operator not in OPERATORS:
+            raise AssertionError(f"{operator} is no operator of the bundle format")
+        stem = self._unique(label)
+        names = [stem] if outputs == 1 else [f"{stem}.{i}" for i in range(outputs)]
+        self._nodes.append(helper.make_node(operator, inputs, names, name=f"{stem}/{operator}", **attributes))
+        if kind is None:
+            kind = self._kinds[inputs[0]]
+        for name in names:
+            self._kinds[name] = kind
+            self._names.add(name)
+        return names[0] if outputs == 1 else names
+
+    def cast(self, value: str, kind: str) -> str:
+        """`value` as `kind`; nothing where it is already, and only once for each value."""
+        if self._kinds[value] == kind:
+            return value
+        key = (value, kind)
+        if key not in self._casts:
+            self._casts[key] = self.node("Cast", [value], f"{value}.{kind}", kind, to=ONNX_TYPE[kind])
+        return self._casts[key]
+
+    def _binary(self, operator: str, a: str, b: str, label: str) -> str:
+        if self._kinds[a] != self._kinds[b]:
+            raise AssertionError(f"{label}: {a} is {self._kinds[a]}, {b} is {self._kinds[b]}")
+        return self.node(operator, [a, b], label)
+
+    def add(self, a: str, b: str, label: str) -> str:
+        """a + b."""
+        return self._binary("Add", a, b, label)
+
+    def sub(self, a: str, b: str, label: str) -> str:
+        """a - b."""
+        return self._binary("Sub", a, b, label)
+
+    def mul(self, a: str, b: str, label: str) -> str:
+        """a * b, element by element."""
+        return self._binary("Mul", a, b, label)
+
+    def div(self, a: str, b: str, label: str) -> str:
+        """a / b, element by element."""
+        return self._binary("Div", a, b, label)
+
+    def matmul(self, a: str, b: str, label: str) -> str:
+        """The matrix product."""
+        return self._binary("MatMul", a, b, label)
+
+    def linear(self, x: str, name: str, label: str) -> str:
+        """x times the stored matrix `name`, in x's own kind."""
+        return self.matmul(x, self.weight(f"{name}.weight", self._kinds[x]), label)
+
+    def silu(self, x: str, label: str) -> str:
+        """x * sigmoid(x)."""
+        return self.mul(x, self.node("Sigmoid", [x], f"{label}.sigmoid"), label)
+
+    def reshape(self, x: str, shape: list[int], label: str) -> str:
+        """Another view of the same numbers; one size may be -1."""
+        target = self.constant("shape." + "x".join(str(s) for s in shape), np.array(shape, np.int64))
+        return self.node("Reshape", [x, target], label)
+
+    def transpose(self, x: str, perm: list[int], label: str) -> str:
+        """Axes in another order."""
+        return self.node("Transpose", [x], label, perm=perm)
+
+    def concat(self, parts: list[str], axis: int, label: str) -> str:
+        """Parts behind one another; a single part is itself."""
+        return parts[0] if len(parts) == 1 else self.node("Concat", parts, label, axis=axis)
+
+    def split(self, x: str, parts: int, axis: int, label: str) -> list[str]:
+        """Equal parts along an axis; a single part is the whole."""
+        if parts == 1:
+            return [x]
+        return self.node("Split", [x], label, outputs=parts, axis=axis, num_outputs=parts)
+
+    def slice(self, x: str, start: int, end: int, axis: int, label: str) -> str:
+        """Elements start .. end of an axis."""
+        bounds = [self.constant(f"at.{v}", np.array([v], np.int64)) for v in (start, end, axis)]
+        return self.node("Slice", [x, *bounds], label)
+
+    def _unique(self, label: str) -> str:
+        name, n = label, 1
+        while name in self._names:
+            n += 1
+            name = f"{label}~{n}"
+        self._names.add(name)
+        return name
+
+    def model(self) -> onnx.ModelProto:
+        """The finished model."""
+        for node in self._nodes:
+            node.input[:] = [self._renamed.get(name, name) for name in node.input]
+            node.output[:] = [self._renamed.get(name, name) for name in node.output]
+        self._renamed = {}
+        graph = helper.make_graph(self._nodes, self.name, self._inputs, self._outputs, self._initializers)
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name=PRODUCER)
+        model.ir_version = IR_VERSION
+        return model

@@ -1,0 +1,114 @@
+"""The manifest `cairn-world.json`: `docs/bundle.md`, sections 2 and 3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import BuildError
+from .geometry import AUTOENCODER_TEMPORAL, Geometry
+
+MANIFEST_FILE = "cairn-world.json"
+SCHEMA_VERSION = 1
+MODEL_TYPE = "waypoint-1.5"
+
+
+@dataclass(frozen=True)
+class Licence:
+    """Terms of the weights: an SPDX expression and, where there is one, the text and its file name in the bundle."""
+
+    spdx: str
+    text: str | None = None
+    file: str = "LICENSE.txt"
+
+    @staticmethod
+    def read(spdx: str, path: Path) -> "Licence":
+        """With the text of a file."""
+        return Licence(spdx, path.read_text(encoding="utf-8"))
+
+
+def manifest(
+    g: Geometry,
+    *,
+    name: str,
+    graphs: dict[str, dict[str, str]],
+    files: dict[str, tuple[int, str]],
+    licence: Licence,
+    provenance: dict[str, str],
+    sigma_rounding: str,
+) -> dict:
+    """The whole manifest; `files` maps a path to its size and SHA-256."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "name": name,
+        "model_type": MODEL_TYPE,
+        "geometry": {
+            "layers": g.layers,
+            "width": g.width,
+            "heads": g.heads,
+            "kv_heads": g.kv_heads,
+            "head_width": g.head_width,
+            "mlp_ratio": g.mlp_ratio,
+            "latent": {"channels": g.latent_channels, "height": g.latent_height, "width": g.latent_width},
+            "patch": list(g.patch),
+            "tokens": g.tokens,
+            "local": {"window": g.local_window},
+            "global": {
+                "window": g.global_window,
+                "dilation": g.global_dilation,
+                "max_window": g.global_max_window,
+                "period": g.global_period,
+                "offset": g.global_offset,
+            },
+            "control_period": g.control_period,
+            "rope": {"nyquist_fraction": g.nyquist_fraction, "time_base": g.time_base},
+            "autoencoder": {
+                "temporal": AUTOENCODER_TEMPORAL,
+                "spatial": g.spatial,
+                "memories": [list(m) for m in g.memories],
+            },
+        },
+        "sampler": {"schedule": list(g.schedule), "sigma_rounding": sigma_rounding},
+        "rates": {"latents_per_second": g.latents_per_second, "time_multiplier": g.time_multiplier},
+        "controls": {"mouse": 2, "buttons": g.buttons, "scroll": 1},
+        "picture": {"decoded": list(g.decoded), "render": list(g.render), "range": [0, 1]},
+        "graphs": graphs,
+        "files": [{"path": path, "size": size, "sha256": sha} for path, (size, sha) in sorted(files.items())],
+        "licence": {"spdx": licence.spdx, "file": licence.file if licence.text is not None else None},
+        "provenance": provenance,
+    }
+
+
+def geometry_of(content: dict) -> Geometry:
+    """The shapes that a manifest declares. What only the graphs know (the encoder's width) is taken as the usual."""
+    try:
+        g, latent, wide = content["geometry"], content["geometry"]["latent"], content["geometry"]["global"]
+        memories = g["autoencoder"]["memories"]
+        stages = [memories[i][0] for i in (0, 3, 6)]
+        return Geometry(
+            layers=g["layers"],
+            width=g["width"],
+            heads=g["heads"],
+            kv_heads=g["kv_heads"],
+            latent_channels=latent["channels"],
+            latent_height=latent["height"],
+            latent_width=latent["width"],
+            patch=tuple(g["patch"]),
+            mlp_ratio=g["mlp_ratio"],
+            local_window=g["local"]["window"],
+            global_window=wide["window"],
+            global_dilation=wide["dilation"],
+            global_max_window=wide["max_window"],
+            global_period=wide["period"],
+            global_offset=wide["offset"],
+            control_period=g["control_period"],
+            nyquist_fraction=g["rope"]["nyquist_fraction"],
+            time_base=g["rope"]["time_base"],
+            latents_per_second=content["rates"]["latents_per_second"],
+            time_multiplier=content["rates"]["time_multiplier"],
+            schedule=tuple(content["sampler"]["schedule"]),
+            decoder_widths=(*stages, stages[2]),
+            render=tuple(content["picture"]["render"]),
+        )
+    except (KeyError, IndexError, TypeError) as error:
+        raise BuildError(f"a member is missing or of another kind: {error!r}", field=MANIFEST_FILE, remedy="See docs/bundle.md.") from error

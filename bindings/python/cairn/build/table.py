@@ -1,0 +1,121 @@
+"""What a world of given shapes costs: parameters, tensors, ring bytes and peak memory, before anything is made."""
+
+from __future__ import annotations
+
+import math
+
+import onnx
+from onnx import shape_inference
+
+from .errors import BuildError
+from .geometry import Geometry
+from .graph import Graph
+from .weights import autoencoder_weights, transformer_weights
+from .writer import build_graphs
+
+# Global windows of the paper; those that a world's dilation and largest window admit are shown.
+WINDOWS = (112, 128, 384, 512)
+_BYTES = {"f32": 4, "f16": 2}
+_ITEM = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8}
+
+
+def windows(g: Geometry) -> list[int]:
+    """The windows to show: the paper's, the stock and the largest, as far as they are allowed."""
+    wanted = {*WINDOWS, g.global_window, g.global_max_window}
+    return sorted(w for w in wanted if w <= g.global_max_window and w % g.global_dilation == 0)
+
+
+def ring_bytes(g: Geometry, window: int, precision: str) -> int:
+    """Bytes of all layers' past K and V."""
+    numbers = sum(g.past_tokens(i, window) * g.kv_width * 2 for i in range(g.layers))
+    return numbers * _BYTES[precision]
+
+
+def slab_bytes(g: Geometry, precision: str) -> int:
+    """Bytes of one latent's K and V of all layers."""
+    return g.layers * g.tokens * g.kv_width * 2 * _BYTES[precision]
+
+
+def value_sizes(graph: Graph, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
+    """The model with its symbolic dimensions fixed, and shape and bytes of every value a node makes."""
+    model = graph.model()
+    for value in [*model.graph.input, *model.graph.output]:
+        for d in value.type.tensor_type.shape.dim:
+            if d.dim_param:
+                d.dim_value = dimensions[d.dim_param]
+    inferred = shape_inference.infer_shapes(model, check_type=True, strict_mode=True, data_prop=True)
+    sizes = {}
+    for value in [*inferred.graph.value_info, *inferred.graph.output]:
+        tensor = value.type.tensor_type
+        shape = [d.dim_value for d in tensor.shape.dim]
+        sizes[value.name] = (shape, math.prod(shape) * _ITEM[tensor.elem_type])
+    return inferred, sizes
+
+
+def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]:
+    """Bytes of all intermediate values alive at once at the worst moment, and of the largest one.
+
+    Nodes run in the graph's order; a value lives from the node that makes it to the last that reads it; casts of weights
+    are counted with the weights, a reshape with what it shows anew.
+    """
+    model, sizes = value_sizes(graph, dimensions)
+    weights = {i.name for i in model.graph.initializer}
+    last_use: dict[str, int] = {}
+    owner: dict[str, str] = {}
+    for at, node in enumerate(model.graph.node):
+        for name in node.input:
+            last_use[owner.get(name, name)] = at
+        if node.op_type == "Reshape":
+            owner[node.output[0]] = owner.get(node.input[0], node.input[0])
+    for value in model.graph.output:
+        last_use[owner.get(value.name, value.name)] = len(model.graph.node)
+    given = weights | {i.name for i in model.graph.input}
+    alive: dict[str, int] = {}
+    peak = largest = 0
+    for at, node in enumerate(model.graph.node):
+        if node.op_type == "Cast" and node.input[0] in weights:
+            continue
+        for name in node.output:
+            if owner.get(name, name) == name:
+                alive[name] = sizes[name][1]
+                largest = max(largest, alive[name])
+        peak = max(peak, sum(alive.values()))
+        for name in [n for n in alive if last_use.get(n, -1) <= at]:
+            del alive[name]
+    return peak, largest
+
+
+def weight_bytes(g: Geometry, precision: str) -> int:
+    """Bytes of all weights in memory: float32 once cast, or float16 as stored."""
+    return sum(w.count for w in [*transformer_weights(g), *autoencoder_weights(g)]) * _BYTES[precision]
+
+
+def describe(g: Geometry) -> str:
+    """The table, as text."""
+    transformer, autoencoder = transformer_weights(g), autoencoder_weights(g)
+    counts = [sum(w.count for w in group) for group in (transformer, autoencoder)]
+    width, height = g.decoded
+    lines = [
+        f"tokens     {g.tokens} ({g.grid[0]} x {g.grid[1]}), latent {g.latent_channels} x {g.latent_height} x {g.latent_width}, "
+        f"decoded {width} x {height}, render {g.render[0]} x {g.render[1]}",
+        f"layers     {g.layers} ({sum(map(g.is_global, range(g.layers)))} global), width {g.width}, heads {g.heads} over "
+        f"{g.kv_heads}, local window {g.local_window}, global every {g.global_dilation}th up to {g.global_max_window}",
+        f"{'':11}{'parameters':>16}{'tensors':>10}{'stored, MiB':>14}",
+        *(
+            f"{name:11}{count:16,}{len(group):10}{2 * count / 2**20:14.1f}"
+            for name, count, group in zip(("transformer", "autoencoder"), counts, (transformer, autoencoder))
+        ),
+        "",
+        f"{'MiB':11}" + "".join(f"{c:>13}" for c in ("weights", "K/V ring", "K/V step", "largest", "alive", "peak")),
+    ]
+    for precision in _BYTES:
+        graphs = build_graphs(g, precision)
+        others = max(activation_peak(graphs[k], {})[0] for k in ("encoder", "decoder"))
+        for window in windows(g):
+            alive, largest = activation_peak(graphs["transformer"], g.dimensions(window))
+            alive = max(alive, others)
+            row = [weight_bytes(g, precision), ring_bytes(g, window, precision), slab_bytes(g, precision), largest, alive]
+            row.append(row[0] + row[1] + row[2] + alive)
+            lines.append(f"{precision} g{window:<6}" + "".join(f"{v / 2**20:13.1f}" for v in row))
+    lines.append("\nalive: all intermediate values at the worst moment; peak: weights, ring, one step's K/V and alive together.")
+    return "\n".join(lines)

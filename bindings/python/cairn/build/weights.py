@@ -1,0 +1,147 @@
+"""Which tensors a bundle stores, in which order and layout, and where each lies in its file.
+
+Names are the released checkpoint's, shortened where the checkpoint stores copies. Matrices are stored `[in, out]`, as
+MatMul takes them: transposed against the checkpoint's `[out, in]`. Convolution kernels stay `[out, in, rows, columns]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from .geometry import AUTOENCODER_PATCH, CONDITIONER_RATIO, FOURIER_WIDTH, MEMORIES_PER_STAGE, STAGES, Geometry
+
+TRANSFORMER_FILE = "transformer.bin"
+AUTOENCODER_FILE = "autoencoder.bin"
+ALIGNMENT = 64
+MODULATIONS = ("attn scale", "attn shift", "attn gate", "mlp scale", "mlp shift", "mlp gate")
+
+
+@dataclass(frozen=True)
+class Weight:
+    """One stored tensor: its name, its stored shape, and how many inputs each output number sums over."""
+
+    name: str
+    shape: tuple[int, ...]
+    fan_in: int
+
+    @property
+    def count(self) -> int:
+        """How many numbers it holds."""
+        total = 1
+        for size in self.shape:
+            total *= size
+        return total
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A weight and where its float16 bytes lie."""
+
+    weight: Weight
+    file: str
+    offset: int
+
+    @property
+    def length(self) -> int:
+        """Bytes in the file."""
+        return 2 * self.weight.count
+
+
+def _linear(name: str, inputs: int, outputs: int) -> Weight:
+    return Weight(f"{name}.weight", (inputs, outputs), inputs)
+
+
+def _conv(name: str, inputs: int, outputs: int, size: int, bias: bool) -> Iterator[Weight]:
+    yield Weight(f"{name}.weight", (outputs, inputs, size, size), inputs * size * size)
+    if bias:
+        yield Weight(f"{name}.bias", (outputs,), inputs * size * size)
+
+
+def _memory_block(name: str, width: int) -> Iterator[Weight]:
+    yield from _conv(f"{name}.conv.0", 2 * width, width, 3, True)
+    yield from _conv(f"{name}.conv.2", width, width, 3, True)
+    yield from _conv(f"{name}.conv.4", width, width, 3, True)
+
+
+def transformer_weights(g: Geometry) -> list[Weight]:
+    """The transformer's tensors in file order; `cond_proj`, which all layers share, once."""
+    D, hidden = g.width, g.width * g.mlp_ratio
+    out = [
+        Weight("patchify.weight", (D, g.latent_channels, *g.patch), g.patch_width),
+        _linear("denoise_step_emb.mlp.fc1", FOURIER_WIDTH, CONDITIONER_RATIO * D),
+        _linear("denoise_step_emb.mlp.fc2", CONDITIONER_RATIO * D, D),
+        _linear("ctrl_emb.mlp.fc1", g.control_width, hidden),
+        _linear("ctrl_emb.mlp.fc2", hidden, D),
+        Weight("cond_head.bias_in", (g.layers, D), 1),
+    ]
+    out += [_linear(f"cond_head.cond_proj.{j}", D, D) for j in range(len(MODULATIONS))]
+    for i in range(g.layers):
+        block = f"blocks.{i}"
+        out += [
+            _linear(f"{block}.attn.q_proj", D, D),
+            _linear(f"{block}.attn.k_proj", D, g.kv_width),
+            _linear(f"{block}.attn.v_proj", D, g.kv_width),
+            _linear(f"{block}.attn.out_proj", D, D),
+        ]
+        if i > 0:
+            # Layer 0 mixes its values with themselves: its factor has no effect and is not stored.
+            out.append(Weight(f"{block}.attn.v_lamb", (1,), 1))
+        if g.sees_controls(i):
+            out += [_linear(f"{block}.ctrl_mlpfusion.{leaf}", D, D) for leaf in ("fc1_x", "fc1_c", "fc2")]
+        out += [_linear(f"{block}.mlp.fc1", D, hidden), _linear(f"{block}.mlp.fc2", hidden, D)]
+    out += [
+        _linear("out_norm.fc", D, 2 * D),
+        _linear("unpatchify", D, g.patch_width),
+        Weight("unpatchify.bias", (g.patch_width,), 1),
+    ]
+    return out
+
+
+def autoencoder_weights(g: Geometry) -> list[Weight]:
+    """TAEHV-1.5's tensors in file order, encoder first; names are its own."""
+    e, shuffled = g.encoder_width, 3 * AUTOENCODER_PATCH**2
+    out = list(_conv("encoder.0", shuffled, e, 3, True))
+    for stage, frames in enumerate(ENCODER_POOLING):
+        first = 2 + stage * (2 + MEMORIES_PER_STAGE)
+        out += _conv(f"encoder.{first}.conv", frames * e, e, 1, False)
+        out += _conv(f"encoder.{first + 1}", e, e, 3, False)
+        for m in range(MEMORIES_PER_STAGE):
+            out += _memory_block(f"encoder.{first + 2 + m}", e)
+    out += _conv(f"encoder.{2 + STAGES * (2 + MEMORIES_PER_STAGE)}", e, g.latent_channels, 3, True)
+
+    widths = g.decoder_widths
+    out += _conv("decoder.1", g.latent_channels, widths[0], 3, True)
+    for stage, frames in enumerate(DECODER_GROWTH):
+        first = 3 + stage * (3 + MEMORIES_PER_STAGE)
+        for m in range(MEMORIES_PER_STAGE):
+            out += _memory_block(f"decoder.{first + m}", widths[stage])
+        # Between them lies the upsampling, which has no weights.
+        out += _conv(f"decoder.{first + MEMORIES_PER_STAGE + 1}.conv", widths[stage], frames * widths[stage], 1, False)
+        out += _conv(f"decoder.{first + MEMORIES_PER_STAGE + 2}", widths[stage], widths[stage + 1], 3, False)
+    out += _conv(f"decoder.{3 + STAGES * (3 + MEMORIES_PER_STAGE) + 1}", widths[3], shuffled, 3, True)
+    return out
+
+
+# Frames that one temporal pooling layer joins, and that one growing layer makes, stage by stage.
+ENCODER_POOLING = (2, 2, 1)
+DECODER_GROWTH = (1, 2, 2)
+
+
+def place(weights: list[Weight], file: str) -> dict[str, Placed]:
+    """Lays the weights out in one file, each at a multiple of `ALIGNMENT`."""
+    placed, offset = {}, 0
+    for weight in weights:
+        placed[weight.name] = Placed(weight, file, offset)
+        offset += -(-2 * weight.count // ALIGNMENT) * ALIGNMENT
+    return placed
+
+
+def file_size(placed: dict[str, Placed]) -> int:
+    """Bytes of a file so laid out."""
+    return max(-(-(p.offset + p.length) // ALIGNMENT) * ALIGNMENT for p in placed.values())
+
+
+def parameter_count(g: Geometry) -> tuple[int, int]:
+    """How many numbers the transformer and the autoencoder store."""
+    return sum(w.count for w in transformer_weights(g)), sum(w.count for w in autoencoder_weights(g))

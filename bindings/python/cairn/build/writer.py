@@ -1,0 +1,150 @@
+"""Writes a bundle: graphs, weights, licence and manifest, in a folder that appears whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import onnx
+
+from . import archive
+from .autoencoder import build_decoder, build_encoder
+from .errors import BuildError
+from .files import check_free, fresh_folder
+from .geometry import Geometry
+from .graph import Graph
+from .manifest import MANIFEST_FILE, Licence, manifest
+from .transformer import build_transformer
+from .weights import (
+    ALIGNMENT,
+    AUTOENCODER_FILE,
+    TRANSFORMER_FILE,
+    Placed,
+    Weight,
+    autoencoder_weights,
+    place,
+    transformer_weights,
+)
+
+# Called with what is being done, and how many of how many bytes of weights are written.
+Progress = Callable[[str, int, int], None]
+
+
+class WeightSource(Protocol):
+    """Where weights come from: a checkpoint, or a seed."""
+
+    def get(self, weight: Weight) -> np.ndarray:
+        """The float16 numbers of one tensor, in its stored layout."""
+
+
+def layouts(g: Geometry) -> tuple[dict[str, Placed], dict[str, Placed]]:
+    """Where the transformer's and the autoencoder's weights lie."""
+    return place(transformer_weights(g), TRANSFORMER_FILE), place(autoencoder_weights(g), AUTOENCODER_FILE)
+
+
+def build_graphs(g: Geometry, precision: str, fourier_rounding: str = "none") -> dict[str, Graph]:
+    """The three graphs of one precision. Weights are only named here, so this costs nothing at any size."""
+    transformer, autoencoder = layouts(g)
+    return {
+        "transformer": build_transformer(g, precision, transformer, fourier_rounding),
+        "encoder": build_encoder(g, precision, autoencoder),
+        "decoder": build_decoder(g, precision, autoencoder),
+    }
+
+
+def build_bundle(
+    g: Geometry,
+    source: WeightSource,
+    out: Path,
+    *,
+    name: str,
+    provenance: dict[str, str],
+    licence: Licence,
+    sigma_rounding: str = "none",
+    fourier_rounding: str = "none",
+    precisions: tuple[str, ...] = ("f32", "f16"),
+    progress: Progress = lambda what, done, total: None,
+    replace: bool = False,
+) -> Path:
+    """Writes the bundle to `out`: a folder, or an archive where the name ends in `.cairn`.
+
+    What stood there stays until the new one is complete; nothing half done is left behind.
+    """
+    out = Path(out)
+    check_free(out, replace)
+    facts = (name, provenance, licence, sigma_rounding, fourier_rounding, precisions, progress)
+    if out.suffix == archive.SUFFIX:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
+            _write(Path(folder), g, source, *facts)
+            archive.pack(Path(folder), out, replace)
+    else:
+        with fresh_folder(out, replace) as folder:
+            _write(folder, g, source, *facts)
+    return out
+
+
+def _write(folder, g, source, name, provenance, licence, sigma_rounding, fourier_rounding, precisions, progress) -> None:
+    files: dict[str, tuple[int, str]] = {}
+    placed = layouts(g)
+    total = sum(p.length for group in placed for p in group.values())
+    done = 0
+    for group in placed:
+        done = _write_weights(folder, group, source, files, progress, done, total)
+    graphs: dict[str, dict[str, str]] = {}
+    for precision in precisions:
+        progress(f"graphs, {precision}", done, total + 1)
+        graphs[precision] = {}
+        for kind, graph in build_graphs(g, precision, fourier_rounding).items():
+            file = f"{kind}.{precision}.onnx"
+            data = graph.model().SerializeToString(deterministic=True)
+            _write_file(folder, file, data, files)
+            onnx.checker.check_model(str(folder / file))
+            graphs[precision][kind] = file
+    if licence.text is not None:
+        _write_file(folder, licence.file, licence.text.encode(), files)
+    content = manifest(
+        g, name=name, graphs=graphs, files=files, licence=licence, provenance=provenance, sigma_rounding=sigma_rounding
+    )
+    (folder / MANIFEST_FILE).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    progress("complete", total, total)
+
+
+def _write_weights(folder, group, source, files, progress, done: int, total: int) -> int:
+    """One file of weights, tensor after tensor, so that memory holds one at a time."""
+    file = next(iter(group.values())).file
+    digest, size = hashlib.sha256(), 0
+    with open(folder / file, "wb") as sink:
+        for p in group.values():
+            progress(f"{file}: {p.weight.name}", done, total)
+            data = checked(source.get(p.weight), p.weight).tobytes()
+            data += bytes(-len(data) % ALIGNMENT)
+            digest.update(data)
+            sink.write(data)
+            size += len(data)
+            done += p.length
+    files[file] = (size, digest.hexdigest())
+    return done
+
+
+def _write_file(folder: Path, name: str, data: bytes, files: dict[str, tuple[int, str]]) -> None:
+    (folder / name).write_bytes(data)
+    files[name] = (len(data), hashlib.sha256(data).hexdigest())
+
+
+def checked(array: np.ndarray, weight: Weight) -> np.ndarray:
+    """The array as little-endian float16 in C order, its shape and its numbers checked."""
+    if array.shape != weight.shape or array.dtype != np.float16:
+        raise BuildError(
+            f"got {array.dtype} {array.shape}, expected float16 {weight.shape}",
+            field=weight.name,
+            remedy="The source of weights does not fit the geometry.",
+        )
+    if not np.isfinite(array).all():
+        raise BuildError("a number is infinite or not a number", field=weight.name, remedy="The weights are damaged.")
+    return np.ascontiguousarray(array).astype("<f2", copy=False)
