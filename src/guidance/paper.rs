@@ -179,3 +179,6 @@ impl Tap {
         Self { first: clamp(cell), second: clamp(cell + 1.0), weight: (position - cell) as f32 }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,6 +9,7 @@
 
 use std::ops::Range;
 
+use crate::world::{OperatingPoint, Presentation};
 use crate::{Error, ErrorKind, Result};
 
 /// How the frames between decoded pictures come about.
@@ -91,6 +92,19 @@ impl Timeline {
         Ok(Self { latents_per_second, pictures_per_latent, stream })
     }
 
+    /// The timeline of an operating point. A native stream leaves out the pictures before world time zero.
+    ///
+    /// # Errors
+    /// As [`OperatingPoint::check`].
+    pub fn of(point: &OperatingPoint) -> Result<Self> {
+        point.check()?;
+        let stream = match point.presentation {
+            Presentation::Native => Stream::Native { dropped: point.dropped_pictures() },
+            Presentation::Generated { rate, .. } => Stream::Generated { rate },
+        };
+        Self::new(point.latents_per_second, point.pictures_per_latent, stream)
+    }
+
     /// Frames presented in a second.
     pub fn rate(&self) -> u64 {
         match self.stream {
@@ -161,6 +175,7 @@ fn phase(part: u32, rate: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::world::{Preset, WorldTime};
 
     fn native(latents_per_second: u32, pictures_per_latent: u32, dropped: u32) -> Timeline {
         Timeline::new(latents_per_second, pictures_per_latent, Stream::Native { dropped }).unwrap()
@@ -172,17 +187,30 @@ mod tests {
 
     #[test]
     fn the_counts_and_rates_of_the_clock_table() {
-        for (name, timeline, latents, frames, rate) in [
-            ("coherence", generated(15, 30), 226, 451, 30),
-            ("baseline-128", native(15, 2, 1), 226, 451, 30),
-            ("baseline-doubled", native(30, 1, 0), 451, 451, 30),
-            ("decoded-60", native(15, 4, 3), 226, 901, 60),
-            ("stock", native(15, 4, 0), 226, 904, 60),
+        for (preset, latents, frames, rate) in [
+            (Preset::Coherence, 226, 451, 30),
+            (Preset::Baseline128, 226, 451, 30),
+            (Preset::Baseline112, 226, 451, 30),
+            (Preset::BaselineDoubled, 451, 451, 30),
+            (Preset::Decoded60, 226, 901, 60),
+            (Preset::Heavy, 226, 451, 30),
+            (Preset::Stock, 226, 901, 60),
         ] {
-            assert_eq!(timeline.frame_count(latents), frames, "{name}");
-            assert_eq!(timeline.frames(latents).len() as u64, frames, "{name}");
-            assert_eq!(timeline.rate(), rate, "{name}");
+            let point = preset.operating_point();
+            let timeline = Timeline::of(&point).unwrap();
+            assert_eq!((timeline.frame_count(latents), timeline.rate()), (frames, rate), "{preset:?}");
+            assert_eq!(timeline.frames(latents).len() as u64, frames, "{preset:?}");
+            // The operating point counts for itself.
+            let counts = point.counts(WorldTime::new(15, 1));
+            assert_eq!((counts.latents, counts.presented), (latents, frames), "{preset:?}");
         }
+    }
+
+    #[test]
+    fn an_operating_point_that_does_not_hold_together_is_refused() {
+        let mut point = Preset::Coherence.operating_point();
+        point.pictures_per_latent = 2;
+        assert!(Timeline::of(&point).is_err());
     }
 
     #[test]

@@ -203,3 +203,6 @@ fn filled<T: Clone + Default>(len: usize) -> Result<Vec<T>> {
     values.resize(len, T::default());
     Ok(values)
 }
+
+#[cfg(test)]
+mod tests;

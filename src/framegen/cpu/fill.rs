@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::sized;
-use super::splat::Splat;
+use super::splat::{Splat, nearest};
 use super::surface::Surfaces;
 use crate::Result;
 
@@ -37,14 +37,15 @@ pub(super) enum Vector {
 impl Filler {
     /// Settles the vector of every place of `splat`; returns the share of places nothing landed on.
     ///
-    /// `previous` is the splat to phase 0, and t. With it, a candidate that leads to a pixel of the previous anchor which nothing
-    /// in the current one accounts for comes first: that is what is hidden now. Then the farthest surface, then the nearest place,
-    /// then left, right, above, below.
+    /// `reach` is that of `splat`. `previous` is the splat to phase 0; with it, a candidate that leads to a pixel of the previous
+    /// anchor which nothing in the current one accounts for comes first. Then one whose surface the current anchor must be
+    /// hiding, or has lost; then the farthest surface, then the nearest place, then left, right, above, below.
     pub(super) fn fill(
         &mut self,
         surfaces: &Surfaces,
         splat: &Splat,
-        previous: Option<(&Splat, f32)>,
+        reach: f32,
+        previous: Option<&Splat>,
         size: (u32, u32),
     ) -> Result<f32> {
         let (width, height) = (size.0 as usize, size.1 as usize);
@@ -66,7 +67,7 @@ impl Filler {
             self.find_rows(splat, width, height)?;
             let (above, below) = (&self.above, &self.below);
             self.sources.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-                let candidates = Candidates { surfaces, splat, previous, width, above, below };
+                let candidates = Candidates { surfaces, splat, reach, previous, width, height, above, below };
                 candidates.fill_row(y, row);
             });
         }
@@ -108,8 +109,10 @@ impl Filler {
 struct Candidates<'a> {
     surfaces: &'a Surfaces,
     splat: &'a Splat,
-    previous: Option<(&'a Splat, f32)>,
+    reach: f32,
+    previous: Option<&'a Splat>,
     width: usize,
+    height: usize,
     above: &'a [u16],
     below: &'a [u16],
 }
@@ -145,16 +148,30 @@ impl Candidates<'_> {
             .filter_map(|(place, distance)| self.splat.owner(place).map(|pixel| (pixel, distance)))
             .min_by_key(|&(pixel, distance)| {
                 let farthest_first = u32::MAX - self.surfaces.depth(pixel);
-                (self.is_accounted_for(x, y, pixel), farthest_first, distance)
+                (self.is_accounted_for(x, y, pixel), !self.is_gone(x, y, pixel), farthest_first, distance)
             })
             .map(|(pixel, _)| pixel)
     }
 
     /// Whether what the vector of `pixel` leads to in the previous anchor is visible in the current one too.
     fn is_accounted_for(&self, x: usize, y: usize, pixel: usize) -> bool {
-        self.previous.is_some_and(|(previous, t)| {
-            let [mx, my] = self.surfaces.vector(pixel);
-            previous.owner_at([x as f32 + t * mx, y as f32 + t * my]).is_some()
+        self.previous.is_some_and(|previous| {
+            // The whole way back is 1, of which `reach` lies behind.
+            previous.owner_at(self.along(x, y, pixel, 1.0 - self.reach)).is_some()
         })
+    }
+
+    /// Whether the current anchor cannot show what the vector of `pixel` leads to: it has left the picture, or something that moves
+    /// otherwise is in front of it.
+    fn is_gone(&self, x: usize, y: usize, pixel: usize) -> bool {
+        nearest(self.along(x, y, pixel, -self.reach), self.width, self.height).is_none_or(|there| {
+            !self.surfaces.move_alike(there, pixel) && self.surfaces.depth(there) < self.surfaces.depth(pixel)
+        })
+    }
+
+    /// The place (x, y) carried by `reach` times the vector of `pixel`.
+    fn along(&self, x: usize, y: usize, pixel: usize, reach: f32) -> [f32; 2] {
+        let [mx, my] = self.surfaces.vector(pixel);
+        [x as f32 + reach * mx, y as f32 + reach * my]
     }
 }

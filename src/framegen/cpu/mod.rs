@@ -14,12 +14,15 @@
 //! The result is the same to the bit for every number of threads: each pixel is computed by itself, and conflicts are settled by
 //! a total order.
 
+mod bars;
 mod blend;
 mod cut;
 mod fill;
 mod sample;
 mod splat;
 mod surface;
+#[cfg(test)]
+mod tests;
 
 use cut::CutDetector;
 use fill::Filler;
@@ -76,7 +79,8 @@ impl FrameGenerator for CpuGenerator {
         self.surfaces.prepare_pair(previous, current, guidance)?;
         self.at_previous.splat(&self.surfaces, pair.size(), 1.0)?;
         self.at_phase.splat(&self.surfaces, pair.size(), 1.0 - t)?;
-        let uncovered = self.filler.fill(&self.surfaces, &self.at_phase, Some((&self.at_previous, t)), pair.size())?;
+        let uncovered =
+            self.filler.fill(&self.surfaces, &self.at_phase, 1.0 - t, Some(&self.at_previous), pair.size())?;
         blend::between(previous, current, t, &self.surfaces, &self.filler, &self.at_previous, out);
         Ok(GenerateReport { outcome: Outcome::Generated, uncovered, unexplained })
     }
@@ -97,7 +101,7 @@ impl FrameGenerator for CpuGenerator {
         let bounded = t.min(1.0);
         self.surfaces.prepare_anchor(anchor.guidance())?;
         self.at_phase.splat(&self.surfaces, picture.size(), -bounded)?;
-        let uncovered = self.filler.fill(&self.surfaces, &self.at_phase, None, picture.size())?;
+        let uncovered = self.filler.fill(&self.surfaces, &self.at_phase, -bounded, None, picture.size())?;
         blend::beyond(picture, bounded, &self.surfaces, &self.filler, out);
         let outcome = if t > 1.0 { Outcome::Held } else { Outcome::Generated };
         Ok(GenerateReport { outcome, uncovered, unexplained: 0.0 })

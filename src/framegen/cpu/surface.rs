@@ -3,6 +3,7 @@
 use half::f16;
 use rayon::prelude::*;
 
+use super::bars::Inside;
 use super::sample::luma;
 use super::sized;
 use crate::guidance::{DepthMap, Guidance, MotionField};
@@ -17,13 +18,13 @@ pub(super) struct Surfaces {
     current_luma: Vec<u8>,
 }
 
-/// Pixels of a patch of 3 x 3.
-const PATCH: f32 = 9.0;
-
-/// Standing still must explain a pixel better than its vector by this much, in levels per pixel, and by this factor,
-/// before it is taken to lie on an overlay.
-const OVERLAY_MARGIN: f32 = 2.0;
-const OVERLAY_FACTOR: f32 = 2.0;
+/// A pixel lies on an overlay where standing still explains it to within `STILL` levels, and better than its vector does by the
+/// factor `BETTER` after a `MARGIN` for noise. Where the vector comes from beyond the edge and there is nothing to
+/// compare with, all of the patch must stand still, with a `CONTRAST` that a moving surface would not repeat by chance.
+const STILL: f32 = 4.0;
+const BETTER: f32 = 2.0;
+const MARGIN: f32 = 2.0;
+const CONTRAST: f32 = 12.0;
 
 impl Surfaces {
     /// Current to previous, in pixels; finite, at most the picture's size.
@@ -49,8 +50,8 @@ impl Surfaces {
 
     /// For interpolation: vectors are checked against both anchors.
     ///
-    /// A pixel whose vector does not match while standing still does lies on an overlay (a HUD, letterbox bars, a watermark), which
-    /// motion of the world behind it does not know. It gets no motion and comes to the front.
+    /// A pixel on a letterbox bar, or whose vector does not match while standing still does, lies on an overlay (a HUD, a
+    /// watermark), which motion of the world behind it does not know. It gets no motion and comes to the front.
     pub(super) fn prepare_pair(&mut self, previous: &Picture, current: &Picture, guidance: &Guidance) -> Result<()> {
         self.prepare_anchor(guidance)?;
         let (width, height) = (current.width() as usize, current.height() as usize);
@@ -58,6 +59,7 @@ impl Surfaces {
             sized(plane, width * height, 0)?;
             plane.par_iter_mut().zip(picture.pixels()).for_each(|(value, &pixel)| *value = luma(pixel));
         }
+        let inside = Inside::find(&self.previous_luma, &self.current_luma, width);
         let previous = Plane { luma: &self.previous_luma, width, height };
         let current = Plane { luma: &self.current_luma, width, height };
 
@@ -65,17 +67,28 @@ impl Surfaces {
         let rank_rows = self.ranks.par_chunks_mut(width);
         vector_rows.zip(rank_rows).enumerate().for_each(|(y, (vectors, ranks))| {
             for (x, (vector, rank)) in vectors.iter_mut().zip(ranks).enumerate() {
+                if !inside.contains(x, y) {
+                    *vector = [0.0; 2];
+                    *rank = 0;
+                    continue;
+                }
                 let patch = current.patch(x as isize - 1, y as isize - 1);
-                let mut mismatch = previous.difference(&patch, x, y, *vector);
+                let moved = previous.difference(&patch, x, y, *vector);
                 if *vector != [0.0; 2] {
                     let still = previous.difference(&patch, x, y, [0.0; 2]);
-                    if (still + OVERLAY_MARGIN * PATCH) * OVERLAY_FACTOR <= mismatch {
+                    let comes_from_here = previous.contains(x as f32 + vector[0], y as f32 + vector[1]);
+                    let is_overlay = if comes_from_here {
+                        still.square <= STILL && (still.square + MARGIN) * BETTER <= moved.square
+                    } else {
+                        still.patch <= STILL && contrast(&patch) >= CONTRAST
+                    };
+                    if is_overlay {
                         *vector = [0.0; 2];
                         *rank = 0;
-                        mismatch = still;
+                        continue;
                     }
                 }
-                *rank |= ((mismatch / PATCH + 0.5) as u32).min(255);
+                *rank |= ((moved.square + 0.5) as u32).min(255);
             }
         });
         Ok(())
@@ -104,6 +117,21 @@ fn bounded(vector: [f16; 2], limit: [f32; 2]) -> [f32; 2] {
     [vector[0].to_f32().clamp(-limit[0], limit[0]), vector[1].to_f32().clamp(-limit[1], limit[1])]
 }
 
+/// Mean absolute differences, in levels.
+struct Difference {
+    /// Over the best of the four squares of 2 x 2 that hold the centre: a pixel on the rim of a surface is judged by that
+    /// surface alone.
+    square: f32,
+    /// Over the whole patch.
+    patch: f32,
+}
+
+/// Mean absolute difference from the mean.
+fn contrast(patch: &[[f32; 3]; 3]) -> f32 {
+    let mean = patch.as_flattened().iter().sum::<f32>() / 9.0;
+    patch.as_flattened().iter().map(|v| (v - mean).abs()).sum::<f32>() / 9.0
+}
+
 /// A luma plane whose edge pixels go on beyond the edges.
 #[derive(Clone, Copy)]
 struct Plane<'a> {
@@ -113,6 +141,11 @@ struct Plane<'a> {
 }
 
 impl Plane<'_> {
+    /// Whether a position lies between the plane's pixels.
+    fn contains(&self, x: f32, y: f32) -> bool {
+        x >= 0.0 && y >= 0.0 && x <= (self.width - 1) as f32 && y <= (self.height - 1) as f32
+    }
+
     /// The `N` x `N` values from (x, y) on.
     fn patch<const N: usize>(&self, x: isize, y: isize) -> [[f32; N]; N] {
         let on_axis = |at: isize, len: usize| at.clamp(0, len as isize - 1) as usize;
@@ -122,21 +155,29 @@ impl Plane<'_> {
         })
     }
 
-    /// The sum of absolute differences between `patch`, centred on (x, y) in the other plane, and the place here that
-    /// `vector` leads to from there, read bilinearly.
-    fn difference(&self, patch: &[[f32; 3]; 3], x: usize, y: usize, vector: [f32; 2]) -> f32 {
+    /// How far `patch`, centred on (x, y) in the other plane, is from the place here that `vector` leads to from there, read
+    /// bilinearly.
+    fn difference(&self, patch: &[[f32; 3]; 3], x: usize, y: usize, vector: [f32; 2]) -> Difference {
         let (left, top) = (x as f32 + vector[0] - 1.0, y as f32 + vector[1] - 1.0);
         let (column, row) = (left.floor(), top.floor());
         let (fx, fy) = (left - column, top - row);
         let here: [[f32; 4]; 4] = self.patch(column as isize, row as isize);
-        let mut sum = 0.0;
-        for j in 0..3 {
-            for i in 0..3 {
+        let apart: [[f32; 3]; 3] = std::array::from_fn(|j| {
+            std::array::from_fn(|i| {
                 let across = |line: &[f32; 4]| line[i] + (line[i + 1] - line[i]) * fx;
                 let (above, below) = (across(&here[j]), across(&here[j + 1]));
-                sum += (above + (below - above) * fy - patch[j][i]).abs();
-            }
+                (above + (below - above) * fy - patch[j][i]).abs()
+            })
+        });
+        // A square that reaches over the edge counts pixels twice, and is left out where there is another.
+        let starts =
+            |at: usize, len: usize| usize::from(at == 0 && len > 1)..if at + 1 == len && len > 1 { 1 } else { 2 };
+        let square = |j: usize, i: usize| apart[j][i] + apart[j][i + 1] + apart[j + 1][i] + apart[j + 1][i + 1];
+        let rows = starts(y, self.height);
+        let squares = rows.flat_map(|j| starts(x, self.width).map(move |i| square(j, i)));
+        Difference {
+            square: squares.fold(f32::INFINITY, f32::min) / 4.0,
+            patch: apart.as_flattened().iter().sum::<f32>() / 9.0,
         }
-        sum
     }
 }

@@ -1,0 +1,5 @@
+//! What every generator must do, on scenes whose in-between pictures are known.
+
+mod bounds;
+mod scenes;
+mod world;
