@@ -21,8 +21,8 @@ pub trait FrameGenerator: Send {
     /// `out` is overwritten whole, also where nothing could be generated; the report says what it holds.
     ///
     /// # Errors
-    /// `InvalidArgument` when `t` is not inside (0, 1) or not a phase this generator can do, or `out` has not the pair's
-    /// size; `OutOfMemory` when working memory cannot be had. After an error `out` holds nothing of use.
+    /// `InvalidArgument` when `t` is not inside (0, 1) or not a phase this generator can do, or `out` has not the
+    /// pair's size; `OutOfMemory` when working memory cannot be had. After an error `out` holds nothing of use.
     fn generate(&mut self, pair: &AnchorPair<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport>;
 
     /// Makes the picture `t` anchor intervals after `anchor`, as if its motion went on: for an anchor that comes late.
@@ -73,7 +73,8 @@ pub enum Outcome {
 pub struct GenerateReport {
     /// What the picture holds.
     pub outcome: Outcome,
-    /// Share of the picture, 0 to 1, that nothing visible in the current anchor lands on: what it hides, and what has left it.
+    /// Share of the picture, 0 to 1, that nothing visible in the current anchor lands on: what it hides, and what has
+    /// left it.
     pub uncovered: f32,
     /// Share of the picture, 0 to 1, for which no counterpart was found in the previous anchor: the evidence for a cut.
     /// 0 where no evidence was sought.

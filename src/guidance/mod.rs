@@ -1,8 +1,8 @@
 //! Motion and depth for a pair of anchors.
 //!
-//! One convention holds everywhere: **motion** is in render pixels, stored at the *current* picture's pixel and pointing
-//! from the current picture to the previous one, y down. **Depth** is device depth in [0, 1], 0 near, of a stated near
-//! plane, far plane and vertical field of view. Both live at render size.
+//! One convention holds everywhere: **motion** is in render pixels, stored at the *current* picture's pixel and
+//! pointing from the current picture to the previous one, y down. **Depth** is device depth in [0, 1], 0 near, of a
+//! stated near plane, far plane and vertical field of view. Both live at render size.
 
 mod depth;
 mod latent;
@@ -27,7 +27,8 @@ impl Guidance {
     /// No motion, and everything at the near plane of `projection`: a buffer for an extractor to fill.
     ///
     /// # Errors
-    /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), `OutOfMemory` when it cannot be allocated.
+    /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), `OutOfMemory` when it cannot be
+    /// allocated.
     pub fn new(width: u32, height: u32, projection: Projection) -> Result<Self> {
         Ok(Self { motion: MotionField::new(width, height)?, depth: DepthMap::new(width, height, projection)? })
     }

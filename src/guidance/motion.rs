@@ -5,8 +5,8 @@ use half::f16;
 use super::{checked_area, filled};
 use crate::{Error, ErrorKind, Result};
 
-/// Motion vectors `[x, y]` in render pixels, one to a pixel of the current picture, pointing from the current picture to
-/// the previous one, y down. Rows run top to bottom without padding.
+/// Motion vectors `[x, y]` in render pixels, one to a pixel of the current picture, pointing from the current picture
+/// to the previous one, y down. Rows run top to bottom without padding.
 #[derive(Clone, PartialEq)]
 pub struct MotionField {
     width: u32,

@@ -9,10 +9,10 @@
 //! depth = U((c - min c) / (max c - min c)), c = channel 0 of z1
 //! ```
 //!
-//! The 8 is the compression factor the paper's project recorded. It stays although a cell of a Waypoint-1.5 latent covers
-//! 16 pixels of the autoencoder's picture: this extractor reproduces the paper, it does not improve on it. A gradient along an
-//! axis of one cell is 0, a constant channel has depth 0, and whatever is not finite gives 0 where it stands.
-//! The pseudo-depth goes over unchanged as device depth of [`PROJECTION`].
+//! The 8 is the compression factor the paper's project recorded. It stays although a cell of a Waypoint-1.5 latent
+//! covers 16 pixels of the autoencoder's picture: this extractor reproduces the paper, it does not improve on it. A
+//! gradient along an axis of one cell is 0, a constant channel has depth 0, and whatever is not finite gives 0 where it
+//! stands. The pseudo-depth goes over unchanged as device depth of [`PROJECTION`].
 
 use half::f16;
 use rayon::prelude::*;

@@ -1,9 +1,9 @@
 //! Guidance as pictures for people.
 //!
-//! **Motion** is drawn as a colour wheel: the hue is the direction of the stored vector (from the current picture to the
-//! previous), the saturation its length, white at rest and full colour from `full_scale` pixels on. Red points right,
-//! and the hue runs clockwise on screen through yellow (down right), green, cyan (left), blue and magenta. [`wheel`] draws the
-//! legend. A vector that is not finite is black.
+//! **Motion** is drawn as a colour wheel: the hue is the direction of the stored vector (from the current picture to
+//! the previous), the saturation its length, white at rest and full colour from `full_scale` pixels on. Red points
+//! right, and the hue runs clockwise on screen through yellow (down right), green, cyan (left), blue and magenta.
+//! [`wheel`] draws the legend. A vector that is not finite is black.
 //!
 //! **Depth** is grey: white at device depth 0 (near), black at 1 (far), linear in device depth.
 

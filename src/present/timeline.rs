@@ -1,10 +1,11 @@
 //! Which picture is shown when.
 //!
-//! A rollout makes latents, a latent decodes to pictures, and a stream presents frames at a steady rate. This module is the
-//! arithmetic between them, exact and without any state:
+//! A rollout makes latents, a latent decodes to pictures, and a stream presents frames at a steady rate. This module is
+//! the arithmetic between them, exact and without any state:
 //!
 //! - A **native** stream shows decoded pictures one by one, after leaving out the first few.
-//! - A **generated** stream shows the anchors (each latent's last picture) where one is due, and elsewhere the picture at the
+//! - A **generated** stream shows the anchors (each latent's last picture) where one is due, and elsewhere the picture
+//!   at the
 //!   phase between the two anchors around it. Presentation frame k is at k / rate seconds after the first anchor.
 
 use std::ops::Range;

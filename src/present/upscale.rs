@@ -1,8 +1,8 @@
 //! From one picture size to another: separable resampling by Lanczos or Catmull-Rom.
 //!
-//! The filters work on the stored sRGB values, not on linear light, as video scalers commonly do: edges ring less visibly
-//! in the dark, at the price that a fine bright pattern darkens a little when it is made smaller. Beyond the edges the edge
-//! pixels go on. All four channels are treated alike.
+//! The filters work on the stored sRGB values, not on linear light, as video scalers commonly do: edges ring less
+//! visibly in the dark, at the price that a fine bright pattern darkens a little when it is made smaller. Beyond the
+//! edges the edge pixels go on. All four channels are treated alike.
 
 use rayon::prelude::*;
 
@@ -45,7 +45,8 @@ fn sinc(x: f64) -> f64 {
 }
 
 /// Resamples pictures of one size to another. Where it makes them smaller, the kernel is widened by the ratio, so that
-/// detail too fine for the new size is averaged instead of aliased. Its result does not depend on the number of threads.
+/// detail too fine for the new size is averaged instead of aliased. Its result does not depend on the number of
+/// threads.
 #[derive(Debug)]
 pub struct Upscaler {
     from: (u32, u32),

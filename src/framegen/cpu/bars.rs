@@ -5,8 +5,8 @@ use std::ops::Range;
 /// Levels within which a line of a bar is even, and the same in both anchors.
 const EVEN: u8 = 3;
 
-/// What lies between the bars of a pair of pictures. A bar is made of whole rows or columns from an edge on that are even and
-/// the same in both. It stands still and in front, whatever its vectors say.
+/// What lies between the bars of a pair of pictures. A bar is made of whole rows or columns from an edge on that are
+/// even and the same in both. It stands still and in front, whatever its vectors say.
 #[derive(Debug)]
 pub(super) struct Inside {
     columns: Range<usize>,

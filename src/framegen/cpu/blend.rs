@@ -21,7 +21,8 @@ pub(super) fn between(
     let (width, height) = (out.width() as usize, out.height() as usize);
     let (before, after) = (Bicubic::new(previous), Bicubic::new(current));
 
-    // Whether the previous anchor shows the surface of `pixel` at a position: nothing that moves differently is in front there.
+    // Whether the previous anchor shows the surface of `pixel` at a position: nothing that moves differently is in
+    // front there.
     let shown_before = |at: [f32; 2], pixel: usize| {
         before.contains(at) && at_previous.owner_at(at).is_none_or(|owner| surfaces.move_alike(owner, pixel))
     };

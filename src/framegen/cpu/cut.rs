@@ -1,9 +1,10 @@
 //! Telling a cut from motion.
 //!
-//! Both anchors are reduced to small luma pictures, and those to their detail, as slopes look alike everywhere. Every block of the current one is looked for in the previous one: where it
-//! stands, where its motion vector points, and where the whole picture seems to have gone, each with a small search around.
-//! Blocks are compared by correlation, which brightness and contrast do not change, so that flashes and fades are no cuts.
-//! If most blocks are nowhere to be found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
+//! Both anchors are reduced to small luma pictures, and those to their detail, as slopes look alike everywhere. Every
+//! block of the current one is looked for in the previous one: where it stands, where its motion vector points, and
+//! where the whole picture seems to have gone, each with a small search around. Blocks are compared by correlation,
+//! which brightness and contrast do not change, so that flashes and fades are no cuts. If most blocks are nowhere to be
+//! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
 
 use rayon::prelude::*;
 
@@ -34,8 +35,8 @@ const BLOCK: usize = 16;
 const SEARCH: isize = 3;
 /// A block is found where its detail correlates this well.
 const CORRELATION: f32 = 0.7;
-/// Standard deviation of the detail, in levels, from which a block is evidence: what is flat in both anchors neither proves nor
-/// disproves anything, and cannot smear either.
+/// Standard deviation of the detail, in levels, from which a block is evidence: what is flat in both anchors neither
+/// proves nor disproves anything, and cannot smear either.
 const EVIDENT: f32 = 1.5;
 /// Share of blocks that must be evidence.
 const ENOUGH: f32 = 0.125;
@@ -97,8 +98,8 @@ fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize;
     }
 }
 
-/// The shift from `current` to `previous` that correlates best, over half the picture's width or more and three quarters of its height:
-/// cameras turn faster than they tilt.
+/// The shift from `current` to `previous` that correlates best, over half the picture's width or more and three
+/// quarters of its height: cameras turn faster than they tilt.
 fn whole_motion(previous: &Small, current: &Small) -> [isize; 2] {
     let (reach_x, reach_y) = ((current.width / 2) as isize, (current.height / 4) as isize);
     let mut best = ([0, 0], correlation(previous, current, 0, 0));

@@ -1,8 +1,9 @@
 //! Vectors for the places that nothing landed on.
 //!
-//! Nothing visible in the current anchor is there at phase t, so it is either something the current anchor hides (background
-//! that a moving thing is about to cover), something that has left the picture, or a crack in a surface that grows. All three
-//! continue a surface beside the hole: the nearest owned places to the left, right, above and below are the candidates.
+//! Nothing visible in the current anchor is there at phase t, so it is either something the current anchor hides
+//! (background that a moving thing is about to cover), something that has left the picture, or a crack in a surface
+//! that grows. All three continue a surface beside the hole: the nearest owned places to the left, right, above and
+//! below are the candidates.
 
 use rayon::prelude::*;
 
@@ -37,9 +38,10 @@ pub(super) enum Vector {
 impl Filler {
     /// Settles the vector of every place of `splat`; returns the share of places nothing landed on.
     ///
-    /// `reach` is that of `splat`. `previous` is the splat to phase 0; with it, a candidate that leads to a pixel of the previous
-    /// anchor which nothing in the current one accounts for comes first. Then one whose surface the current anchor must be
-    /// hiding, or has lost; then the farthest surface, then the nearest place, then left, right, above, below.
+    /// `reach` is that of `splat`. `previous` is the splat to phase 0; with it, a candidate that leads to a pixel of
+    /// the previous anchor which nothing in the current one accounts for comes first. Then one whose surface the
+    /// current anchor must be hiding, or has lost; then the farthest surface, then the nearest place, then left, right,
+    /// above, below.
     pub(super) fn fill(
         &mut self,
         surfaces: &Surfaces,
@@ -161,8 +163,8 @@ impl Candidates<'_> {
         })
     }
 
-    /// Whether the current anchor cannot show what the vector of `pixel` leads to: it has left the picture, or something that moves
-    /// otherwise is in front of it.
+    /// Whether the current anchor cannot show what the vector of `pixel` leads to: it has left the picture, or
+    /// something that moves otherwise is in front of it.
     fn is_gone(&self, x: usize, y: usize, pixel: usize) -> bool {
         nearest(self.along(x, y, pixel, -self.reach), self.width, self.height).is_none_or(|there| {
             !self.surfaces.move_alike(there, pixel) && self.surfaces.depth(there) < self.surfaces.depth(pixel)

@@ -3,16 +3,16 @@
 //! One picture at phase t comes about in five steps, each a module of its own:
 //!
 //! 1. `cut`: if the two anchors have nothing to do with each other, the nearer one is shown and the rest is left out.
-//! 2. `surface`: every pixel of the current anchor gets a motion vector that can be trusted and a rank, which says who is in
-//!    front where several land on one place.
-//! 3. `splat`: the vectors go to phase t, and once to phase 0, where they tell which pixels of the previous anchor have an
-//!    owner in the current one.
-//! 4. `fill`: places nothing landed on borrow the vector of the surface that was uncovered there.
-//! 5. `blend`: both anchors are sampled at the displaced places; a mixture by t where both show the surface, the one that
-//!    shows it elsewhere.
+//! 2. `surface`: every pixel of the current anchor gets a motion vector that can be trusted and a rank, which says who
+//!    is in front where several land on one place.
+//! 3. `splat`: the vectors go to phase t, and once to phase 0, where they tell which pixels of the previous anchor have
+//!    an owner in the current one.
+//! 4. `fill`: places nothing landed on borrow the vector of a surface beside them.
+//! 5. `blend`: both anchors are sampled at the displaced places; a mixture by t where both show the surface, the one
+//!    that shows it elsewhere.
 //!
-//! The result is the same to the bit for every number of threads: each pixel is computed by itself, and conflicts are settled by
-//! a total order.
+//! The result is the same to the bit for every number of threads: each pixel is computed by itself, and conflicts are
+//! settled by a total order.
 
 mod bars;
 mod blend;
@@ -32,8 +32,8 @@ use surface::Surfaces;
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// Generates frames on the CPU, its rows in parallel on the current rayon pool. Keeps working memory of about 33 bytes per
-/// pixel from call to call, and allocates nothing more until a larger picture comes.
+/// Generates frames on the CPU, its rows in parallel on the current rayon pool. Keeps working memory of about 40 bytes
+/// per pixel from call to call, and allocates nothing more until a larger picture comes.
 #[derive(Debug, Default)]
 pub struct CpuGenerator {
     cut: CutDetector,

@@ -9,8 +9,8 @@ pub(super) fn luma(pixel: [u8; 4]) -> u8 {
     ((77 * r + 150 * g + 29 * b) >> 8) as u8
 }
 
-/// Reads a picture by the cubic of Catmull and Rom; beyond the edges the edge pixels go on. At whole positions it gives the
-/// pixels themselves, exactly. Coordinates are in pixels, (0, 0) being the centre of the first one.
+/// Reads a picture by the cubic of Catmull and Rom; beyond the edges the edge pixels go on. At whole positions it gives
+/// the pixels themselves, exactly. Coordinates are in pixels, (0, 0) being the centre of the first one.
 #[derive(Clone, Copy)]
 pub(super) struct Bicubic<'a> {
     pixels: &'a [[u8; 4]],

@@ -10,8 +10,8 @@ use crate::Result;
 
 /// For each place of a picture, the pixel of the current anchor that lands there.
 ///
-/// A place holds the rank of that pixel above its index, and the smallest wins. This is a total order, so the result does not
-/// depend on who came first.
+/// A place holds the rank of that pixel above its index, and the smallest wins. This is a total order, so the result
+/// does not depend on who came first.
 #[derive(Debug, Default)]
 pub(super) struct Splat {
     places: Vec<AtomicU64>,
@@ -22,7 +22,8 @@ pub(super) struct Splat {
 const EMPTY: u64 = u64::MAX;
 
 impl Splat {
-    /// Carries every pixel by `reach` times its vector: 1 is the previous anchor, 0 the current one, -1 the one to come.
+    /// Carries every pixel by `reach` times its vector: 1 is the previous anchor, 0 the current one, -1 the one to
+    /// come.
     pub(super) fn splat(&mut self, surfaces: &Surfaces, size: (u32, u32), reach: f32) -> Result<()> {
         (self.width, self.height) = (size.0 as usize, size.1 as usize);
         let (width, height) = (self.width, self.height);

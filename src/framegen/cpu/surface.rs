@@ -18,9 +18,10 @@ pub(super) struct Surfaces {
     current_luma: Vec<u8>,
 }
 
-/// A pixel lies on an overlay where standing still explains it to within `STILL` levels, and better than its vector does by the
-/// factor `BETTER` after a `MARGIN` for noise. Where the vector comes from beyond the edge and there is nothing to
-/// compare with, all of the patch must stand still, with a `CONTRAST` that a moving surface would not repeat by chance.
+/// A pixel lies on an overlay where standing still explains it to within `STILL` levels, and better than its vector
+/// does by the factor `BETTER` after a `MARGIN` for noise. Where the vector comes from beyond the edge and there is
+/// nothing to compare with, all of the patch must stand still, with a `CONTRAST` that a moving surface would not repeat
+/// by chance.
 const STILL: f32 = 4.0;
 const BETTER: f32 = 2.0;
 const MARGIN: f32 = 2.0;
@@ -32,7 +33,8 @@ impl Surfaces {
         self.vectors[pixel]
     }
 
-    /// Device depth in the upper 24 bits, how badly the previous anchor matches in the lower 8: the smaller is in front.
+    /// Device depth in the upper 24 bits, how badly the previous anchor matches in the lower 8: the smaller is in
+    /// front.
     pub(super) fn rank(&self, pixel: usize) -> u32 {
         self.ranks[pixel]
     }
@@ -50,8 +52,8 @@ impl Surfaces {
 
     /// For interpolation: vectors are checked against both anchors.
     ///
-    /// A pixel on a letterbox bar, or whose vector does not match while standing still does, lies on an overlay (a HUD, a
-    /// watermark), which motion of the world behind it does not know. It gets no motion and comes to the front.
+    /// A pixel on a letterbox bar, or whose vector does not match while standing still does, lies on an overlay (a HUD,
+    /// a watermark), which motion of the world behind it does not know. It gets no motion and comes to the front.
     pub(super) fn prepare_pair(&mut self, previous: &Picture, current: &Picture, guidance: &Guidance) -> Result<()> {
         self.prepare_anchor(guidance)?;
         let (width, height) = (current.width() as usize, current.height() as usize);
@@ -119,8 +121,8 @@ fn bounded(vector: [f16; 2], limit: [f32; 2]) -> [f32; 2] {
 
 /// Mean absolute differences, in levels.
 struct Difference {
-    /// Over the best of the four squares of 2 x 2 that hold the centre: a pixel on the rim of a surface is judged by that
-    /// surface alone.
+    /// Over the best of the four squares of 2 x 2 that hold the centre: a pixel on the rim of a surface is judged by
+    /// that surface alone.
     square: f32,
     /// Over the whole patch.
     patch: f32,
@@ -155,8 +157,8 @@ impl Plane<'_> {
         })
     }
 
-    /// How far `patch`, centred on (x, y) in the other plane, is from the place here that `vector` leads to from there, read
-    /// bilinearly.
+    /// How far `patch`, centred on (x, y) in the other plane, is from the place here that `vector` leads to from there,
+    /// read bilinearly.
     fn difference(&self, patch: &[[f32; 3]; 3], x: usize, y: usize, vector: [f32; 2]) -> Difference {
         let (left, top) = (x as f32 + vector[0] - 1.0, y as f32 + vector[1] - 1.0);
         let (column, row) = (left.floor(), top.floor());

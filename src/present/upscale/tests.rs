@@ -24,8 +24,8 @@ fn resampled(source: &Picture, to: (u32, u32), filter: Filter) -> Picture {
     out
 }
 
-/// Every output pixel straight from the definition: the kernel in both directions at once, over all positions it reaches, those
-/// beyond the edges standing for the edge pixels.
+/// Every output pixel straight from the definition: the kernel in both directions at once, over all positions it
+/// reaches, those beyond the edges standing for the edge pixels.
 fn reference(source: &Picture, to: (u32, u32), filter: Filter) -> Vec<[f64; 4]> {
     let (width, height) = source.size();
     let axis = |i: u32, from: u32, to: u32| {
@@ -123,7 +123,8 @@ fn a_ramp_stays_a_ramp() {
 
 #[test]
 fn an_impulse_shows_the_kernel() {
-    // On mid grey, so that the negative lobes are not cut. Three times as wide: the centre pixel stays, its neighbours are a third away.
+    // On mid grey, so that the negative lobes are not cut. Three times as wide: the centre pixel stays, its neighbours
+    // are a third away.
     let source = draw(15, 15, |x, y| if (x, y) == (7, 7) { [228; 4] } else { [128; 4] });
     for filter in FILTERS {
         let out = resampled(&source, (45, 45), filter);

@@ -30,8 +30,8 @@ fn assert_exact(scene: Scene<'_>, guidance: &Guidance, inside: impl Fn(i64, i64)
     }
 }
 
-/// Asserts that the middle is met with a mean difference of at most `bound` levels, at least ten times better than by a mixture of the
-/// two anchors.
+/// Asserts that the middle is met with a mean difference of at most `bound` levels, at least ten times better than by a
+/// mixture of the two anchors.
 fn assert_close(scene: Scene<'_>, guidance: &Guidance, bound: f64) {
     let (before, after) = (scene(0.0), scene(1.0));
     for t in [0.25, 0.5, 0.75] {
