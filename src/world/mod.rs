@@ -3,6 +3,8 @@
 mod autoencoder;
 mod contract;
 mod controls;
+#[cfg(test)]
+mod fixture;
 mod keys;
 mod kv_memory;
 mod noise;
@@ -11,6 +13,8 @@ mod operating_point;
 mod passes;
 mod plan;
 mod plan_state;
+#[cfg(test)]
+mod plan_tests;
 mod preset;
 mod resize;
 mod ring;

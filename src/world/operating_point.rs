@@ -380,3 +380,87 @@ impl FromStr for OperatingPoint {
         Ok(point)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_reads_back_as_the_same_point() {
+        for preset in Preset::ALL {
+            let point = preset.operating_point();
+            assert_eq!(preset.name().parse::<OperatingPoint>().unwrap(), point);
+            assert_eq!(point.to_string().parse::<OperatingPoint>().unwrap(), point, "{point}");
+        }
+        let point: OperatingPoint = "coherence, g256,explicit:1:0.5:0,interval:4,generated:120".parse().unwrap();
+        assert_eq!(point.to_string(), "g256,explicit:1:0.5:0,interval:4,latents:15,pictures:1,generated:120:paper");
+        assert_eq!(point.to_string().parse::<OperatingPoint>().unwrap(), point);
+        let stock: OperatingPoint = "coherence,stock,native".parse().unwrap();
+        assert_eq!((stock.schedule, stock.global_window), (Schedule::Stock, 384));
+    }
+
+    #[test]
+    fn errors_name_the_item_and_a_remedy() {
+        for (text, field) in [
+            ("", "operating_point"),
+            ("nonsense", "operating_point"),
+            ("coherence,,g3", "operating_point"),
+            ("g", "global_window"),
+            ("g0", "global_window"),
+            ("g-8", "global_window"),
+            ("refined:x", "schedule"),
+            ("interval:0", "cache_mode"),
+            ("interval:4097", "cache_mode"),
+            ("separate:1", "cache_mode"),
+            ("latents:0", "latents_per_second"),
+            ("latents:241", "latents_per_second"),
+            ("latents:x", "operating_point"),
+            ("pictures:3", "pictures_per_latent"),
+            ("coherence,generated:15", "presentation"),
+            ("coherence,generated:961", "presentation"),
+            ("coherence,generated:30:magic", "guidance"),
+            ("coherence,pictures:2", "presentation"),
+            ("native:1", "presentation"),
+        ] {
+            let error = text.parse::<OperatingPoint>().unwrap_err();
+            assert_eq!(error.offending_field(), Some(field), "{text:?}: {error}");
+            assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        }
+        assert!("g".repeat(5000).parse::<OperatingPoint>().is_err());
+    }
+
+    #[test]
+    fn used_pictures_are_the_last_of_equal_shares() {
+        let of = |pictures_per_latent| {
+            let point = OperatingPoint { pictures_per_latent, ..Preset::Stock.operating_point() };
+            (0..5).map_while(|i| point.decoded_index(i, 4)).collect::<Vec<_>>()
+        };
+        assert_eq!((of(1), of(2), of(4)), (vec![3], vec![1, 3], vec![0, 1, 2, 3]));
+        assert_eq!(Preset::Stock.operating_point().decoded_index(0, 2), None);
+    }
+
+    #[test]
+    fn a_latent_ends_where_the_next_begins() {
+        for preset in Preset::ALL {
+            let point = preset.operating_point();
+            assert_eq!(point.span_of_latent(0), (WorldTime::ZERO, WorldTime::ZERO));
+            for latent in 1..1000 {
+                let (start, end) = point.span_of_latent(latent);
+                assert_eq!(start, point.span_of_latent(latent - 1).1);
+                assert_eq!(end, WorldTime::new(latent, point.latents_per_second));
+            }
+        }
+    }
+
+    #[test]
+    fn odd_durations_are_covered_and_not_overrun() {
+        let point = Preset::Coherence.operating_point();
+        let of = |micros| point.counts(WorldTime::from_micros(micros));
+        assert_eq!(of(0), Counts { latents: 1, steps: 0, pictures: 1, dropped: 0, presented: 1 });
+        let c = of(100_000);
+        assert_eq!((c.steps, c.presented), (2, 4));
+        assert_eq!(of(4_000_000).presented, 121);
+        let endless = point.counts(WorldTime::new(u64::MAX, 1));
+        assert_eq!(endless.latents, u64::MAX);
+    }
+}

@@ -109,3 +109,93 @@ impl Ring {
         self.written.copy_from_slice(flags);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A list of frames instead of slots: what was kept, oldest first.
+    struct Frames {
+        buckets: usize,
+        dilation: u64,
+        kept: Vec<u64>,
+    }
+
+    impl Frames {
+        /// The frames a pass at `t` may see: the newest, one fewer on a step that will evict.
+        fn visible(&self, t: u64) -> Vec<u64> {
+            let many = if t.is_multiple_of(self.dilation) { self.buckets - 1 } else { self.buckets };
+            self.kept[self.kept.len().saturating_sub(many)..].to_vec()
+        }
+
+        fn commit(&mut self, t: u64) {
+            if t.is_multiple_of(self.dilation) {
+                self.kept.push(t);
+            }
+        }
+    }
+
+    #[test]
+    fn slots_hold_the_frames_of_the_list_over_many_wraps() {
+        for (buckets, dilation) in [(16, 1), (16, 8), (4, 1), (4, 4), (14, 8), (48, 8), (64, 8), (1, 1), (1, 3), (5, 7)]
+        {
+            let mut ring = Ring::new(buckets, dilation).unwrap();
+            let mut frames = Frames { buckets: buckets as usize, dilation: dilation.into(), kept: Vec::new() };
+            let mut slots = vec![None; buckets as usize];
+            for t in 0..u64::from(buckets * dilation) * 6 + 3 {
+                let seen = ring.visible(t);
+                let mut ours: Vec<u64> = (0..seen.len()).filter(|s| seen[*s]).map(|s| slots[s].unwrap()).collect();
+                ours.sort_unstable();
+                assert_eq!(ours, frames.visible(t), "{buckets} buckets, dilation {dilation}, t {t}");
+                let before = ring.clone();
+                let written = ring.commit(t);
+                assert_eq!(written.is_some(), ring.write_step(t));
+                match written {
+                    Some(slot) => {
+                        assert!(!seen[slot], "a slot about to be overwritten was visible");
+                        slots[slot] = Some(t);
+                    }
+                    None => assert_eq!(ring, before),
+                }
+                frames.commit(t);
+            }
+        }
+    }
+
+    /// Waypoint-1.5's own figures: 16 local slots, 16 global ones with dilation 8.
+    #[test]
+    fn warm_rings_see_fifteen_or_sixteen_latents() {
+        let (mut local, mut global) = (Ring::new(16, 1).unwrap(), Ring::new(16, 8).unwrap());
+        for t in 0..1000 {
+            let count = |ring: &Ring| ring.visible(t).iter().filter(|seen| **seen).count() as u64;
+            assert_eq!(count(&local), t.min(15));
+            let kept = t.div_ceil(8);
+            assert_eq!(count(&global), if t % 8 == 0 { kept.min(15) } else { kept.min(16) });
+            local.commit(t);
+            global.commit(t);
+        }
+    }
+
+    #[test]
+    fn buckets_are_rounded_up() {
+        let ring = Ring::new(16, 8).unwrap();
+        let expected = [(0, 0), (1, 1), (7, 1), (8, 1), (9, 2), (120, 15), (121, 0), (128, 0), (129, 1)];
+        for (t, slot) in expected {
+            assert_eq!(ring.slot(t), slot, "t {t}");
+        }
+        assert!(ring.slot(u64::MAX) < 16);
+    }
+
+    #[test]
+    fn impossible_rings_are_refused() {
+        for (buckets, dilation) in [(0, 1), (1, 0), (MAX_BUCKETS + 1, 1), (u32::MAX, u32::MAX)] {
+            assert_eq!(Ring::new(buckets, dilation).unwrap_err().kind(), ErrorKind::InvalidArgument);
+        }
+        let mut ring = Ring::new(4, 1).unwrap();
+        assert!(ring.mark(4).is_err() && !ring.sees(1, 4));
+        ring.mark(3).unwrap();
+        assert_eq!(ring.written(), [false, false, false, true]);
+        ring.clear();
+        assert_eq!(ring, Ring::new(4, 1).unwrap());
+    }
+}

@@ -119,3 +119,147 @@ fn spatial_frequencies(count: usize, max_freq: f64) -> Vec<f64> {
     let step = if n > 1 { (max_freq / 2.0 - 1.0) / (n - 1) as f64 } else { 0.0 };
     (0..count).map(|j| (1.0 + (j / 2) as f64 * step) * PI).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::fixture;
+
+    fn geometry(rows: u32, columns: u32, head_width: u32) -> Geometry {
+        let mut geometry = fixture::manifest().geometry;
+        (geometry.latent.height, geometry.latent.width) = (rows * geometry.patch[0], columns * geometry.patch[1]);
+        (geometry.tokens, geometry.head_width) = (rows * columns, head_width);
+        geometry
+    }
+
+    fn angles(geometry: &Geometry, time: u64) -> (Vec<f32>, Vec<f32>) {
+        let table = RopeTable::new(geometry).unwrap();
+        let (mut cos, mut sin) = (vec![9.0; table.len()], vec![9.0; table.len()]);
+        table.fill(time, &mut cos, &mut sin).unwrap();
+        (cos, sin)
+    }
+
+    /// The formulas of docs/bundle.md once more, token by token, with nothing kept.
+    #[test]
+    fn the_table_is_the_formula() {
+        for (rows, columns, head_width) in [(16, 32, 64), (2, 4, 16), (8, 16, 24), (3, 5, 8), (1, 1, 40)] {
+            for time in [0, 1, 17, 4096, 1_000_003] {
+                let (cos, sin) = angles(&geometry(rows, columns, head_width), time);
+                let pairs = head_width as usize / 2;
+                for token in 0..rows * columns {
+                    let (row, column) = (token / columns, token % columns);
+                    for pair in 0..pairs {
+                        let angle = if pair < pairs / 2 {
+                            let (j, q) = (pair % (pairs / 4), pairs / 4);
+                            let (index, count) = if pair < q { (column, columns) } else { (row, rows) };
+                            let n = q.div_ceil(2);
+                            let highest = f64::from(rows.min(columns)) * 0.8 / 2.0;
+                            let part = if n == 1 { 0.0 } else { (j / 2) as f64 / (n - 1) as f64 };
+                            let f = (1.0 + part * (highest - 1.0)) * PI;
+                            (f64::from(2 * index + 1) / f64::from(count) - 1.0) * f
+                        } else {
+                            let j = pair - pairs / 2;
+                            time as f64 * 10_000f64.powf(-((2 * (j / 2)) as f64) / (pairs / 2) as f64)
+                        };
+                        let at = token as usize * pairs + pair;
+                        assert!((f64::from(cos[at]) - angle.cos()).abs() < 1e-7, "{rows}x{columns} {token} {pair}");
+                        assert!((f64::from(sin[at]) - angle.sin()).abs() < 1e-7, "{rows}x{columns} {token} {pair}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// Rows that numpy computed, at 720p geometry far beyond any table, and at the smallest head.
+    #[test]
+    fn golden_rows_hold() {
+        let (cos, sin) = angles(&geometry(16, 32, 64), 1_000_003);
+        let (row_cos, row_sin) = (&cos[77 * 32..78 * 32], &sin[77 * 32..78 * 32]);
+        let golden_cos = [
+            0.881_921_3,
+            0.195_090_3,
+            -0.634_393_3,
+            -1.0,
+            -0.555_570_2,
+            0.972_369_9,
+            -0.872_496,
+            0.309_017,
+            -0.877_986_5,
+            -0.652_272_6,
+            -0.965_290_3,
+            0.920_990_5,
+            -0.942_559_9,
+            -0.270_720_3,
+            0.559_895_9,
+            -0.478_243,
+        ];
+        let golden_sin = [
+            -0.471_396_7,
+            -0.980_785_3,
+            -0.773_010_4,
+            0.0,
+            -0.831_469_6,
+            0.233_445_4,
+            0.488_621_2,
+            -0.951_056_5,
+            0.478_685_4,
+            0.757_984_5,
+            -0.261_179_2,
+            -0.389_585_1,
+            -0.334_037_2,
+            0.962_658,
+            0.828_563,
+            0.878_227_5,
+        ];
+        for pair in 0..32 {
+            assert!((row_cos[pair] - golden_cos[pair / 2]).abs() < 1e-6, "cos {pair}");
+            assert!((row_sin[pair] - golden_sin[pair / 2]).abs() < 1e-6, "sin {pair}");
+        }
+        let (cos, sin) = angles(&geometry(2, 4, 8), 5);
+        for (row, golden) in [
+            (&cos[24..28], [0.707_106_8, 0.0, 0.283_662_2, 0.283_662_2]),
+            (&sin[24..28], [0.707_106_8, 1.0, -0.958_924_3, -0.958_924_3]),
+        ] {
+            for (ours, golden) in row.iter().zip(golden) {
+                assert!((ours - golden).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn time_is_unbounded_and_turns_only_its_own_pairs() {
+        let geometry = geometry(2, 4, 16);
+        let (early, _) = angles(&geometry, 0);
+        let (late, late_sin) = angles(&geometry, u64::MAX);
+        for (at, (a, b)) in early.iter().zip(&late).enumerate() {
+            assert!(b.is_finite() && (at % 8 >= 4 || a == b));
+        }
+        assert!(late_sin.iter().all(|s| s.abs() <= 1.0));
+        // Neighbouring times differ even where f32 could not tell the times apart.
+        let time = 1 << 30;
+        assert_ne!(angles(&geometry, time), angles(&geometry, time + 1));
+    }
+
+    #[test]
+    fn contradictions_and_wrong_lengths_are_refused() {
+        let good = geometry(2, 4, 16);
+        let spoilt: [fn(&mut Geometry); 7] = [
+            |g| g.tokens = 7,
+            |g| g.tokens = 0,
+            |g| g.head_width = 12,
+            |g| g.head_width = 0,
+            |g| g.patch = [0, 2],
+            |g| g.rope.time_base = 0.0,
+            |g| g.rope.nyquist_fraction = f64::NAN,
+        ];
+        for spoil in spoilt {
+            let mut bad = good.clone();
+            spoil(&mut bad);
+            assert_eq!(RopeTable::new(&bad).unwrap_err().kind(), ErrorKind::InvalidBundle);
+        }
+        let table = RopeTable::new(&good).unwrap();
+        assert!(!table.is_empty());
+        assert!(table.fill(0, &mut vec![0.0; table.len() - 1], &mut vec![0.0; table.len()]).is_err());
+        assert!(table.fill(0, &mut vec![0.0; table.len()], &mut vec![0.0; table.len() + 1]).is_err());
+    }
+}
