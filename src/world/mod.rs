@@ -21,6 +21,7 @@ mod ring;
 mod rollout;
 mod rope;
 mod schedule;
+mod script;
 mod state;
 mod statistics;
 mod time;
@@ -41,6 +42,10 @@ pub use ring::{MAX_BUCKETS, Ring};
 pub use rollout::{Probe, Rollout};
 pub use rope::RopeTable;
 pub use schedule::{MAX_POINTS, Schedule, SigmaTable};
+pub use script::{
+    Action, ControlScript, MAX_EVENT_MOUSE, MAX_EVENT_SCROLL, MAX_EVENTS, MAX_SCRIPT_BYTES, SCRIPT_VERSION,
+    ScriptEvent, ScriptRecorder,
+};
 pub use statistics::{Stage, Stages, Statistics, StepInfo};
 pub use time::{MAX_SECONDS, WorldTime};
 pub use world::{World, WorldOptions};

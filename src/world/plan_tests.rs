@@ -70,7 +70,7 @@ fn every_mode_follows_the_list_of_frames() {
             let commit = append
                 || match mode {
                     CacheMode::Separate | CacheMode::Fused => true,
-                    CacheMode::Interval(k) => generated % u64::from(k) == 0,
+                    CacheMode::Interval(k) => generated.is_multiple_of(u64::from(k)),
                 };
             let expected = match mode {
                 _ if !commit => CachePass::Skip,
@@ -90,14 +90,14 @@ fn every_mode_follows_the_list_of_frames() {
                 seen
             };
             assert_eq!(seen(&plan.local, &local), newest(commits.clone(), 3), "{mode} latent {latent}");
-            let many = if t % 4 == 0 { 3 } else { 4 };
+            let many = if t.is_multiple_of(4) { 3 } else { 4 };
             assert_eq!(seen(&plan.global, &global), newest(dilated, many), "{mode} latent {latent}");
 
             let before = planner.clone();
             planner.committed(&plan).unwrap();
             if commit {
                 local[plan.local.slot.unwrap()] = Some(latent);
-                assert_eq!(plan.global.slot.is_some(), t % 4 == 0);
+                assert_eq!(plan.global.slot.is_some(), t.is_multiple_of(4));
                 if let Some(slot) = plan.global.slot {
                     global[slot] = Some(latent);
                 }
@@ -165,7 +165,7 @@ fn a_plan_made_into_an_old_one_is_the_same_plan() {
     let mut planner = planner(CacheMode::Interval(2));
     let mut reused = StepPlan::default();
     for latent in 0..20u8 {
-        if latent % 5 == 0 {
+        if latent.is_multiple_of(5) {
             planner.plan_append_into(&mut reused).unwrap();
             assert_eq!(reused, planner.plan_append().unwrap());
         } else {
@@ -182,7 +182,8 @@ fn altered_plans_are_obeyed_or_refused_whole() {
     planner.committed(&planner.plan_append().unwrap()).unwrap();
     let plan = planner.plan_step(&ControlInput::IDLE).unwrap();
     let before = planner.clone();
-    let spoilt: [(&str, fn(&mut StepPlan)); 8] = [
+    type Spoil = (&'static str, fn(&mut StepPlan));
+    let spoilt: [Spoil; 8] = [
         ("plan.latent", |p| p.latent += 1),
         ("plan.sigmas", |p| p.sigmas.truncate(2)),
         ("plan.controls", |p| p.controls.truncate(8)),
@@ -213,7 +214,8 @@ fn a_saved_planner_continues_with_the_same_plans() {
             let mut second = planner(mode);
             second.restore(&first.save()).unwrap();
             assert_eq!(first, second);
-            let plan = if latent % 20 == 0 { first.plan_append() } else { first.plan_step(&held(latent)) }.unwrap();
+            let plan =
+                if latent.is_multiple_of(20) { first.plan_append() } else { first.plan_step(&held(latent)) }.unwrap();
             first.committed(&plan).unwrap();
         }
         first.reset();

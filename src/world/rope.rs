@@ -122,6 +122,8 @@ fn spatial_frequencies(count: usize, max_freq: f64) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::FRAC_1_SQRT_2;
+
     use super::*;
     use crate::world::fixture;
 
@@ -217,8 +219,8 @@ mod tests {
         }
         let (cos, sin) = angles(&geometry(2, 4, 8), 5);
         for (row, golden) in [
-            (&cos[24..28], [0.707_106_8, 0.0, 0.283_662_2, 0.283_662_2]),
-            (&sin[24..28], [0.707_106_8, 1.0, -0.958_924_3, -0.958_924_3]),
+            (&cos[24..28], [FRAC_1_SQRT_2, 0.0, 0.283_662_2, 0.283_662_2]),
+            (&sin[24..28], [FRAC_1_SQRT_2, 1.0, -0.958_924_3, -0.958_924_3]),
         ] {
             for (ours, golden) in row.iter().zip(golden) {
                 assert!((ours - golden).abs() < 1e-6);

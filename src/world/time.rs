@@ -8,7 +8,8 @@ use crate::{Error, ErrorKind, Result};
 /// The latest world time a script or a duration may name: one day, in whole seconds.
 pub const MAX_SECONDS: u64 = 86_400;
 
-const MICROS: u64 = 1_000_000;
+/// Microseconds in a second.
+pub(crate) const MICROS: u64 = 1_000_000;
 
 /// A moment, or a length, of world time: an exact fraction of seconds, never negative.
 ///
@@ -56,6 +57,12 @@ impl WorldTime {
         u64::try_from(micros).unwrap_or(u64::MAX)
     }
 
+    /// The last whole microsecond that is not after this moment; the largest u64 when it is out of range.
+    pub fn floor_micros(self) -> u64 {
+        let micros = u128::from(self.ticks) * u128::from(MICROS) / u128::from(self.per_second);
+        u64::try_from(micros).unwrap_or(u64::MAX)
+    }
+
     /// How many whole steps of `1 / rate` seconds lie in this length; saturates.
     pub fn whole_steps(self, rate: u32) -> u64 {
         let steps = u128::from(self.ticks) * u128::from(rate) / u128::from(self.per_second);
@@ -66,6 +73,18 @@ impl WorldTime {
     pub fn covering_steps(self, rate: u32) -> u64 {
         let steps = (u128::from(self.ticks) * u128::from(rate)).div_ceil(u128::from(self.per_second));
         u64::try_from(steps).unwrap_or(u64::MAX)
+    }
+
+    /// `start`, `end` and any number of microseconds as whole numbers of one unit, so that they compare, subtract and
+    /// divide exactly. The unit is one second over 10^6 times both denominators.
+    pub(crate) fn on_one_scale(start: Self, end: Self) -> (u128, u128, impl Fn(u64) -> u128) {
+        let (a, b) = (u128::from(start.per_second), u128::from(end.per_second));
+        let micros = u128::from(MICROS);
+        (
+            (u128::from(start.ticks) * b).saturating_mul(micros),
+            (u128::from(end.ticks) * a).saturating_mul(micros),
+            move |m| u128::from(m).saturating_mul(a * b),
+        )
     }
 }
 
@@ -186,5 +205,7 @@ mod tests {
             assert!(micros >= WorldTime::new(q, 15) && micros < WorldTime::new(q + 1, 15));
         }
         assert_eq!(WorldTime::new(u64::MAX, 1).ceil_micros(), u64::MAX);
+        assert_eq!((WorldTime::new(1, 15).floor_micros(), WorldTime::new(1, 15).ceil_micros()), (66_666, 66_667));
+        assert_eq!((WorldTime::new(3, 15).floor_micros(), WorldTime::new(3, 15).ceil_micros()), (200_000, 200_000));
     }
 }

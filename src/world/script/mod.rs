@@ -1,0 +1,267 @@
+//! Control scripts: what a player does, by world time. The text format is `docs/control-script.md`.
+
+mod recorder;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use std::fmt;
+
+use crate::world::controls::ControlInput;
+use crate::world::keys::{Key, KeySet};
+use crate::world::time::{MAX_SECONDS, MICROS, WorldTime, format_micros};
+use crate::{Error, ErrorKind, Result};
+
+pub use recorder::ScriptRecorder;
+pub use text::{MAX_SCRIPT_BYTES, SCRIPT_VERSION};
+
+/// The most events a script may have.
+pub const MAX_EVENTS: usize = 200_000;
+/// The largest mouse motion of one event, in counts, either way and on either axis.
+pub const MAX_EVENT_MOUSE: f64 = 1.0e9;
+/// The largest wheel motion of one event, in notches, either way.
+pub const MAX_EVENT_SCROLL: i32 = 1_000_000;
+/// A smaller motion than this many counts is none, so that every number has a short decimal form.
+const LEAST_MOTION: f64 = 1.0e-9;
+
+/// Something the player does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScriptEvent {
+    /// When, or from when on, in microseconds of world time.
+    pub at: u64,
+    /// What.
+    pub action: Action,
+}
+
+/// What a [`ScriptEvent`] does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action {
+    /// A key goes down.
+    Down(Key),
+    /// A key that is down goes up.
+    Up(Key),
+    /// The mouse moves by dx (right positive) and dy (down positive) counts: at once, or evenly spread until a later
+    /// moment, in microseconds.
+    Mouse {
+        /// dx and dy, each from -[`MAX_EVENT_MOUSE`] to [`MAX_EVENT_MOUSE`].
+        motion: [f64; 2],
+        /// The end of the motion, not included; none for a motion at one moment.
+        until: Option<u64>,
+    },
+    /// The wheel turns by this many notches, up positive, at most [`MAX_EVENT_SCROLL`] either way.
+    Scroll(i32),
+}
+
+/// A valid control script.
+///
+/// Time is exact: [`ControlScript::span`] over neighbouring spans of 1/15 s loses nothing and counts nothing twice,
+/// however long the script.
+#[derive(Debug, Clone)]
+pub struct ControlScript {
+    /// By time; events of one moment in the order they were given.
+    events: Vec<ScriptEvent>,
+    end: Option<u64>,
+    /// Keys held before event i, and after the last one: one more than events.
+    held: Vec<KeySet>,
+    /// Events that move the mouse over a span, by start.
+    ramps: Vec<Ramp>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Ramp {
+    from: u64,
+    until: u64,
+    motion: [f64; 2],
+    /// The latest `until` of this ramp and all before it.
+    latest: u64,
+}
+
+/// Where an event was written, for messages.
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    Text { line: usize, column: usize },
+    Index(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Text { line, column } => write!(f, "line {line}, column {column}"),
+            Self::Index(index) => write!(f, "event {index}"),
+        }
+    }
+}
+
+impl ControlScript {
+    /// A script of these events, in any order; those of one moment keep theirs. At `end`, where there is one, in
+    /// microseconds, all keys are released and the script is over.
+    ///
+    /// # Errors
+    /// `InvalidArgument`, naming the event by its index, for a time past [`MAX_SECONDS`] or past the end, a motion that
+    /// is not finite or too large, a motion that ends before it starts, a key that goes down twice or up without having
+    /// been down; and for more than [`MAX_EVENTS`] events.
+    pub fn from_events(events: Vec<ScriptEvent>, end: Option<u64>) -> Result<Self> {
+        Self::build(events.into_iter().enumerate().map(|(i, event)| (event, Place::Index(i))).collect(), end)
+    }
+
+    fn build(mut placed: Vec<(ScriptEvent, Place)>, end: Option<u64>) -> Result<Self> {
+        if placed.len() > MAX_EVENTS {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("the script has {} events", placed.len()))
+                .field("script")
+                .remedy(format!("Use at most {MAX_EVENTS}")));
+        }
+        if let Some(end) = end.filter(|end| *end > MAX_SECONDS * MICROS) {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("the script ends at {} s", format_micros(end)))
+                .field("script.end")
+                .remedy(format!("End it at {MAX_SECONDS} s or before")));
+        }
+        placed.sort_by_key(|(event, _)| event.at);
+        let mut script = Self { events: Vec::new(), end, held: vec![KeySet::NONE], ramps: Vec::new() };
+        for (event, place) in placed {
+            script.push(event).map_err(|cause| {
+                Error::new(ErrorKind::InvalidArgument, cause)
+                    .field(place.to_string())
+                    .remedy("See docs/control-script.md for what a script may say")
+            })?;
+        }
+        if let Some(end) = end {
+            // What the end releases is released by an event, so that a written script says so.
+            for key in script.held_last().iter() {
+                script
+                    .push(ScriptEvent { at: end, action: Action::Up(key) })
+                    .map_err(|cause| Error::new(ErrorKind::InvalidArgument, cause).field("script.end"))?;
+            }
+        }
+        Ok(script)
+    }
+
+    fn held_last(&self) -> KeySet {
+        self.held.last().copied().unwrap_or_default()
+    }
+
+    /// Adds the next event by time; the error is a cause.
+    fn push(&mut self, mut event: ScriptEvent) -> std::result::Result<(), String> {
+        let mut held = self.held_last();
+        let latest = self.end.unwrap_or(MAX_SECONDS * MICROS);
+        let in_time = |at: u64| {
+            if at <= latest {
+                return Ok(());
+            }
+            let what = if self.end.is_some() { "after the end" } else { "too late" };
+            Err(format!("{} s is {what}: the script lasts {} s at most", format_micros(at), format_micros(latest)))
+        };
+        in_time(event.at)?;
+        match &mut event.action {
+            Action::Down(key) if held.contains(*key) => return Err(format!("{key} goes down, but it is held already")),
+            Action::Down(key) => held.insert(*key),
+            Action::Up(key) if !held.contains(*key) => return Err(format!("{key} goes up, but it is not held")),
+            Action::Up(key) => held.remove(*key),
+            Action::Mouse { motion, until } => {
+                for counts in motion.iter_mut() {
+                    // A NaN fails the comparison.
+                    if !matches!(counts.abs().partial_cmp(&MAX_EVENT_MOUSE), Some(order) if order.is_le()) {
+                        return Err(format!("a motion of {counts} counts is too large or no number"));
+                    }
+                    if counts.abs() < LEAST_MOTION {
+                        *counts = 0.0;
+                    }
+                }
+                if let Some(until) = *until {
+                    in_time(until)?;
+                    if until <= event.at {
+                        return Err("the motion ends before it starts".into());
+                    }
+                    let latest = self.ramps.last().map_or(until, |ramp| ramp.latest.max(until));
+                    self.ramps.push(Ramp { from: event.at, until, motion: *motion, latest });
+                }
+            }
+            Action::Scroll(notches) if notches.unsigned_abs() > MAX_EVENT_SCROLL.unsigned_abs() => {
+                return Err(format!("a wheel motion of {notches} notches is too large"));
+            }
+            Action::Scroll(_) => {}
+        }
+        self.events.push(event);
+        self.held.push(held);
+        Ok(())
+    }
+
+    /// The events, by time.
+    pub fn events(&self) -> &[ScriptEvent] {
+        &self.events
+    }
+
+    /// Where the script says it ends, in microseconds.
+    pub fn end(&self) -> Option<u64> {
+        self.end
+    }
+
+    /// How long it lasts: to its end where it has one, else until the last thing happens.
+    pub fn duration(&self) -> WorldTime {
+        let last_event = self.events.last().map_or(0, |event| event.at);
+        let last_motion = self.ramps.last().map_or(0, |ramp| ramp.latest);
+        WorldTime::from_micros(self.end.unwrap_or(last_event.max(last_motion)))
+    }
+
+    /// The controls of the span from `start` (included) to `end` (not included): the motion of mouse and wheel that
+    /// falls in it, and every key that is held at any moment of it, so that the shortest tap counts.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when `start` lies after `end`, or when the motion of the span is more than
+    /// [`MAX_MOUSE`](crate::world::MAX_MOUSE).
+    pub fn span(&self, start: WorldTime, end: WorldTime) -> Result<ControlInput> {
+        if start > end {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("a span from {start} to {end} runs backwards"))
+                .field("span"));
+        }
+        if start == end {
+            return Ok(ControlInput::IDLE);
+        }
+        let first = self.events.partition_point(|event| WorldTime::from_micros(event.at) < start);
+        let past = self.events.partition_point(|event| WorldTime::from_micros(event.at) < end);
+        let mut keys = self.held[first];
+        let (mut pressed, mut mouse, mut notches) = (KeySet::NONE, [0.0f64; 2], 0i64);
+        for event in &self.events[first..past] {
+            match event.action {
+                Action::Down(key) => {
+                    keys.insert(key);
+                    pressed.insert(key);
+                }
+                // Released at the very start: held before the span, but in no moment of it.
+                Action::Up(key) if WorldTime::from_micros(event.at) == start && !pressed.contains(key) => {
+                    keys.remove(key);
+                }
+                Action::Up(_) => {}
+                Action::Mouse { motion, until: None } => {
+                    mouse[0] += motion[0];
+                    mouse[1] += motion[1];
+                }
+                Action::Mouse { until: Some(_), .. } => {}
+                Action::Scroll(n) => notches += i64::from(n),
+            }
+        }
+        self.add_ramps(start, end, &mut mouse);
+        ControlInput::new(mouse.map(|counts| counts as f32), keys, notches.signum() as f32)
+            .map_err(|error| error.remedy(format!("Spread the motion between {start} and {end} of the script")))
+    }
+
+    /// Adds what the motions over a span have in common with `start..end`, by exact shares of time.
+    fn add_ramps(&self, start: WorldTime, end: WorldTime, mouse: &mut [f64; 2]) {
+        let past = self.ramps.partition_point(|ramp| WorldTime::from_micros(ramp.from) < end);
+        let first = self.ramps.partition_point(|ramp| WorldTime::from_micros(ramp.latest) <= start);
+        let (start, end, scale) = WorldTime::on_one_scale(start, end);
+        for ramp in self.ramps.get(first..past).unwrap_or_default() {
+            let (from, until) = (scale(ramp.from), scale(ramp.until));
+            let common = until.min(end).saturating_sub(from.max(start));
+            let share = common as f64 / (until - from) as f64;
+            mouse[0] += ramp.motion[0] * share;
+            mouse[1] += ramp.motion[1] * share;
+        }
+    }
+}
+
+impl PartialEq for ControlScript {
+    /// Equal when events and end are: the rest follows from them.
+    fn eq(&self, other: &Self) -> bool {
+        self.events == other.events && self.end == other.end
+    }
+}

@@ -1,0 +1,130 @@
+//! Makes a script out of live input.
+
+use crate::world::controls::ControlInput;
+use crate::world::keys::{Key, KeySet};
+use crate::world::script::{Action, ControlScript, MAX_EVENTS, ScriptEvent};
+use crate::world::time::WorldTime;
+use crate::{Error, ErrorKind, Result};
+
+/// Collects input events as they happen, or the controls of whole latent steps, and makes a [`ControlScript`] of them.
+///
+/// Times are kept to the microsecond. Feed events with [`key`](Self::key), [`mouse`](Self::mouse) and
+/// [`scroll`](Self::scroll), or steps with [`step`](Self::step); mixing both in one recording is allowed.
+#[derive(Debug, Clone, Default)]
+pub struct ScriptRecorder {
+    events: Vec<ScriptEvent>,
+    held: KeySet,
+}
+
+impl ScriptRecorder {
+    /// An empty recording.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A key went down or up. A repeat of what is known already is ignored, as keyboards repeat.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the recording is full.
+    pub fn key(&mut self, at: WorldTime, key: Key, down: bool) -> Result<()> {
+        self.key_at(if down { at.ceil_micros() } else { at.floor_micros() }, key, down)
+    }
+
+    /// The mouse moved by dx and dy counts.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a motion that is not finite, or when the recording is full.
+    pub fn mouse(&mut self, at: WorldTime, motion: [f32; 2]) -> Result<()> {
+        if motion.iter().any(|counts| !counts.is_finite()) {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("a motion of {motion:?} counts is no input"))
+                .field("mouse"));
+        }
+        if motion == [0.0; 2] {
+            return Ok(());
+        }
+        let motion = motion.map(shortest);
+        self.push(at.ceil_micros(), Action::Mouse { motion, until: None })
+    }
+
+    /// The wheel turned by this many notches, up positive.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the recording is full.
+    pub fn scroll(&mut self, at: WorldTime, notches: i32) -> Result<()> {
+        if notches == 0 {
+            return Ok(());
+        }
+        self.push(at.ceil_micros(), Action::Scroll(notches))
+    }
+
+    /// A latent step got these controls for the span from `start` to `end`. The script's
+    /// [`span`](ControlScript::span) from `start` to `end` gives them back, bit for bit, when every step is recorded, in
+    /// order and without a gap. (A motion below 10^-9 counts is none.)
+    ///
+    /// # Errors
+    /// `InvalidArgument` when no whole microsecond lies in the span, or when the recording is full.
+    pub fn step(&mut self, start: WorldTime, end: WorldTime, input: &ControlInput) -> Result<()> {
+        // Presses and motion fall on the first microsecond of the span, releases on the last one that is not in it.
+        let (before, within) = (start.floor_micros(), start.ceil_micros());
+        if WorldTime::from_micros(within) >= end {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("a step from {start} to {end} is too short to record"),
+            )
+            .field("span"));
+        }
+        for key in self.held.iter().filter(|key| !input.keys().contains(*key)) {
+            self.key_at(before, key, false)?;
+        }
+        for key in input.keys().iter() {
+            self.key_at(within, key, true)?;
+        }
+        self.mouse(start, input.mouse())?;
+        self.scroll(start, input.scroll() as i32)
+    }
+
+    /// Ends the recording; keys that are still held are released.
+    ///
+    /// # Errors
+    /// As [`ControlScript::from_events`], for instance when something happened after `end`.
+    pub fn finish(mut self, end: WorldTime) -> Result<ControlScript> {
+        // As every release, on the last microsecond that is not in what follows.
+        let last = self.events.last().map_or(0, |event| event.at);
+        let at = end.floor_micros().max(last);
+        self.events.extend(self.held.iter().map(|key| ScriptEvent { at, action: Action::Up(key) }));
+        ControlScript::from_events(self.events, Some(end.ceil_micros()))
+    }
+
+    fn key_at(&mut self, at: u64, key: Key, down: bool) -> Result<()> {
+        if self.held.contains(key) == down {
+            return Ok(());
+        }
+        let action = if down { Action::Down(key) } else { Action::Up(key) };
+        self.push(at, action)?;
+        if down {
+            self.held.insert(key);
+        } else {
+            self.held.remove(key);
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, at: u64, action: Action) -> Result<()> {
+        // Every held key needs one more event at the end.
+        if self.events.len() + 256 >= MAX_EVENTS {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the recording is full")
+                .field("script")
+                .remedy("Finish it and start another"));
+        }
+        // Live events come in order; a clock that steps back must not turn a release into a press.
+        let at = self.events.last().map_or(at, |last| at.max(last.at));
+        self.events.push(ScriptEvent { at, action });
+        Ok(())
+    }
+}
+
+/// The f64 with the shortest decimal form that still rounds to `value`, so that recordings are pleasant to read.
+fn shortest(value: f32) -> f64 {
+    let short: f64 = value.to_string().parse().unwrap_or(f64::NAN);
+    if short as f32 == value { short } else { f64::from(value) }
+}
