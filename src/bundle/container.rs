@@ -44,6 +44,11 @@ impl Container {
         Ok(Self::Memory(map))
     }
 
+    /// Whether reading takes new memory.
+    pub(super) fn reads(&self) -> bool {
+        !matches!(self, Self::Memory(_))
+    }
+
     /// The size of a file, without reading it.
     pub(super) fn size(&self, name: &str) -> Result<u64> {
         match self {

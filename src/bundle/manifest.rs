@@ -325,6 +325,11 @@ impl Geometry {
         (i64::from(layer) - i64::from(self.global.offset)).rem_euclid(i64::from(self.global.period)) == 0
     }
 
+    /// Latents that a layer of one kind remembers at the global window `g`.
+    pub fn buckets(&self, global: bool, g: u32) -> u64 {
+        u64::from(if global { g / self.global.dilation } else { self.local.window })
+    }
+
     /// Numbers in one latent.
     pub fn latent_len(&self) -> usize {
         self.latent.channels as usize * self.latent.height as usize * self.latent.width as usize

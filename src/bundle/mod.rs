@@ -7,7 +7,9 @@
 mod container;
 mod manifest;
 mod manifest_check;
+mod memory;
 mod names;
+mod onnx;
 mod open;
 
 use std::borrow::Cow;
@@ -16,6 +18,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 pub use manifest::*;
+pub use memory::{MemoryNeed, available_memory};
+pub use onnx::operators;
 pub use open::{OpenOptions, OpenProgress};
 
 use crate::{Error, ErrorKind, Result};

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use sha2::{Digest, Sha256};
 
 use super::container::Container;
-use super::{Bundle, FileEntry, MANIFEST_NAME, Manifest, Model, damaged, manifest_check};
+use super::{Bundle, FileEntry, MANIFEST_NAME, Manifest, Model, available_memory, damaged, manifest_check, onnx};
 use crate::{Error, ErrorKind, Result};
 
 /// How [`Bundle::open_with`] reads.
@@ -36,28 +36,21 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
     let total = check_sizes(&container, &manifest, options)?;
     let mut reader = Reader { container, options, done: 0, total };
     let mut files = BTreeMap::new();
-    for entry in &manifest.files {
-        files.insert(entry.path.clone(), reader.read(entry)?);
+    // The models first: a refusal then costs no reading of weights.
+    let mut models = Vec::new();
+    for (precision, kind, path) in manifest.graphs.paths() {
+        let Some(entry) = manifest.file(path) else { continue };
+        let bytes = reader.read(entry)?;
+        let onnx::Checked { external } = onnx::check(&bytes, onnx::Subject { manifest: &manifest, kind, precision })?;
+        models.push(Model { kind, precision, path: path.to_owned(), external });
+        files.insert(path.to_owned(), bytes);
     }
-    let models = models(&manifest);
+    for entry in &manifest.files {
+        if !files.contains_key(&entry.path) {
+            files.insert(entry.path.clone(), reader.read(entry)?);
+        }
+    }
     Ok(Bundle { manifest, digest, files, models })
-}
-
-fn models(manifest: &Manifest) -> Vec<Model> {
-    let graphs: Vec<&str> = manifest.graphs.paths().map(|(_, _, path)| path).collect();
-    let data: Vec<(String, String)> = manifest
-        .files
-        .iter()
-        .filter(|entry| !graphs.contains(&entry.path.as_str()))
-        .map(|entry| (entry.path.clone(), entry.path.clone()))
-        .collect();
-    let model = |(precision, kind, path): (_, _, &str)| Model {
-        kind,
-        precision,
-        path: path.to_owned(),
-        external: data.clone(),
-    };
-    manifest.graphs.paths().map(model).collect()
 }
 
 fn read_manifest(container: &mut Container) -> Result<(Manifest, String)> {
@@ -79,10 +72,15 @@ fn check_sizes(container: &Container, manifest: &Manifest, options: &OpenOptions
         }
         total = total.checked_add(found).ok_or_else(|| damaged(&entry.path, "the sizes of all files overflow"))?;
     }
-    if let Some(limit) = options.max_bytes.filter(|&limit| total > limit) {
-        return Err(Error::new(ErrorKind::OutOfMemory, format!("the bundle has {total} bytes, the limit is {limit}"))
-            .field("files")
-            .remedy("Raise the limit, or use a smaller bundle"));
+    // Without this, a system that promises memory it does not have would end the process instead.
+    let limit = options.max_bytes.into_iter().chain(available_memory().filter(|_| container.reads())).min();
+    if let Some(limit) = limit.filter(|&limit| total > limit) {
+        return Err(Error::new(
+            ErrorKind::OutOfMemory,
+            format!("the bundle's files have {total} bytes, the limit is {limit}"),
+        )
+        .field("files")
+        .remedy("Free memory or raise the limit, or use a smaller bundle"));
     }
     Ok(total)
 }

@@ -1,0 +1,191 @@
+//! How much memory a world needs, known before anything is loaded.
+
+use super::onnx::{Footprint, Subject, footprint};
+use super::{Bundle, Geometry, GraphKind, Precision};
+use crate::{Error, ErrorKind, Result};
+
+/// Memory of one world with one rollout at one global window, in bytes.
+///
+/// With F the bytes of one number of the graphs' precision:
+///
+/// ```text
+/// ring          = sum over layers of 2 * kv_heads * buckets * T * head_width * F
+/// slabs         = layers * 2 * kv_heads * T * head_width * F
+/// weights       = every constant a run reads, in the type it reads: an f32 graph holds f16 weights as f32
+/// intermediates = the most that inner values of the transformer take at any node, each living from the node that
+///                 makes it to the last that reads it, and `Reshape` sharing its input's memory
+/// autoencoder   = the same of encoder and decoder, + their inputs and outputs
+/// total         = bundle + the sum of these
+/// ```
+///
+/// It is an estimate: the runtime's allocator may keep more, and while it loads it holds weights in both types for a
+/// moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemoryNeed {
+    /// The bundle's own files, which stay in memory.
+    pub bundle: u64,
+    /// Weights as the runtime holds them, of all three models.
+    pub weights: u64,
+    /// Keys and values of one rollout's ring.
+    pub ring: u64,
+    /// Keys and values of the current frame.
+    pub slabs: u64,
+    /// Intermediate values of a transformer pass.
+    pub intermediates: u64,
+    /// The largest single one of them, which is part of `intermediates`.
+    pub largest_intermediate: u64,
+    /// Intermediate values, pictures, latents and memories of encoder and decoder.
+    pub autoencoder: u64,
+    /// The sum.
+    pub total: u64,
+}
+
+impl MemoryNeed {
+    /// Refuses what needs more than `limit` bytes.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, with the figures.
+    pub fn check_fits(&self, limit: u64) -> Result<()> {
+        if self.total <= limit {
+            return Ok(());
+        }
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        let cause = format!(
+            "{} MiB are needed (bundle {}, weights {}, ring {}, slabs {}, intermediates {}, autoencoder {}), {} MiB are available",
+            mib(self.total),
+            mib(self.bundle),
+            mib(self.weights),
+            mib(self.ring),
+            mib(self.slabs),
+            mib(self.intermediates),
+            mib(self.autoencoder),
+            limit >> 20
+        );
+        Err(Error::new(ErrorKind::OutOfMemory, cause)
+            .field("global_window")
+            .remedy("Choose a smaller global window or a smaller bundle, or free memory"))
+    }
+}
+
+impl Geometry {
+    /// Checks a global window of `g` latents: a multiple of the dilation, from it to the largest declared.
+    ///
+    /// # Errors
+    /// `InvalidArgument` otherwise.
+    pub fn check_window(&self, g: u32) -> Result<()> {
+        let (dilation, most) = (self.global.dilation, self.global.max_window);
+        if g > 0 && g.is_multiple_of(dilation) && g <= most {
+            return Ok(());
+        }
+        Err(Error::new(
+            ErrorKind::InvalidArgument,
+            format!("{g} is no multiple of {dilation} from {dilation} to {most}"),
+        )
+        .field("global_window")
+        .remedy("Choose one that is"))
+    }
+
+    /// Numbers of K, or of V, of one layer at the global window `g`.
+    fn past_len(&self, layer: u32, g: u32) -> u64 {
+        self.buckets(self.is_global(layer), g) * self.slab_len()
+    }
+
+    /// Numbers of K, or of V, of one layer and frame.
+    fn slab_len(&self) -> u64 {
+        u64::from(self.kv_heads) * u64::from(self.tokens) * u64::from(self.head_width)
+    }
+}
+
+impl Bundle {
+    /// The memory that a world and one rollout need at the global window `g`.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a window that the bundle does not have; `Unsupported` where it lacks the precision;
+    /// `InvalidBundle` where a graph's shapes do not work out at this window.
+    pub fn memory_need(&self, precision: Precision, g: u32) -> Result<MemoryNeed> {
+        let geometry = self.geometry();
+        geometry.check_window(g)?;
+        let [transformer, encoder, decoder] = GraphKind::ALL.map(|kind| self.footprint(kind, precision, g));
+        let (transformer, encoder, decoder) = (transformer?, encoder?, decoder?);
+
+        let number = precision.bytes() as u64;
+        let pairs = 2 * number;
+        // No product can overflow: the manifest's limits keep each below 2^60, and sums saturate.
+        let ring = (0..geometry.layers).map(|i| geometry.past_len(i, g) * pairs).fold(0, u64::saturating_add);
+        let slabs = u64::from(geometry.layers).saturating_mul(geometry.slab_len() * pairs);
+        let held = |f: &Footprint| f.weights;
+        let weights = [&transformer, &encoder, &decoder].map(held).into_iter().fold(0, u64::saturating_add);
+        let autoencoder = encoder.peak.saturating_add(decoder.peak).saturating_add(self.autoencoder_ports() * number);
+        let bundle = self.files.values().map(|bytes| bytes.len() as u64).fold(0, u64::saturating_add);
+        let parts = [bundle, weights, ring, slabs, transformer.peak, autoencoder];
+        Ok(MemoryNeed {
+            bundle,
+            weights,
+            ring,
+            slabs,
+            intermediates: transformer.peak,
+            largest_intermediate: transformer.largest,
+            autoencoder,
+            total: parts.into_iter().fold(0, u64::saturating_add),
+        })
+    }
+
+    fn footprint(&self, kind: GraphKind, precision: Precision, g: u32) -> Result<Footprint> {
+        footprint(self.model(kind, precision)?.onnx, Subject { manifest: &self.manifest, kind, precision }, g)
+    }
+
+    /// Numbers in the inputs and outputs of encoder and decoder: four pictures and a latent each, memories twice.
+    fn autoencoder_ports(&self) -> u64 {
+        let geometry = self.geometry();
+        let [width, height] = self.manifest.picture.decoded.map(u64::from);
+        let memories: u64 =
+            geometry.autoencoder.memories.iter().map(|m| m.iter().map(|&n| u64::from(n)).product::<u64>()).sum();
+        let pictures = u64::from(geometry.autoencoder.temporal) * 3 * width * height;
+        2 * (pictures + geometry.latent_len() as u64 + memories)
+    }
+}
+
+/// Memory that this process can still take without swapping, in bytes; `None` where the system does not tell.
+///
+/// It is what the system calls available or, on Linux, what the control group leaves beside pages of files, whichever is
+/// less.
+pub fn available_memory() -> Option<u64> {
+    let mut system = sysinfo::System::new().ok()?;
+    system.refresh_memory_specifics(sysinfo::MemoryRefreshKind::nothing().with_ram());
+    let available = Some(system.available_memory()).filter(|&bytes| bytes > 0)?;
+    let group = system.cgroup_limits().map(|limits| limits.total_memory.saturating_sub(limits.rss));
+    Some(group.map_or(available, |left| left.min(available)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_need_above_the_limit_is_refused_with_figures() {
+        let need = MemoryNeed {
+            bundle: 1 << 20,
+            weights: 2 << 20,
+            ring: 3 << 20,
+            slabs: 0,
+            intermediates: 4 << 20,
+            largest_intermediate: 1 << 20,
+            autoencoder: 0,
+            total: 10 << 20,
+        };
+        assert!(need.check_fits(10 << 20).is_ok());
+        let error = need.check_fits((10 << 20) - 1).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::OutOfMemory);
+        let text = error.to_string();
+        assert!(
+            text.contains("10 MiB are needed") && text.contains("ring 3") && text.contains("9 MiB are available"),
+            "{text}"
+        );
+    }
+
+    #[cfg(any(target_os = "linux", windows))]
+    #[test]
+    fn the_system_tells_its_memory() {
+        assert!(available_memory().is_some_and(|bytes| bytes > 1 << 20));
+    }
+}

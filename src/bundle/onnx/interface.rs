@@ -1,0 +1,181 @@
+//! Inputs and outputs that each graph must have: the tables of `docs/bundle.md` section 4 for a manifest's geometry.
+
+use super::proto::{Dim, ValueInfo};
+use super::{Check, Element, Fault, Shape, quoted};
+use crate::bundle::{GraphKind, Manifest, Precision};
+
+/// Pictures the autoencoder takes and makes at a time.
+const PICTURES: u32 = 4;
+
+/// An input or output of the contract.
+#[derive(Debug, Clone)]
+pub(super) struct Port {
+    pub(super) name: String,
+    element: Element,
+    dims: Vec<Side>,
+}
+
+/// One dimension: a number, or one of the transformer's four symbols.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Fixed(u32),
+    Past { global: bool },
+    Keys { global: bool },
+}
+
+impl Side {
+    fn symbol(self) -> Option<&'static str> {
+        match self {
+            Self::Fixed(_) => None,
+            Self::Past { global: false } => Some("local_past"),
+            Self::Past { global: true } => Some("global_past"),
+            Self::Keys { global: false } => Some("local_keys"),
+            Self::Keys { global: true } => Some("global_keys"),
+        }
+    }
+}
+
+/// Inputs and outputs of one graph.
+pub(super) struct Interface {
+    pub(super) inputs: Vec<Port>,
+    pub(super) outputs: Vec<Port>,
+}
+
+impl Interface {
+    pub(super) fn of(kind: GraphKind, precision: Precision, manifest: &Manifest) -> Self {
+        let f = match precision {
+            Precision::F32 => Element::F32,
+            Precision::F16 => Element::F16,
+        };
+        match kind {
+            GraphKind::Transformer => transformer(f, manifest),
+            GraphKind::Encoder => Self { inputs: vec![rgb(f, manifest)], outputs: vec![latent("latent", f, manifest)] },
+            GraphKind::Decoder => decoder(f, manifest),
+        }
+    }
+
+    /// Holds the model's inputs and outputs to the contract: names, order, types, ranks, dimensions.
+    pub(super) fn check(&self, inputs: &[ValueInfo<'_>], outputs: &[ValueInfo<'_>]) -> Check<()> {
+        compare("input", &self.inputs, inputs)?;
+        compare("output", &self.outputs, outputs)
+    }
+}
+
+impl Port {
+    fn new(name: impl Into<String>, element: Element, dims: Vec<Side>) -> Self {
+        Self { name: name.into(), element, dims }
+    }
+
+    fn fixed(name: impl Into<String>, element: Element, dims: &[u32]) -> Self {
+        Self::new(name, element, dims.iter().map(|&n| Side::Fixed(n)).collect())
+    }
+
+    /// The size at the global window `g`, in latents.
+    pub(super) fn shape(&self, manifest: &Manifest, g: u32) -> Shape {
+        let geometry = &manifest.geometry;
+        let side = |side: &Side| match *side {
+            Side::Fixed(n) => u64::from(n),
+            Side::Past { global } => geometry.buckets(global, g) * u64::from(geometry.tokens),
+            Side::Keys { global } => (geometry.buckets(global, g) + 1) * u64::from(geometry.tokens),
+        };
+        Shape { element: self.element, dims: self.dims.iter().map(side).collect() }
+    }
+}
+
+fn latent(name: &str, f: Element, m: &Manifest) -> Port {
+    let shape = m.geometry.latent;
+    Port::fixed(name, f, &[1, shape.channels, shape.height, shape.width])
+}
+
+fn rgb(f: Element, m: &Manifest) -> Port {
+    let [width, height] = m.picture.decoded;
+    Port::fixed("rgb", f, &[PICTURES, 3, height, width])
+}
+
+fn transformer(f: Element, m: &Manifest) -> Interface {
+    let g = &m.geometry;
+    let angles = [1, 1, g.tokens, g.head_width / 2];
+    let mask =
+        |name, global| Port::new(name, f, vec![Side::Fixed(1), Side::Fixed(1), Side::Fixed(1), Side::Keys { global }]);
+    let mut inputs = vec![
+        latent("x", f, m),
+        Port::fixed("sigma", Element::F32, &[1]),
+        Port::fixed("dsigma", Element::F32, &[1]),
+        Port::fixed("rope_cos", Element::F32, &angles),
+        Port::fixed("rope_sin", Element::F32, &angles),
+        Port::fixed("controls", Element::F32, &[1, m.controls.mouse + m.controls.buttons + m.controls.scroll]),
+        mask("local_mask", false),
+        mask("global_mask", true),
+    ];
+    let mut outputs = vec![latent("x_next", f, m)];
+    for i in 0..g.layers {
+        let past = Side::Past { global: g.is_global(i) };
+        for half in ["k", "v"] {
+            let dims = vec![Side::Fixed(1), Side::Fixed(g.kv_heads), past, Side::Fixed(g.head_width)];
+            inputs.push(Port::new(format!("past.{i}.{half}"), f, dims));
+            outputs.push(Port::fixed(format!("present.{i}.{half}"), f, &[1, g.kv_heads, g.tokens, g.head_width]));
+        }
+    }
+    Interface { inputs, outputs }
+}
+
+fn decoder(f: Element, m: &Manifest) -> Interface {
+    let memories = |prefix: &str| -> Vec<Port> {
+        let shapes = m.geometry.autoencoder.memories.iter().enumerate();
+        shapes.map(|(j, &[c, h, w])| Port::fixed(format!("{prefix}.{j}"), f, &[1, c, h, w])).collect()
+    };
+    let mut inputs = vec![latent("latent", f, m)];
+    inputs.extend(memories("past_mem"));
+    let mut outputs = vec![rgb(f, m)];
+    outputs.extend(memories("present_mem"));
+    Interface { inputs, outputs }
+}
+
+fn compare(role: &str, expected: &[Port], found: &[ValueInfo<'_>]) -> Check<()> {
+    for (i, (port, value)) in expected.iter().zip(found).enumerate() {
+        let fault = |what: &str| Fault::new(format!("{role} {i} must be `{}` {}; {what}", port.name, describe(port)));
+        if value.name != port.name {
+            return Err(fault(&format!("it is {}", quoted(value.name))));
+        }
+        if value.data_type != port.element as i64 {
+            return Err(fault(&format!("its element type is {}", value.data_type)));
+        }
+        if value.dims.len() != port.dims.len() {
+            return Err(fault(&format!("its rank is {}", value.dims.len())));
+        }
+        for (axis, (side, dim)) in port.dims.iter().zip(&value.dims).enumerate() {
+            let fits = match (side, dim) {
+                (Side::Fixed(n), Dim::Number(found)) => i64::from(*n) == *found,
+                (side, Dim::Symbol(found)) => side.symbol() == Some(*found),
+                _ => false,
+            };
+            if !fits {
+                return Err(fault(&format!("its dimension {axis} is {}", describe_dim(dim))));
+            }
+        }
+    }
+    if expected.len() == found.len() {
+        return Ok(());
+    }
+    Err(Fault::new(format!("there are {} {role}s, there must be {}", found.len(), expected.len())))
+}
+
+fn describe(port: &Port) -> String {
+    let dims: Vec<String> = port
+        .dims
+        .iter()
+        .map(|side| match side {
+            Side::Fixed(n) => n.to_string(),
+            other => other.symbol().unwrap_or_default().to_owned(),
+        })
+        .collect();
+    format!("{} [{}]", port.element, dims.join(", "))
+}
+
+fn describe_dim(dim: &Dim<'_>) -> String {
+    match dim {
+        Dim::Number(n) => n.to_string(),
+        Dim::Symbol(name) => quoted(name),
+        Dim::Unknown => "open".to_owned(),
+    }
+}

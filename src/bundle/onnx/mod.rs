@@ -1,0 +1,92 @@
+//! What an ONNX model must be before the runtime sees it: `docs/bundle.md` section 4.
+//!
+//! The bytes are parsed here, field by field ([`wire`], [`proto`]); every operator must be on the list and every shape
+//! must follow from the inputs' shapes ([`operators`], [`sizes`]); inputs and outputs must be the contract's
+//! ([`interface`]); weights must lie inside the bundle's own listed files ([`check`]). Nothing here recurses, and nothing
+//! allocates more than a small multiple of the model's own size.
+
+mod check;
+mod interface;
+mod operators;
+mod proto;
+mod sizes;
+mod wire;
+
+pub(super) use check::{Checked, Subject, check, footprint};
+pub use operators::operators;
+pub(super) use sizes::Footprint;
+
+/// Result of a check inside one model.
+type Check<T> = Result<T, Fault>;
+
+/// Why a model is refused, in one sentence without a final stop.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Fault(String);
+
+impl Fault {
+    fn new(cause: impl Into<String>) -> Self {
+        Self(cause.into())
+    }
+}
+
+/// A name from a model, safe to print and not too long.
+fn quoted(name: &str) -> String {
+    let mut text: String = name.chars().take(80).flat_map(char::escape_debug).collect();
+    if name.chars().nth(80).is_some() {
+        text.push_str("...");
+    }
+    format!("`{text}`")
+}
+
+/// Element types a bundle's graphs may have, with ONNX's numbers for them (`TensorProto.DataType`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Element {
+    F32 = 1,
+    I64 = 7,
+    F16 = 10,
+}
+
+impl Element {
+    fn of(data_type: i64) -> Check<Self> {
+        match data_type {
+            1 => Ok(Self::F32),
+            7 => Ok(Self::I64),
+            10 => Ok(Self::F16),
+            other => {
+                Err(Fault::new(format!("the element type {other} is none of float32 (1), int64 (7) and float16 (10)")))
+            }
+        }
+    }
+
+    fn bytes(self) -> u64 {
+        match self {
+            Self::F32 => 4,
+            Self::I64 => 8,
+            Self::F16 => 2,
+        }
+    }
+}
+
+impl std::fmt::Display for Element {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::F32 => "float32",
+            Self::I64 => "int64",
+            Self::F16 => "float16",
+        })
+    }
+}
+
+/// Type and size of a value.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Shape {
+    element: Element,
+    dims: Vec<u64>,
+}
+
+impl Shape {
+    /// Elements, or `None` where they are too many to count.
+    fn count(&self) -> Option<u64> {
+        self.dims.iter().try_fold(1_u64, |product, &n| product.checked_mul(n))
+    }
+}

@@ -1,0 +1,328 @@
+//! ONNX messages, as far as a bundle may use them. Field numbers: `onnx/onnx.proto3` of ONNX 1.17.
+//!
+//! A field that is not read here is refused, so nothing reaches the runtime that was not looked at.
+
+use super::wire::{Field, Fields};
+use super::{Check, Fault, quoted};
+
+/// The longest name of a value, node, graph or dimension, in bytes.
+const MAX_TEXT: usize = 512;
+/// The longest documentation string, in bytes.
+const MAX_DOC: usize = 1 << 16;
+const MAX_NODES: usize = 1 << 16;
+const MAX_TENSORS: usize = 1 << 14;
+const MAX_VALUES: usize = 1 << 17;
+/// The most inputs, or outputs, of a node or a graph.
+const MAX_ARITY: usize = 4096;
+const MAX_ATTRIBUTES: usize = 16;
+const MAX_INTS: usize = 64;
+/// The highest rank of a tensor.
+pub(super) const MAX_RANK: usize = 8;
+
+pub(super) struct Model<'a> {
+    pub(super) ir_version: i64,
+    /// Domain and version.
+    pub(super) opsets: Vec<(&'a str, i64)>,
+    pub(super) graph: Graph<'a>,
+}
+
+#[derive(Default)]
+pub(super) struct Graph<'a> {
+    pub(super) nodes: Vec<Node<'a>>,
+    pub(super) tensors: Vec<Tensor<'a>>,
+    pub(super) inputs: Vec<ValueInfo<'a>>,
+    pub(super) outputs: Vec<ValueInfo<'a>>,
+    pub(super) value_info: Vec<ValueInfo<'a>>,
+}
+
+#[derive(Default)]
+pub(super) struct Node<'a> {
+    pub(super) name: &'a str,
+    pub(super) operator: &'a str,
+    pub(super) inputs: Vec<&'a str>,
+    pub(super) outputs: Vec<&'a str>,
+    pub(super) attributes: Vec<(&'a str, Attribute<'a>)>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Attribute<'a> {
+    Float(f32),
+    Int(i64),
+    Text(&'a str),
+    Ints(Vec<i64>),
+}
+
+pub(super) struct Tensor<'a> {
+    pub(super) name: &'a str,
+    pub(super) dims: Vec<i64>,
+    pub(super) data_type: i64,
+    pub(super) data: Data<'a>,
+}
+
+/// Where a tensor's numbers are.
+pub(super) enum Data<'a> {
+    Inside(&'a [u8]),
+    External { location: &'a str, offset: u64, length: u64 },
+}
+
+pub(super) struct ValueInfo<'a> {
+    pub(super) name: &'a str,
+    pub(super) data_type: i64,
+    pub(super) dims: Vec<Dim<'a>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Dim<'a> {
+    Number(i64),
+    Symbol(&'a str),
+    Unknown,
+}
+
+/// Adds to a list that may hold `most`.
+fn push<T>(field: &Field<'_>, list: &mut Vec<T>, most: usize, value: T) -> Check<()> {
+    if list.len() >= most {
+        return Err(field.fault(format!("comes more than {most} times")));
+    }
+    list.push(value);
+    Ok(())
+}
+
+pub(super) fn model(bytes: &[u8]) -> Check<Model<'_>> {
+    let (mut ir_version, mut graph_found, mut opsets) = (None, None, Vec::new());
+    let (mut version, mut texts) = (None, [None; 7]);
+    let mut fields = Fields::new("the model", bytes);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut ir_version, f.int()?)?,
+            2..=4 => f.once(&mut texts[f.number as usize], f.text(MAX_TEXT)?)?,
+            5 => f.once(&mut version, f.int()?)?,
+            6 => f.once(&mut texts[6], f.text(MAX_DOC)?)?,
+            7 => f.once(&mut graph_found, graph(f.message("the graph")?)?)?,
+            8 => push(&f, &mut opsets, 8, opset(f.message("an opset")?)?)?,
+            14 => f.refuse("metadata")?,
+            20 => f.refuse("training information")?,
+            25 => f.refuse("functions")?,
+            _ => f.refuse("an unknown part of a model")?,
+        }
+    }
+    Ok(Model {
+        ir_version: ir_version.ok_or_else(|| Fault::new("the model has no IR version"))?,
+        opsets,
+        graph: graph_found.ok_or_else(|| Fault::new("the model has no graph"))?,
+    })
+}
+
+fn opset<'a>(mut fields: Fields<'a>) -> Check<(&'a str, i64)> {
+    let (mut domain, mut version) = (None, None);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut domain, f.text(MAX_TEXT)?)?,
+            2 => f.once(&mut version, f.int()?)?,
+            _ => f.refuse("an unknown part of an opset")?,
+        }
+    }
+    Ok((domain.unwrap_or(""), version.unwrap_or(0)))
+}
+
+fn graph<'a>(mut fields: Fields<'a>) -> Check<Graph<'a>> {
+    let mut graph = Graph::default();
+    let (mut name, mut doc) = (None, None);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => push(&f, &mut graph.nodes, MAX_NODES, node(f.message("a node")?)?)?,
+            2 => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            5 => push(&f, &mut graph.tensors, MAX_TENSORS, tensor(f.message("an initializer")?)?)?,
+            10 => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            11 => push(&f, &mut graph.inputs, MAX_ARITY, value_info(f.message("an input")?)?)?,
+            12 => push(&f, &mut graph.outputs, MAX_ARITY, value_info(f.message("an output")?)?)?,
+            13 => push(&f, &mut graph.value_info, MAX_VALUES, value_info(f.message("a value's type")?)?)?,
+            15 => f.refuse("a sparse initializer")?,
+            _ => f.refuse("an unknown part of a graph")?,
+        }
+    }
+    Ok(graph)
+}
+
+fn node<'a>(mut fields: Fields<'a>) -> Check<Node<'a>> {
+    let mut node = Node::default();
+    let (mut name, mut operator, mut doc, mut domain) = (None, None, None, None);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => push(&f, &mut node.inputs, MAX_ARITY, f.text(MAX_TEXT)?)?,
+            2 => push(&f, &mut node.outputs, MAX_ARITY, f.text(MAX_TEXT)?)?,
+            3 => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            4 => f.once(&mut operator, f.text(MAX_TEXT)?)?,
+            5 => push(&f, &mut node.attributes, MAX_ATTRIBUTES, attribute(f.message("an attribute")?)?)?,
+            6 => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            7 => f.once(&mut domain, f.text(MAX_TEXT)?)?,
+            _ => f.refuse("an unknown part of a node")?,
+        }
+    }
+    node.name = name.unwrap_or("");
+    node.operator = operator.unwrap_or("");
+    match domain.unwrap_or("") {
+        "" | "ai.onnx" => Ok(node),
+        other => Err(Fault::new(format!("node {} is of the custom domain {}", quoted(node.name), quoted(other)))),
+    }
+}
+
+fn attribute<'a>(mut fields: Fields<'a>) -> Check<(&'a str, Attribute<'a>)> {
+    let (mut name, mut kind, mut float, mut int, mut text, mut doc) = (None, None, None, None, None, None);
+    let mut ints = Vec::new();
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            2 => f.once(&mut float, f.float()?)?,
+            3 => f.once(&mut int, f.int()?)?,
+            4 => f.once(&mut text, f.text(MAX_TEXT)?)?,
+            6 | 11 => f.refuse("a subgraph: control flow")?,
+            8 => f.ints(&mut ints, MAX_INTS)?,
+            13 => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            20 => f.once(&mut kind, f.int()?)?,
+            21 => f.refuse("a reference to a function's attribute")?,
+            _ => f.refuse("a kind of attribute that no allowed operator has")?,
+        }
+    }
+    let name = name.unwrap_or("");
+    let fault = || Fault::new(format!("attribute {} does not hold exactly one value of its type", quoted(name)));
+    let given = [float.is_some(), int.is_some(), text.is_some(), !ints.is_empty()];
+    // An integer of 0, an empty text and an empty list may be left out of the file.
+    let alone = |own: usize| (0..given.len()).all(|i| i == own || !given[i]);
+    let (own, value) = match kind {
+        Some(1) => (0, Attribute::Float(float.unwrap_or(0.0))),
+        Some(2) => (1, Attribute::Int(int.unwrap_or(0))),
+        Some(3) => (2, Attribute::Text(text.unwrap_or(""))),
+        Some(7) => (3, Attribute::Ints(ints)),
+        _ => return Err(fault()),
+    };
+    if alone(own) { Ok((name, value)) } else { Err(fault()) }
+}
+
+fn tensor<'a>(mut fields: Fields<'a>) -> Check<Tensor<'a>> {
+    let (mut name, mut data_type, mut raw, mut place, mut doc) = (None, None, None, None, None);
+    let (mut dims, mut external) = (Vec::new(), Vec::new());
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.ints(&mut dims, MAX_RANK)?,
+            2 => f.once(&mut data_type, f.int()?)?,
+            8 => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            9 => f.once(&mut raw, f.bytes()?)?,
+            12 => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            13 => push(&f, &mut external, 8, entry(f.message("an entry of external data")?)?)?,
+            14 => f.once(&mut place, f.int()?)?,
+            4..=7 | 10 | 11 => f.refuse("numbers outside `raw_data`")?,
+            _ => f.refuse("an unknown part of a tensor")?,
+        }
+    }
+    let name = name.unwrap_or("");
+    let data = match (place.unwrap_or(0), raw, external.is_empty()) {
+        (0, Some(bytes), true) => Data::Inside(bytes),
+        (1, None, false) => external_data(name, &external)?,
+        _ => return Err(Fault::new(format!("initializer {} is neither inside the model nor external", quoted(name)))),
+    };
+    let data_type = data_type.ok_or_else(|| Fault::new(format!("initializer {} has no type", quoted(name))))?;
+    Ok(Tensor { name, dims, data_type, data })
+}
+
+fn external_data<'a>(tensor: &str, entries: &[(&'a str, &'a str)]) -> Check<Data<'a>> {
+    let fault = |cause: &str| Fault::new(format!("initializer {}: its external data {cause}", quoted(tensor)));
+    let (mut location, mut offset, mut length) = (None, None, None);
+    for &(key, value) in entries {
+        let slot = match key {
+            "location" => &mut location,
+            "offset" => &mut offset,
+            "length" => &mut length,
+            _ => return Err(fault("has an entry beside `location`, `offset` and `length`")),
+        };
+        if slot.replace(value).is_some() {
+            return Err(fault("has an entry twice"));
+        }
+    }
+    // Decimal digits alone: what a reader makes of signs, spaces or hex is its own affair.
+    let number = |text: Option<&str>| {
+        let digits = text.filter(|t| !t.is_empty() && t.bytes().all(|b| b.is_ascii_digit()));
+        digits.and_then(|t| t.parse::<u64>().ok()).ok_or_else(|| fault("has no `offset` or `length` in decimal digits"))
+    };
+    Ok(Data::External {
+        location: location.ok_or_else(|| fault("has no `location`"))?,
+        offset: number(offset)?,
+        length: number(length)?,
+    })
+}
+
+fn entry<'a>(mut fields: Fields<'a>) -> Check<(&'a str, &'a str)> {
+    let (mut key, mut value) = (None, None);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut key, f.text(MAX_TEXT)?)?,
+            2 => f.once(&mut value, f.text(MAX_TEXT)?)?,
+            _ => f.refuse("an unknown part of an entry")?,
+        }
+    }
+    Ok((key.unwrap_or(""), value.unwrap_or("")))
+}
+
+fn value_info<'a>(mut fields: Fields<'a>) -> Check<ValueInfo<'a>> {
+    let (mut name, mut kind, mut doc) = (None, None, None);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            2 => f.once(&mut kind, type_proto(f.message("a type")?)?)?,
+            3 => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            _ => f.refuse("an unknown part of a value")?,
+        }
+    }
+    let name = name.unwrap_or("");
+    let (data_type, dims) = kind.ok_or_else(|| Fault::new(format!("value {} has no type", quoted(name))))?;
+    Ok(ValueInfo { name, data_type, dims })
+}
+
+fn type_proto<'a>(mut fields: Fields<'a>) -> Check<(i64, Vec<Dim<'a>>)> {
+    let mut tensor = None;
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut tensor, tensor_type(f.message("a tensor's type")?)?)?,
+            _ => f.refuse("a type other than a tensor's")?,
+        }
+    }
+    tensor.ok_or_else(|| Fault::new("a type is not a tensor's"))
+}
+
+fn tensor_type<'a>(mut fields: Fields<'a>) -> Check<(i64, Vec<Dim<'a>>)> {
+    let (mut element, mut shape) = (None, None);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut element, f.int()?)?,
+            2 => f.once(&mut shape, dims(f.message("a shape")?)?)?,
+            _ => f.refuse("an unknown part of a tensor's type")?,
+        }
+    }
+    match (element, shape) {
+        (Some(element), Some(shape)) => Ok((element, shape)),
+        _ => Err(Fault::new("a tensor's type lacks its element type or its shape")),
+    }
+}
+
+fn dims<'a>(mut fields: Fields<'a>) -> Check<Vec<Dim<'a>>> {
+    let mut list = Vec::new();
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => push(&f, &mut list, MAX_RANK, dim(f.message("a dimension")?)?)?,
+            _ => f.refuse("an unknown part of a shape")?,
+        }
+    }
+    Ok(list)
+}
+
+fn dim<'a>(mut fields: Fields<'a>) -> Check<Dim<'a>> {
+    let (mut dim, mut meaning) = (None, None);
+    while let Some(f) = fields.next()? {
+        match f.number {
+            1 => f.once(&mut dim, Dim::Number(f.int()?))?,
+            2 => f.once(&mut dim, Dim::Symbol(f.text(MAX_TEXT)?))?,
+            3 => f.once(&mut meaning, f.text(MAX_TEXT)?)?,
+            _ => f.refuse("an unknown part of a dimension")?,
+        }
+    }
+    Ok(dim.unwrap_or(Dim::Unknown))
+}

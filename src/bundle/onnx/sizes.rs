@@ -1,0 +1,231 @@
+//! The size of every value of a graph, and the memory a run takes, before anything runs.
+//!
+//! Since each shape follows from the inputs' shapes, one walk over the nodes gives every size. No value may pass
+//! [`MAX_VALUE`]. Memory is the runtime's as far as a reader can know it: values that depend on weights alone are folded
+//! at load and held; others live from the node that makes them to the last that reads them; `Reshape` shares its input's
+//! memory; inputs and outputs are the caller's.
+
+use std::collections::HashMap;
+
+use super::operators::{Call, Operand, infer};
+use super::proto::{Data, Dim, Graph, Node, Tensor};
+use super::{Check, Element, Fault, Shape, quoted};
+
+/// The largest intermediate value, in bytes of float32: `docs/bundle.md` section 4.
+pub(super) const MAX_VALUE: u64 = 256 << 20;
+/// The most values of one graph.
+const MAX_VALUES: usize = 1 << 17;
+
+/// Memory of one graph, in bytes, beside its inputs and outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(in crate::bundle) struct Footprint {
+    /// Constants that a run reads, in the type in which it reads them.
+    pub(in crate::bundle) weights: u64,
+    /// The most that intermediate values take together at any node.
+    pub(in crate::bundle) peak: u64,
+    /// The largest intermediate value.
+    pub(in crate::bundle) largest: u64,
+}
+
+struct Value<'a> {
+    shape: Shape,
+    data: Option<&'a [u8]>,
+    origin: Origin,
+    /// The value whose memory this one shares: itself, but for a `Reshape`.
+    owner: usize,
+    /// The node after which the memory is free.
+    last_use: usize,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    Input,
+    /// Known at load; `true` once a node that is not has read it.
+    Constant {
+        held: bool,
+    },
+    Node(usize),
+}
+
+/// Sizes of all values of one graph.
+struct Walk<'a> {
+    values: Vec<Value<'a>>,
+    names: HashMap<&'a str, usize>,
+    footprint: Footprint,
+}
+
+/// Names and shapes of inputs or outputs.
+pub(super) type Named<'a> = [(&'a str, Shape)];
+
+/// Walks `graph` with inputs of the given shapes; its outputs must come out in the given shapes.
+pub(super) fn walk<'a>(graph: &'a Graph<'a>, opset: i64, inputs: &Named<'a>, outputs: &Named<'_>) -> Check<Footprint> {
+    let mut walk = Walk { values: Vec::new(), names: HashMap::new(), footprint: Footprint::default() };
+    for (name, shape) in inputs {
+        walk.add(name, shape.clone(), None, Origin::Input)?;
+    }
+    for tensor in &graph.tensors {
+        walk.constant(tensor).map_err(|fault| within("initializer", tensor.name, fault))?;
+    }
+    for (i, node) in graph.nodes.iter().enumerate() {
+        walk.node(i, node, opset).map_err(|fault| within("node", node.name, fault))?;
+    }
+    walk.check_declared(graph)?;
+    let made = outputs.iter().map(|(name, shape)| walk.output(name, shape)).collect::<Check<Vec<_>>>()?;
+    walk.footprint.peak = walk.peak(graph.nodes.len(), &made);
+    Ok(walk.footprint)
+}
+
+fn within(what: &str, name: &str, fault: Fault) -> Fault {
+    Fault::new(format!("{what} {}: {}", quoted(name), fault.0))
+}
+
+/// Bytes of a value of sane size.
+fn bytes(shape: &Shape) -> Check<u64> {
+    let count = shape.count().filter(|&count| count > 0 && count <= MAX_VALUE / 4);
+    let fault =
+        || Fault::new(format!("a value of {:?} elements is empty or passes {} MiB", shape.dims, MAX_VALUE >> 20));
+    Ok(count.ok_or_else(fault)? * shape.element.bytes())
+}
+
+impl<'a> Walk<'a> {
+    fn add(&mut self, name: &'a str, shape: Shape, data: Option<&'a [u8]>, origin: Origin) -> Check<usize> {
+        let index = self.values.len();
+        if index >= MAX_VALUES {
+            return Err(Fault::new(format!("the graph has more than {MAX_VALUES} values")));
+        }
+        if name.is_empty() || self.names.insert(name, index).is_some() {
+            return Err(Fault::new(format!("the value {} is made twice, or has no name", quoted(name))));
+        }
+        self.values.push(Value { shape, data, origin, owner: index, last_use: 0 });
+        Ok(index)
+    }
+
+    fn constant(&mut self, tensor: &'a Tensor<'a>) -> Check<()> {
+        let shape = tensor_shape(tensor)?;
+        let data = match tensor.data {
+            Data::Inside(bytes) => Some(bytes),
+            Data::External { .. } => None,
+        };
+        self.add(tensor.name, shape, data, Origin::Constant { held: false }).map(drop)
+    }
+
+    fn node(&mut self, i: usize, node: &'a Node<'a>, opset: i64) -> Check<()> {
+        let mut inputs = Vec::with_capacity(node.inputs.len());
+        for &name in &node.inputs {
+            inputs.push(if name.is_empty() { None } else { Some(self.find(name)?) });
+        }
+        let operands = inputs.iter().map(|input| {
+            let value = &self.values[(*input)?];
+            Some(Operand { shape: &value.shape, data: value.data })
+        });
+        let shapes = infer(&Call { node, opset, inputs: operands.collect() })?;
+
+        let read: Vec<usize> = inputs.into_iter().flatten().collect();
+        let known = read.iter().all(|&v| matches!(self.values[v].origin, Origin::Constant { .. }));
+        for &v in read.iter().filter(|_| !known) {
+            self.read(v, i)?;
+        }
+        let origin = if known { Origin::Constant { held: false } } else { Origin::Node(i) };
+        for (&name, shape) in node.outputs.iter().zip(shapes) {
+            let size = bytes(&shape)?;
+            let value = self.add(name, shape, None, origin)?;
+            if !known {
+                self.footprint.largest = self.footprint.largest.max(size);
+                let shared = read.first().filter(|_| node.operator == "Reshape");
+                self.values[value].owner = shared.map_or(value, |&v| self.values[v].owner);
+                self.values[value].last_use = i;
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes that node `i`, which runs, reads value `v`.
+    fn read(&mut self, v: usize, i: usize) -> Check<()> {
+        let owner = self.values[v].owner;
+        self.values[owner].last_use = i;
+        if self.values[v].origin == (Origin::Constant { held: false }) {
+            self.values[v].origin = Origin::Constant { held: true };
+            let size = bytes(&self.values[v].shape)?;
+            self.footprint.weights = self.footprint.weights.saturating_add(size);
+        }
+        Ok(())
+    }
+
+    fn find(&self, name: &str) -> Check<usize> {
+        self.names.get(name).copied().ok_or_else(|| Fault::new(format!("{} is read before it is made", quoted(name))))
+    }
+
+    fn output(&self, name: &str, expected: &Shape) -> Check<usize> {
+        let value = self.find(name)?;
+        let Value { shape, origin, .. } = &self.values[value];
+        if !matches!(origin, Origin::Node(_)) {
+            return Err(Fault::new(format!("the output {} does not depend on the inputs", quoted(name))));
+        }
+        if shape == expected {
+            return Ok(value);
+        }
+        let (found, wanted) = ((shape.element, &shape.dims), (expected.element, &expected.dims));
+        Err(Fault::new(format!(
+            "the output {} comes out as {} {:?}, not {} {:?}",
+            quoted(name),
+            found.0,
+            found.1,
+            wanted.0,
+            wanted.1
+        )))
+    }
+
+    /// Types that a model states of inner values must be those they have.
+    fn check_declared(&self, graph: &Graph<'_>) -> Check<()> {
+        for info in &graph.value_info {
+            let value = &self.values[self.find(info.name)?];
+            let fits = Element::of(info.data_type)? == value.shape.element
+                && info.dims.len() == value.shape.dims.len()
+                && info.dims.iter().zip(&value.shape.dims).all(|(dim, &n)| match dim {
+                    Dim::Number(stated) => u64::try_from(*stated) == Ok(n),
+                    Dim::Symbol(_) | Dim::Unknown => true,
+                });
+            if !fits {
+                return Err(Fault::new(format!(
+                    "the value {} has another type than the model states",
+                    quoted(info.name)
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// The most bytes alive at one node.
+    fn peak(&self, nodes: usize, outputs: &[usize]) -> u64 {
+        let mut made = vec![0_u64; nodes];
+        let mut freed = vec![0_u64; nodes];
+        for (index, value) in self.values.iter().enumerate() {
+            if let Origin::Node(i) = value.origin
+                && value.owner == index
+                && !outputs.contains(&index)
+            {
+                let size = value.shape.count().unwrap_or(u64::MAX).saturating_mul(value.shape.element.bytes());
+                made[i] = made[i].saturating_add(size);
+                freed[value.last_use] = freed[value.last_use].saturating_add(size);
+            }
+        }
+        let (mut live, mut peak) = (0_u64, 0_u64);
+        for (made, freed) in made.into_iter().zip(freed) {
+            live = live.saturating_add(made);
+            peak = peak.max(live);
+            live = live.saturating_sub(freed);
+        }
+        peak
+    }
+}
+
+/// Type and size of an initializer.
+pub(super) fn tensor_shape(tensor: &Tensor<'_>) -> Check<Shape> {
+    let dims = tensor.dims.iter().map(|&n| u64::try_from(n)).collect::<Result<_, _>>();
+    let shape = Shape {
+        element: Element::of(tensor.data_type)?,
+        dims: dims.map_err(|_| Fault::new(format!("it has the dimensions {:?}", tensor.dims)))?,
+    };
+    bytes(&shape)?;
+    Ok(shape)
+}

@@ -1,0 +1,110 @@
+//! The reader against a bundle that `cairn.build` made.
+//!
+//! `CAIRN_TEST_BUNDLE` names its directory. Without it these tests are listed as ignored, not as passed.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use cairn::ErrorKind;
+use cairn::bundle::{Bundle, GraphKind, MANIFEST_NAME, OpenOptions, Precision};
+use libtest_mimic::{Arguments, Failed, Trial};
+
+/// A test by its name.
+type Case = (&'static str, fn(&Path) -> Result<(), Failed>);
+
+const CASES: &[Case] = &[
+    ("opens_with_every_check", opens_with_every_check),
+    ("memory_and_directory_agree", memory_and_directory_agree),
+    ("memory_need_grows_with_the_window", memory_need_grows_with_the_window),
+    ("a_flipped_byte_in_any_file_is_refused", a_flipped_byte_in_any_file_is_refused),
+];
+
+fn main() {
+    let directory = std::env::var_os("CAIRN_TEST_BUNDLE").map(PathBuf::from);
+    let trial = |&(name, case): &Case| {
+        let missing = directory.is_none();
+        let directory = directory.clone().unwrap_or_default();
+        Trial::test(name, move || case(&directory)).with_ignored_flag(missing)
+    };
+    libtest_mimic::run(&Arguments::from_args(), CASES.iter().map(trial).collect()).exit();
+}
+
+fn opens_with_every_check(directory: &Path) -> Result<(), Failed> {
+    let seen = std::cell::Cell::new(0);
+    let progress = |p: cairn::bundle::OpenProgress| {
+        assert!(p.done > seen.get() && p.done <= p.total);
+        seen.set(p.done);
+    };
+    let bundle = Bundle::open_with(directory, &OpenOptions { progress: Some(&progress), ..OpenOptions::default() })?;
+    let sizes: u64 = bundle.manifest().files.iter().map(|f| f.size).sum();
+    assert_eq!(seen.get(), sizes, "progress ends at the sum of all sizes");
+    for precision in Precision::ALL {
+        assert_eq!(bundle.has(precision), bundle.model(GraphKind::Encoder, precision).is_ok());
+        for kind in GraphKind::ALL.into_iter().filter(|_| bundle.has(precision)) {
+            let model = bundle.model(kind, precision)?;
+            assert!(!model.onnx.is_empty() && !model.external.is_empty());
+            for (location, bytes) in model.external {
+                assert_eq!(bundle.manifest().file(location).map(|f| f.size), Some(bytes.len() as u64));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn files(directory: &Path) -> Result<Vec<(String, Cow<'static, [u8]>)>, Failed> {
+    let bundle = Bundle::open(directory)?;
+    let names = bundle.manifest().files.iter().map(|f| f.path.clone());
+    let read = |name: String| std::fs::read(directory.join(&name)).map(|bytes| (name, Cow::Owned(bytes)));
+    Ok(names.chain([MANIFEST_NAME.to_owned()]).map(read).collect::<Result<_, _>>()?)
+}
+
+fn memory_and_directory_agree(directory: &Path) -> Result<(), Failed> {
+    let here = Bundle::open(directory)?;
+    let there = Bundle::from_memory(files(directory)?)?;
+    assert_eq!((here.digest(), here.manifest()), (there.digest(), there.manifest()));
+    Ok(())
+}
+
+fn memory_need_grows_with_the_window(directory: &Path) -> Result<(), Failed> {
+    let bundle = Bundle::open(directory)?;
+    let window = bundle.geometry().global;
+    let mut last = 0;
+    for g in (window.dilation..=window.max_window).step_by(window.dilation as usize) {
+        let need = bundle.memory_need(Precision::F32, g)?;
+        let layers = bundle.geometry().layers;
+        let ring: u64 = (0..layers)
+            .map(|i| {
+                let shape = bundle.geometry();
+                let slots = if shape.is_global(i) { g / window.dilation } else { shape.local.window };
+                u64::from(slots * shape.tokens * shape.kv_heads * shape.head_width) * 2 * 4
+            })
+            .sum();
+        assert_eq!(need.ring, ring);
+        assert!(need.total > last && need.intermediates >= need.largest_intermediate);
+        assert!(need.weights > 0 && need.autoencoder > 0);
+        last = need.total;
+    }
+    for g in [0, window.dilation + 1, window.max_window + window.dilation, u32::MAX] {
+        let refused = bundle.memory_need(Precision::F32, g).err().map(|error| error.kind());
+        assert_eq!(refused, Some(ErrorKind::InvalidArgument), "g{g}");
+    }
+    Ok(())
+}
+
+fn a_flipped_byte_in_any_file_is_refused(directory: &Path) -> Result<(), Failed> {
+    let files = files(directory)?;
+    for victim in 0..files.len() {
+        let (name, bytes) = &files[victim];
+        // The manifest's own bytes are guarded by its grammar, in the reader's own tests.
+        if name == MANIFEST_NAME {
+            continue;
+        }
+        for at in [0, bytes.len() / 2, bytes.len() - 1] {
+            let mut changed = files.clone();
+            changed[victim].1.to_mut()[at] ^= 0x10;
+            let error = Bundle::from_memory(changed).err().ok_or_else(|| format!("byte {at} of {name}"))?;
+            assert_eq!(error.offending_field(), Some(name.as_str()), "{error}");
+        }
+    }
+    Ok(())
+}
