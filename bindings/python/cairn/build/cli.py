@@ -194,7 +194,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
         licence = Licence.read(options.licence, licence_file)
     else:
         licence = Licence(options.licence)
-    return _build(
+    result = _build(
         options,
         found.geometry,
         found,
@@ -204,6 +204,9 @@ def _checkpoint(options: argparse.Namespace) -> int:
         sigma_rounding=options.rounding,
         fourier_rounding=options.rounding,
     )
+    if found.too_small and not options.quiet:
+        print(f"{found.too_small} of the checkpoint's numbers are too small for float16 and became 0")
+    return result
 
 
 def _random(options: argparse.Namespace) -> int:

@@ -22,6 +22,8 @@ FRAME = 0.3
 # Standard deviation of decoded pictures about 1/2 for latents of deviation 1, and the reverse gain.
 CONTRAST = 0.09
 GAIN = 1.5
+# How far the four pixels of a patch differ, over what they share.
+TEXTURE = 0.05
 
 
 class RandomAutoencoder:
@@ -118,6 +120,6 @@ class RandomAutoencoder:
             matrix = self.stream.normal(name, (outputs, m), 1.0 / math.sqrt(m))
         else:
             colours = self.stream.normal(name, (3, m), CONTRAST / math.sqrt(m))
-            texture = self.stream.normal(f"{name}.texture", (outputs, m), 0.15 * CONTRAST / math.sqrt(m))
+            texture = self.stream.normal(f"{name}.texture", (outputs, m), TEXTURE * CONTRAST / math.sqrt(m))
             matrix = np.repeat(colours, outputs // 3, axis=0) + texture
         return self.kernel(self.unfold(matrix, outputs, inputs, True, False), size)

@@ -85,9 +85,14 @@ def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]
     return peak, largest
 
 
-def weight_bytes(g: Geometry, precision: str) -> int:
-    """Bytes of all weights in memory: float32 once cast, or float16 as stored."""
-    return sum(w.count for w in [*transformer_weights(g), *autoencoder_weights(g)]) * _BYTES[precision]
+def weight_bytes(graphs: dict[str, Graph]) -> int:
+    """Bytes of all weights in memory: as stored in float16, but float32 where a graph casts them, once, when it is loaded."""
+    total = 0
+    for graph in graphs.values():
+        model = graph.model()
+        cast = {n.input[0] for n in model.graph.node if n.op_type == "Cast"}
+        total += sum(graph.weights[name].weight.count * (4 if name in cast else 2) for name in graph.used_weights)
+    return total
 
 
 def describe(g: Geometry) -> str:
@@ -110,11 +115,12 @@ def describe(g: Geometry) -> str:
     ]
     for precision in _BYTES:
         graphs = build_graphs(g, precision)
+        weights = weight_bytes(graphs)
         others = max(activation_peak(graphs[k], {})[0] for k in ("encoder", "decoder"))
         for window in windows(g):
             alive, largest = activation_peak(graphs["transformer"], g.dimensions(window))
             alive = max(alive, others)
-            row = [weight_bytes(g, precision), ring_bytes(g, window, precision), slab_bytes(g, precision), largest, alive]
+            row = [weights, ring_bytes(g, window, precision), slab_bytes(g, precision), largest, alive]
             row.append(row[0] + row[1] + row[2] + alive)
             lines.append(f"{precision} g{window:<6}" + "".join(f"{v / 2**20:13.1f}" for v in row))
     lines.append("\nalive: all intermediate values at the worst moment; peak: weights, ring, one step's K/V and alive together.")

@@ -1,0 +1,45 @@
+"""What several tests share: one tiny bundle, and ONNX Runtime sessions of its graphs."""
+
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+
+from cairn.build import PRESETS, build_bundle
+from cairn.build.manifest import Licence
+from cairn.build.random_weights import RandomWeights
+
+ROOT = Path(__file__).parents[3]
+TINY = PRESETS["tiny"][1]
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory) -> Path:
+    """A random bundle of the tiny preset, seed 1."""
+    out = tmp_path_factory.mktemp("bundles") / "tiny"
+    return build_bundle(
+        TINY,
+        RandomWeights(TINY, 1),
+        out,
+        name="tiny",
+        provenance={"seed": "1"},
+        licence=Licence("CC0-1.0", "No rights reserved.\n"),
+    )
+
+
+def session(bundle: Path, kind: str, precision: str, dimensions: dict[str, int] | None = None) -> onnxruntime.InferenceSession:
+    """One graph on the CPU."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.log_severity_level = 3
+    for name, size in (dimensions or {}).items():
+        options.add_free_dimension_override_by_name(name, size)
+    path = str(bundle / f"{kind}.{precision}.onnx")
+    return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+
+
+def relative(a: np.ndarray, b: np.ndarray) -> float:
+    """Relative L2 distance of a from b."""
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    return float(np.linalg.norm(a - b) / np.linalg.norm(b))

@@ -1,0 +1,155 @@
+"""The command line, archives, and what happens when writing fails."""
+
+import json
+import subprocess
+import sys
+import zipfile
+
+import pytest
+from conftest import ROOT, TINY
+
+from cairn.build import PRESETS, BuildError, archive, build_bundle, table
+from cairn.build.cli import main
+from cairn.build.geometry import Geometry, square_pixels
+from cairn.build.manifest import Licence
+from cairn.build.random_weights import RandomWeights
+
+
+def test_help_teaches(capsys):
+    for arguments in (["--help"], ["random", "--help"], ["checkpoint", "--help"], ["describe", "--help"], ["pack", "--help"]):
+        with pytest.raises(SystemExit) as end:
+            main(arguments)
+        assert end.value.code == 0
+    text = capsys.readouterr().out
+    for word in ("examples:", "taehv1_5.pth", "config.yaml", "docs/bundle.md", "--seed", *PRESETS):
+        assert word in text
+
+
+def test_it_runs_as_a_module(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "cairn.build", "random", "--preset", "tiny", "--layers", "4", "--out", str(tmp_path / "w")],
+        cwd=ROOT / "bindings" / "python",
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "parameters" in done.stdout and "g16" in done.stdout and f"wrote {tmp_path / 'w'}" in done.stdout
+    assert "100.0 %" in done.stderr
+    assert json.loads((tmp_path / "w" / "cairn-world.json").read_text())["geometry"]["layers"] == 4
+
+
+def test_archive_and_folder_are_the_same_bundle(tiny, tmp_path):
+    packed = tmp_path / "w.cairn"
+    assert main(["pack", str(tiny), "--out", str(packed)]) == 0
+    with zipfile.ZipFile(packed) as entries:
+        assert {i.compress_type for i in entries.infolist()} == {zipfile.ZIP_STORED}
+        assert entries.namelist()[0] == "cairn-world.json"
+        assert set(entries.namelist()) == {p.name for p in tiny.iterdir()}
+    assert main(["pack", str(packed), "--out", str(tmp_path / "w")]) == 0
+    for path in tiny.iterdir():
+        assert path.read_bytes() == (tmp_path / "w" / path.name).read_bytes()
+    again = archive.pack(tmp_path / "w", tmp_path / "again.cairn")
+    assert again.read_bytes() == packed.read_bytes()
+
+
+def test_random_can_write_an_archive_at_once(tmp_path):
+    out = tmp_path / "w.cairn"
+    assert main(["random", "--out", str(out), "--quiet", "--precision", "f32"]) == 0
+    assert zipfile.is_zipfile(out) and [p.name for p in tmp_path.iterdir()] == ["w.cairn"]
+    assert main(["describe", str(out)]) == 0
+    with zipfile.ZipFile(out) as entries:
+        assert json.loads(entries.read("cairn-world.json"))["graphs"].keys() == {"f32"}
+
+
+def test_a_tampered_archive_is_refused(tiny, tmp_path):
+    content = json.loads((tiny / "cairn-world.json").read_text())
+    for path, cause in (("../evil", "no name"), ("a/../b", "no name"), ("missing", "not in the archive")):
+        bad = {**content, "files": [{**content["files"][0], "path": path}]}
+        with zipfile.ZipFile(tmp_path / "bad.cairn", "w") as entries:
+            entries.writestr("cairn-world.json", json.dumps(bad))
+            entries.writestr("../evil", b"")
+        with pytest.raises(BuildError, match=cause):
+            archive.unpack(tmp_path / "bad.cairn", tmp_path / "out")
+        assert {p.name for p in tmp_path.iterdir()} == {"bad.cairn"}
+    with zipfile.ZipFile(tmp_path / "bad.cairn", "w") as entries:
+        entries.writestr("cairn-world.json", json.dumps({**content, "files": content["files"][:1]}))
+        entries.writestr(content["files"][0]["path"], b"x" * content["files"][0]["size"])
+    with pytest.raises(BuildError, match="checksum"):
+        archive.unpack(tmp_path / "bad.cairn", tmp_path / "out")
+    with zipfile.ZipFile(tmp_path / "bad.cairn", "w", zipfile.ZIP_DEFLATED) as entries:
+        entries.writestr("cairn-world.json", json.dumps(content))
+    with pytest.raises(BuildError, match="compressed"):
+        archive.unpack(tmp_path / "bad.cairn", tmp_path / "out")
+
+
+class Failing(RandomWeights):
+    """Gives out in the middle."""
+
+    left = 40
+
+    def get(self, weight):
+        self.left -= 1
+        if self.left == 0:
+            raise OSError(28, "No space left on device")
+        return super().get(weight)
+
+
+@pytest.mark.parametrize("name", ["w", "w.cairn"])
+def test_a_failed_build_leaves_the_old_bundle(tmp_path, name):
+    facts = {"name": "w", "provenance": {}, "licence": Licence("CC0-1.0"), "precisions": ("f32",)}
+    out = build_bundle(TINY, RandomWeights(TINY, 1), tmp_path / name, **facts)
+    before = out.read_bytes() if out.is_file() else (out / "transformer.bin").read_bytes()
+    with pytest.raises(OSError):
+        build_bundle(TINY, Failing(TINY, 2), out, replace=True, **facts)
+    assert before == (out.read_bytes() if out.is_file() else (out / "transformer.bin").read_bytes())
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+    with pytest.raises(BuildError, match="exists already"):
+        build_bundle(TINY, RandomWeights(TINY, 2), out, **facts)
+
+
+def test_other_peoples_folders_are_never_replaced(tmp_path, capsys):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("keep me")
+    assert main(["random", "--out", str(tmp_path / "mine"), "--replace", "--quiet"]) == 2
+    assert "no bundle" in capsys.readouterr().err
+    assert (tmp_path / "mine" / "letter.txt").read_text() == "keep me"
+
+
+@pytest.mark.parametrize(
+    "arguments, field",
+    [
+        (["--width", "63"], "width"),
+        (["--heads", "0"], "heads"),
+        (["--kv-heads", "3"], "heads"),
+        (["--heads", "16"], "width / heads"),
+        (["--latent-height", "3"], "latent_height"),
+        (["--global-window", "18"], "global_window"),
+        (["--global-max-window", "8"], "global_max_window"),
+        (["--layers", "2000000"], "layers"),
+        (["--seed", "-1"], "--seed"),
+    ],
+)
+def test_wrong_shapes_are_refused_by_name(tmp_path, capsys, arguments, field):
+    assert main(["random", "--out", str(tmp_path / "w"), "--quiet", *arguments]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith(f"error: {field}:") and message.count(".") >= 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_table_of_the_released_shapes():
+    g = PRESETS["720p"][1]
+    text = table.describe(g)
+    assert "1,281,958,039" in text and "11,372,012" in text
+    for precision in ("f32", "f16"):
+        for window in (112, 128, 384, 512):
+            assert f"{precision} g{window}" in text
+    # 24 layers of 16 buckets at g128: 768 MiB in float16; one latent is 48 MiB.
+    assert table.ring_bytes(g, 128, "f16") == 768 << 20
+    assert table.slab_bytes(g, "f16") == 48 << 20
+    assert table.windows(TINY) == [16, 64]
+
+
+def test_square_pixels_of_the_released_sizes():
+    assert square_pixels((1024, 512)) == (1280, 720) and square_pixels((512, 256)) == (640, 360)
+    assert square_pixels((640, 480)) == (640, 480)
+    assert Geometry(layers=1, width=8, heads=1, kv_heads=1, latent_channels=1, latent_height=2, latent_width=4).render == (80, 45 // 2 * 2)

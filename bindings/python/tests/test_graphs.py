@@ -1,0 +1,209 @@
+"""Names, types and shapes of the graphs, the size of what they compute on the way, and the operators they use."""
+
+import json
+import re
+
+import numpy as np
+import onnx
+import pytest
+from conftest import ROOT, TINY, relative, session
+
+from cairn.build import PRESETS, table, transformer
+from cairn.build.graph import OPERATORS
+from cairn.build.weights import file_size, parameter_count
+from cairn.build.writer import build_graphs, layouts
+
+FLOAT = {"f32": onnx.TensorProto.FLOAT, "f16": onnx.TensorProto.FLOAT16}
+
+
+def signature(values):
+    """(name, type, dimensions) of a graph's inputs or outputs."""
+    return [
+        (v.name, v.type.tensor_type.elem_type, [d.dim_param or d.dim_value for d in v.type.tensor_type.shape.dim]) for v in values
+    ]
+
+
+def expected(g, precision):
+    """Section 4 of docs/bundle.md for one geometry, written down independently."""
+    F, f32 = FLOAT[precision], onnx.TensorProto.FLOAT
+    P, T, (W, H) = g.head_width // 2, g.tokens, g.decoded
+    latent = [1, g.latent_channels, g.latent_height, g.latent_width]
+    inputs = [
+        ("x", F, latent),
+        ("sigma", f32, [1]),
+        ("dsigma", f32, [1]),
+        ("rope_cos", f32, [1, 1, T, P]),
+        ("rope_sin", f32, [1, 1, T, P]),
+        ("controls", f32, [1, 259]),
+        ("local_mask", F, [1, 1, 1, "local_keys"]),
+        ("global_mask", F, [1, 1, 1, "global_keys"]),
+    ]
+    outputs = [("x_next", F, latent)]
+    for i in range(g.layers):
+        ring = "global_past" if (i + 1) % 4 == 0 else "local_past"
+        inputs += [(f"past.{i}.{n}", F, [1, g.kv_heads, ring, g.head_width]) for n in "kv"]
+        outputs += [(f"present.{i}.{n}", F, [1, g.kv_heads, T, g.head_width]) for n in "kv"]
+    clip = [4, 3, H, W]
+    w, h, wide = g.latent_width, g.latent_height, g.decoder_widths
+    memories = [[1, wide[s], h * 2**s, w * 2**s] for s in range(3) for _ in range(3)]
+    return {
+        "transformer": (inputs, outputs),
+        "encoder": ([("rgb", F, clip)], [("latent", F, latent)]),
+        "decoder": (
+            [("latent", F, latent), *((f"past_mem.{j}", F, m) for j, m in enumerate(memories))],
+            [("rgb", F, clip), *((f"present_mem.{j}", F, m) for j, m in enumerate(memories))],
+        ),
+    }
+
+
+@pytest.mark.parametrize("precision", ["f32", "f16"])
+@pytest.mark.parametrize("preset", ["tiny", "demo", "720p"])
+def test_inputs_and_outputs_are_the_contract(preset, precision):
+    g = PRESETS[preset][1]
+    for kind, graph in build_graphs(g, precision).items():
+        model = graph.model()
+        inputs, outputs = expected(g, precision)[kind]
+        assert signature(model.graph.input) == inputs
+        assert signature(model.graph.output) == outputs
+        assert [(o.domain, 17 <= o.version <= 20) for o in model.opset_import] == [("", True)]
+        assert 8 <= model.ir_version <= 10
+        assert not model.functions
+
+
+def test_operators_are_those_of_the_format():
+    page = (ROOT / "docs" / "bundle.md").read_text(encoding="utf-8")
+    listed = re.search(r"Operators must be on this list:(.*?)\.\n", page, re.S)[1]
+    assert re.findall(r"`(\w+)`", listed) == OPERATORS
+    used = {n.op_type for p in FLOAT for g in build_graphs(TINY, p).values() for n in g.model().graph.node}
+    assert used == set(OPERATORS)
+
+
+@pytest.mark.parametrize("precision", ["f32", "f16"])
+def test_weights_are_external_once_and_shared(precision):
+    g = PRESETS["720p"][1]
+    graphs = {k: graph.model() for k, graph in build_graphs(g, precision).items()}
+    stored = {p.weight.name: p for group in layouts(g) for p in group.values()}
+    seen = {}
+    for model in graphs.values():
+        for t in model.graph.initializer:
+            if t.data_location != onnx.TensorProto.EXTERNAL:
+                assert len(t.SerializeToString()) < 64 << 10, t.name
+                continue
+            entry = {e.key: e.value for e in t.external_data}
+            place = stored[t.name]
+            assert (entry["location"], int(entry["offset"]), int(entry["length"])) == (place.file, place.offset, place.length)
+            assert t.data_type == onnx.TensorProto.FLOAT16 and t.name not in seen
+            seen[t.name] = place
+    assert seen.keys() == stored.keys()
+    ends = sorted((p.file, p.offset, p.offset + p.length) for p in seen.values())
+    assert all(a[0] != b[0] or a[2] <= b[1] for a, b in zip(ends, ends[1:]))
+
+
+def test_released_shapes_have_the_published_size():
+    g = PRESETS["720p"][1]
+    transformer_count, autoencoder_count = parameter_count(g)
+    assert transformer_count == 1_281_958_039  # "1.28 B"
+    assert autoencoder_count == 11_372_012  # 22.7 MB in two bytes each
+    sizes = [file_size(group) for group in layouts(g)]
+    assert sizes[0] >= 2 * transformer_count and sizes[1] >= 2 * autoencoder_count
+    assert PRESETS["360p"][1].tokens == 128 and g.tokens == 512
+
+
+LIMIT = 256 << 20
+
+
+@pytest.mark.parametrize("preset", ["tiny", "demo", "360p", "720p"])
+def test_no_intermediate_passes_the_limit_at_the_largest_window(preset):
+    g = PRESETS[preset][1]
+    for kind, graph in build_graphs(g, "f32").items():
+        dimensions = g.dimensions(g.global_max_window) if kind == "transformer" else {}
+        model, sizes = table.value_sizes(graph, dimensions)
+        stored = {i.name for i in model.graph.initializer}
+        weights = {n.output[0] for n in model.graph.node if n.op_type == "Cast" and n.input[0] in stored}
+        made = {o for n in model.graph.node for o in n.output} - weights
+        assert made and made <= sizes.keys()
+        worst = max(made, key=lambda name: sizes[name][1])
+        assert sizes[worst][1] <= LIMIT, (kind, worst, sizes[worst])
+        assert all(0 < d for name in made for d in sizes[name][0])
+
+
+def test_attention_is_cut_only_as_far_as_needed():
+    g = PRESETS["720p"][1]
+    assert transformer.attention_chunks(g, 3) == (16, 1)  # global: one head is 130 MiB
+    assert transformer.attention_chunks(g, 0) == (4, 1)
+    huge = g.with_(global_max_window=2048)
+    heads, rows = transformer.attention_chunks(huge, 3)
+    assert heads == 16 and rows > 1
+    assert all(transformer.attention_chunks(TINY, i) == (1, 1) for i in range(8))
+
+
+@pytest.mark.parametrize("limit, parts", [(4 * 16 * 40, (2, 1)), (4 * 8 * 40, (2, 2))])
+def test_cutting_attention_changes_no_number(tiny, tmp_path, monkeypatch, limit, parts):
+    monkeypatch.setattr(transformer, "INTERMEDIATE_LIMIT", limit)
+    small = TINY.with_(global_max_window=16)
+    assert transformer.attention_chunks(small, 0) == transformer.attention_chunks(small, 3) == parts
+    graph = build_graphs(small, "f32")["transformer"].model()
+    assert sum(n.op_type == "Softmax" for n in graph.graph.node) > TINY.layers
+    (tmp_path / "transformer.f32.onnx").write_bytes(graph.SerializeToString())
+    (tmp_path / "transformer.bin").write_bytes((tiny / "transformer.bin").read_bytes())
+    feeds = random_feeds(TINY)
+    whole, cut = (session(b, "transformer", "f32").run(None, feeds) for b in (tiny, tmp_path))
+    assert all(relative(b, a) < 1e-6 for a, b in zip(whole, cut))
+
+
+def random_feeds(g, kind=np.float32):
+    """Inputs of about unit size."""
+    rng = np.random.default_rng(3)
+    d = g.dimensions(g.global_window)
+    feeds = {}
+    for name, elem, shape in expected(g, "f32")["transformer"][0]:
+        shape = [d[s] if isinstance(s, str) else s for s in shape]
+        free = name in ("sigma", "dsigma", "rope_cos", "rope_sin", "controls")
+        feeds[name] = rng.standard_normal(shape).astype(np.float32 if free else kind)
+    feeds["sigma"], feeds["dsigma"] = np.array([0.75], np.float32), np.array([-1], np.float32)
+    for name in ("local_mask", "global_mask"):
+        feeds[name] = np.where(feeds[name] > 1.0, -1e4, 0).astype(kind)
+    return feeds
+
+
+def test_half_precision_stays_close_to_single(tiny):
+    full = session(tiny, "transformer", "f32").run(None, random_feeds(TINY))
+    half = session(tiny, "transformer", "f16").run(None, random_feeds(TINY, np.float16))
+    assert all(np.isfinite(h).all() for h in half)
+    assert max(relative(h, f) for h, f in zip(half, full)) < 5e-3
+    for kind in ("encoder", "decoder"):
+        full, half = session(tiny, kind, "f32"), session(tiny, kind, "f16")
+        rng = np.random.default_rng(4)
+        feeds = {i.name: rng.random(i.shape).astype(np.float32) for i in full.get_inputs()}
+        a = full.run(None, feeds)
+        b = half.run(None, {n: v.astype(np.float16) for n, v in feeds.items()})
+        assert max(relative(h, f) for h, f in zip(b, a)) < 5e-3
+
+
+def test_extreme_controls_and_hidden_keys_stay_finite(tiny):
+    feeds = random_feeds(TINY, np.float16)
+    feeds["controls"] = np.full((1, 259), 1e5, np.float32)
+    feeds["local_mask"][:] = feeds["global_mask"][:] = -1e4
+    assert all(np.isfinite(v).all() for v in session(tiny, "transformer", "f16").run(None, feeds))
+
+
+def test_a_hidden_key_has_no_weight(tiny):
+    model = session(tiny, "transformer", "f32")
+    feeds = random_feeds(TINY)
+    for name in ("local_mask", "global_mask"):
+        feeds[name][..., : TINY.tokens] = -1e4
+    before = model.run(None, feeds)
+    for i in range(TINY.layers):
+        feeds[f"past.{i}.k"][:, :, : TINY.tokens] = 7.0
+        feeds[f"past.{i}.v"][:, :, : TINY.tokens] = -7.0
+    assert all(np.array_equal(a, b) for a, b in zip(before, model.run(None, feeds)))
+
+
+def test_manifest_matches_its_schema(tiny):
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json.loads((ROOT / "docs" / "bundle.schema.json").read_text(encoding="utf-8"))
+    content = json.loads((tiny / "cairn-world.json").read_text(encoding="utf-8"))
+    jsonschema.validate(content, schema, cls=jsonschema.Draft202012Validator)
+    broken = {**content, "surprise": 1}
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(broken, schema, cls=jsonschema.Draft202012Validator)
