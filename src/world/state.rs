@@ -89,7 +89,8 @@ impl Rollout {
         let point: OperatingPoint =
             head.operating_point.parse().map_err(|e: Error| damaged(&format!("its operating point: {e}")))?;
         self.world.check_point(&point).map_err(|e| foreign("operating_point", &e.to_string()))?;
-        let mut planner = Planner::new(self.world.manifest(), &point, head.seed)?;
+        let mut planner = Planner::new(self.world.manifest(), &point, head.seed)
+            .map_err(|e| foreign("operating_point", &e.to_string()))?;
         planner.restore(planner_state)?;
         let expected: usize = self.state_buffers().map(|buffer| self.lane.size(buffer)).sum();
         if payload.len() != expected {
