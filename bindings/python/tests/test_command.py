@@ -61,6 +61,16 @@ def test_random_can_write_an_archive_at_once(tmp_path):
         assert json.loads(entries.read("cairn-world.json"))["graphs"].keys() == {"f32"}
 
 
+def test_describing_a_bundle_is_describing_its_shapes(tiny, tmp_path, capsys):
+    assert archive.read_geometry(tiny) == TINY
+    assert main(["describe", str(tiny)]) == 0 and main(["describe", "--preset", "tiny"]) == 0
+    half = capsys.readouterr().out.splitlines()
+    assert half[: len(half) // 2] == half[len(half) // 2 :]
+    (tmp_path / "cairn-world.json").write_text('{"geometry": 3}')
+    assert main(["describe", str(tmp_path)]) == 2
+    assert main(["describe", str(tmp_path / "nothing")]) == 2
+
+
 def test_a_tampered_archive_is_refused(tiny, tmp_path):
     content = json.loads((tiny / "cairn-world.json").read_text())
     for path, cause in (("../evil", "no name"), ("a/../b", "no name"), ("missing", "not in the archive")):

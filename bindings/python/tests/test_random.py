@@ -12,7 +12,8 @@ from rollout import Rollout
 from cairn.build import PRESETS, build_bundle
 from cairn.build.manifest import Licence
 from cairn.build.random_transformer import exact_cos, exact_sin
-from cairn.build.random_weights import RandomWeights, Stream
+from cairn.build.random_weights import RandomWeights
+from cairn.build.stream import Stream
 from cairn.build.weights import transformer_weights
 
 # A change of any weight of the random worlds changes these: golden files of other tests would follow.

@@ -9,7 +9,11 @@ import re
 import shutil
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+
+import onnx
+from google.protobuf.message import DecodeError
 
 from .errors import BuildError
 from .geometry import Geometry
@@ -69,11 +73,34 @@ def unpack(archive: Path, out: Path, replace: bool = False) -> Path:
 
 
 def read_geometry(bundle: Path) -> Geometry:
-    """The shapes a folder's or an archive's manifest declares."""
+    """The shapes that a folder's or an archive's manifest declares; the autoencoder's widths are in its graphs."""
     if bundle.is_dir():
-        return geometry_of(_read_manifest(bundle))
+        manifest = _read_manifest(bundle)
+        return _with_widths(manifest, lambda name: (bundle / name).read_bytes())
     with _opened(bundle) as entries:
-        return geometry_of(json.loads(_manifest_bytes(entries)))
+        manifest = json.loads(_manifest_bytes(entries))
+        return _with_widths(manifest, lambda name: _entry(entries, name).read())
+
+
+def _with_widths(manifest: dict, read: Callable[[str], bytes]) -> Geometry:
+    geometry = geometry_of(manifest)
+    shapes = {}
+    for kind in ("encoder", "decoder"):
+        file = _checked(manifest["graphs"]["f32"][kind])
+        try:
+            model = onnx.load_model_from_string(read(file))
+        except DecodeError as error:
+            raise BuildError(f"it is no ONNX model ({error})", field=file, remedy="Make the bundle again.") from error
+        shapes |= {t.name: tuple(t.dims) for t in model.graph.initializer}
+    try:
+        first, last = shapes["encoder.0.weight"][0], shapes["decoder.20.weight"][0]
+    except (KeyError, IndexError):
+        raise BuildError(
+            "the autoencoder's graphs name their weights otherwise",
+            field="graphs.f32",
+            remedy="Only bundles made by cairn.build can be described; give shapes instead.",
+        ) from None
+    return geometry.with_(encoder_width=first, decoder_widths=(*geometry.decoder_widths[:3], last))
 
 
 def _read_manifest(folder: Path) -> dict:

@@ -80,7 +80,7 @@ def manifest(
 
 
 def geometry_of(content: dict) -> Geometry:
-    """The shapes that a manifest declares. What only the graphs know (the encoder's width) is taken as the usual."""
+    """The shapes that a manifest declares. What only the graphs know (the encoder's and the last width) is left as usual."""
     try:
         g, latent, wide = content["geometry"], content["geometry"]["latent"], content["geometry"]["global"]
         memories = g["autoencoder"]["memories"]
@@ -110,5 +110,5 @@ def geometry_of(content: dict) -> Geometry:
             decoder_widths=(*stages, stages[2]),
             render=tuple(content["picture"]["render"]),
         )
-    except (KeyError, IndexError, TypeError) as error:
+    except (KeyError, IndexError, TypeError, AttributeError) as error:
         raise BuildError(f"a member is missing or of another kind: {error!r}", field=MANIFEST_FILE, remedy="See docs/bundle.md.") from error

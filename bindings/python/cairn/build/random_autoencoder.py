@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from .geometry import Geometry
-from .random_weights import Stream
+from .stream import Stream
 from .weights import DECODER_GROWTH, ENCODER_POOLING, Weight
 
 # Size of what a memory block adds, over what passes it.

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from .geometry import Geometry
-from .random_weights import Stream
+from .stream import Stream
 from .weights import Weight
 
 # Scales, found by running worlds of several shapes. Relative to a unit of content unless said otherwise.
