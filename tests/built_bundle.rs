@@ -51,7 +51,9 @@ fn opens_with_every_check(directory: &Path) -> Result<(), Failed> {
     Ok(())
 }
 
-fn files(directory: &Path) -> Result<Vec<(String, Cow<'static, [u8]>)>, Failed> {
+type NamedFiles = Vec<(String, Cow<'static, [u8]>)>;
+
+fn files(directory: &Path) -> Result<NamedFiles, Failed> {
     let bundle = Bundle::open(directory)?;
     let names = bundle.manifest().files.iter().map(|f| f.path.clone());
     let read = |name: String| std::fs::read(directory.join(&name)).map(|bytes| (name, Cow::Owned(bytes)));

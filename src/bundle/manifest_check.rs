@@ -217,9 +217,9 @@ fn check_schedule(schedule: &[f64]) -> Result<()> {
 fn check_picture(m: &Manifest) -> Result<()> {
     let g = &m.geometry;
     let cells = [g.latent.width, g.latent.height];
-    for side in 0..2 {
+    for (side, count) in cells.into_iter().enumerate() {
         let field = format!("picture.decoded[{side}]");
-        let made = u64::from(cells[side]) * u64::from(g.autoencoder.spatial);
+        let made = u64::from(count) * u64::from(g.autoencoder.spatial);
         equal(&field, m.picture.decoded[side].into(), "the latent's side * geometry.autoencoder.spatial", made)?;
         within(&field, m.picture.decoded[side], 1, MAX_SIDE.into())?;
         within(&format!("picture.render[{side}]"), m.picture.render[side], 1, MAX_SIDE.into())?;
@@ -263,10 +263,10 @@ fn check_files(m: &Manifest) -> Result<()> {
     if !(1..=200).contains(&spdx) || !m.licence.spdx.bytes().all(|b| matches!(b, b' '..=b'~')) {
         return bad("licence.spdx", "a licence expression has 1 to 200 printable ASCII characters");
     }
-    if let Some(path) = &m.licence.file {
-        if m.file(path).is_none() {
-            return bad("licence.file", format!("`{}` is not listed under `files`", path.escape_debug()));
-        }
+    if let Some(path) = &m.licence.file
+        && m.file(path).is_none()
+    {
+        return bad("licence.file", format!("`{}` is not listed under `files`", path.escape_debug()));
     }
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! ONNX Runtime on one device: sessions, memory and their bindings.
 //!
-//! [`Ort`] is the library itself, loaded by path. A [`Device`] makes [`Graph`]s (sessions, shared by everybody) and
-//! [`Lane`]s (one rollout's memory and bound runs, in order). What lies behind a lane may be host memory or a graphics
-//! device: users name buffers by handle, move bytes only through [`Lane`], and wait only in [`Lane::read`] and
-//! [`Lane::finite`].
+//! [`Ort`] is the library itself, loaded by path. A [`Device`] makes `Graph`s (sessions, shared by everybody) and
+//! `Lane`s (one rollout's memory and bound runs, in order). What lies behind a lane may be host memory or a graphics
+//! device: users name buffers by handle, move bytes only through `Lane`, and wait only in `Lane::read` and
+//! `Lane::finite`.
 
 mod cpu;
 mod device;

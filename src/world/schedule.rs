@@ -47,19 +47,15 @@ impl Schedule {
     /// # Errors
     /// `InvalidArgument` when the schedule, or the stock list it starts from, breaks the rules given at the variants.
     pub fn points(&self, sampler: &Sampler) -> Result<Vec<f64>> {
+        let (list, field) = match self {
+            Self::Stock | Self::Refined(_) => (&sampler.schedule, "sampler.schedule"),
+            Self::Explicit(points) => (points, "schedule"),
+        };
+        check_points(list, field)?;
         match self {
-            Self::Stock => {
-                check_points(&sampler.schedule, "sampler.schedule")?;
-                Ok(sampler.schedule.clone())
-            }
-            Self::Explicit(points) => {
-                check_points(points, "schedule")?;
-                Ok(points.clone())
-            }
-            Self::Refined(passes) => {
-                check_points(&sampler.schedule, "sampler.schedule")?;
-                refine(&sampler.schedule, *passes)
-            }
+            Self::Refined(passes) => refine(list, *passes),
+            // -0 is 0 too, and goes on as 0.
+            Self::Stock | Self::Explicit(_) => Ok(list.iter().map(|point| point.abs()).collect()),
         }
     }
 
@@ -106,7 +102,7 @@ fn check_points(points: &[f64], field: &str) -> Result<()> {
         return Err(wrong(format!("the schedule does not descend from point {i} to point {}", i + 1)));
     }
     match points.last() {
-        Some(last) if last.to_bits() == 0 => Ok(()),
+        Some(last) if *last == 0.0 => Ok(()),
         last => Err(wrong(format!("the schedule ends at {last:?}"))),
     }
 }
@@ -127,7 +123,7 @@ fn refine(stock: &[f64], passes: u32) -> Result<Vec<f64>> {
     }
     let mut points = Vec::with_capacity(wanted + 1);
     for &point in stock {
-        points.push(exact(point)?);
+        points.push(exact(point.abs())?);
     }
     while points.len() <= wanted {
         let mut widest = 0;
@@ -297,6 +293,14 @@ mod tests {
     }
 
     #[test]
+    fn a_negative_zero_is_zero() {
+        let sampler = Sampler { schedule: vec![1.0, 0.9, 0.75, 0.3, -0.0], sigma_rounding: SigmaRounding::None };
+        for schedule in [Schedule::Stock, Schedule::Refined(5), "explicit:1:0.5:-0".parse().unwrap()] {
+            assert_eq!(schedule.table(&sampler).unwrap().sigmas.last().unwrap().to_bits(), 0);
+        }
+    }
+
+    #[test]
     fn broken_lists_are_refused() {
         let nan = f64::NAN;
         for bad in [
@@ -308,7 +312,7 @@ mod tests {
             vec![0.5, 0.6, 0.0],
             vec![1.0, nan, 0.0],
             vec![f64::INFINITY, 0.0],
-            vec![1.0, -0.0],
+            vec![1.0, 1e-300],
             vec![1.0, 0.0, -1.0],
             (0..=64).map(|i| 1.0 - f64::from(i) / 64.0).collect(),
         ] {
