@@ -1,1 +1,7 @@
-fn main() {}
+//! `study`: see `study --help`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    study::run(std::env::args_os())
+}

@@ -1,0 +1,37 @@
+//! Four seconds for somebody who has just cloned the repository.
+
+use std::path::Path;
+
+use crate::job::Outcome;
+use crate::output::{MANIFEST, SHEET, VIDEO};
+use crate::progress::duration;
+
+/// Said before anything is made.
+pub(crate) const WELCOME: &str = "\
+A world model dreams four seconds: 15 anchors a second, and a generated frame between every two of them.
+The world of this demo has RANDOM WEIGHTS. Its pictures mean nothing until trained weights land;
+what you see working is the whole path from controls to video.
+";
+
+/// Says what was made, and what to open.
+pub(crate) fn summary(outcome: &Outcome, out: &Path) -> String {
+    let counts = outcome.manifest.counts;
+    let seconds = outcome.manifest.timings.get("total").copied().unwrap_or(0.0);
+    let mut text = format!(
+        "{} frames from {} anchors ({} generated) and {} passes of the transformer in {}\n",
+        counts.presented,
+        counts.anchors,
+        counts.generated,
+        counts.passes,
+        duration(seconds),
+    );
+    let of = |name: &str| crate::manifest::absolute(&out.join(name)).display().to_string();
+    if outcome.manifest.outputs.iter().any(|o| o.path == VIDEO) {
+        text += &format!("  {}   open it in a browser\n", of(VIDEO));
+    }
+    if outcome.manifest.outputs.iter().any(|o| o.path == SHEET) {
+        text += &format!("  {}   anchors, generated frames, motion, depth\n", of(SHEET));
+    }
+    text += &format!("  {}   everything that is needed to make it again\n", of(MANIFEST));
+    text
+}

@@ -1,0 +1,114 @@
+//! Finds and reads what a rollout starts from, and fetches what is missing.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use cairn::bundle::Bundle;
+use cairn::runtime::Ort;
+use cairn::world::ControlScript;
+use cairn::{Error, ErrorKind, Picture, Result};
+
+use crate::landscape;
+use crate::manifest::{Input, Inputs, absolute, digest_file, read_bounded, sha256};
+use crate::picture;
+use crate::progress::Progress;
+use crate::settings::Settings;
+
+/// The script where none is named.
+const DEMO_SCRIPT: &str = include_str!("../../scripts/demo.txt");
+/// The largest seed picture, in bytes of its file.
+const MAX_PICTURE: u64 = 512 << 20;
+/// The library's own limit on scripts, and one byte, so that it is the library that refuses.
+const MAX_SCRIPT: u64 = (4 << 20) + 1;
+
+/// Other places for the inputs of a manifest.
+#[derive(Debug, Clone, Default)]
+pub struct Overrides {
+    /// Of the bundle.
+    pub world: Option<PathBuf>,
+    /// Of the seed picture.
+    pub seed_picture: Option<PathBuf>,
+    /// Of the script.
+    pub script: Option<PathBuf>,
+}
+
+/// Everything read and checked, with its description.
+pub(crate) struct Loaded {
+    pub(crate) bundle: Arc<Bundle>,
+    pub(crate) ort: Ort,
+    pub(crate) script: ControlScript,
+    /// At render size.
+    pub(crate) seed: Picture,
+    pub(crate) inputs: Inputs,
+}
+
+/// Reads all inputs: the small ones first, so that a slip in them is told before anything is fetched.
+pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<Loaded> {
+    let (script_bytes, script_path) = match &settings.script {
+        Some(path) => (read_bounded(path, MAX_SCRIPT)?, absolute(path).display().to_string()),
+        None => (DEMO_SCRIPT.as_bytes().to_vec(), "<built-in demo script>".into()),
+    };
+    let script = ControlScript::parse_bytes(&script_bytes).map_err(|e| in_file(&e, "--script", &script_path))?;
+    let picture = match &settings.seed_picture {
+        Some(path) => {
+            let bytes = read_bounded(path, MAX_PICTURE)?;
+            let name = absolute(path).display().to_string();
+            let picture = picture::decode(&bytes).map_err(|e| in_file(&e, "--seed-picture", &name))?;
+            Some((picture, describe(name, &bytes)))
+        }
+        None => None,
+    };
+    let (ort, onnxruntime) = onnxruntime(progress)?;
+    let (bundle, world) = world(settings.world.as_deref(), progress)?;
+    let render = bundle.manifest().picture.render;
+    let (seed, seed_picture) = match picture {
+        Some((picture, input)) => (picture::cover(&picture, render.into())?, input),
+        None => {
+            let picture = landscape::paint(render[0], render[1])?;
+            let input = describe("<built-in landscape>".into(), picture.rgba());
+            (picture, input)
+        }
+    };
+    let script_input = describe(script_path, &script_bytes);
+    let inputs = Inputs { world, seed_picture, script: script_input, onnxruntime };
+    Ok(Loaded { bundle, ort, script, seed, inputs })
+}
+
+fn describe(path: String, bytes: &[u8]) -> Input {
+    Input { path, size: bytes.len() as u64, sha256: sha256(bytes) }
+}
+
+/// Names option and file before the place inside it that the error names.
+fn in_file(error: &Error, option: &str, path: &str) -> Error {
+    Error::new(error.kind(), format!("{path}: {error}")).field(option)
+}
+
+fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
+    let explicit = std::env::var_os("CAIRN_ONNXRUNTIME").is_some_and(|v| !v.is_empty());
+    let ort = if explicit {
+        Ort::find(None)?
+    } else {
+        Ort::load(&provision::onnxruntime(progress).map_err(|e| not_provided(&e, ErrorKind::RuntimeMissing))?)?
+    };
+    let (size, sha256) = digest_file(ort.path())?;
+    let input = Input { path: ort.path().display().to_string(), size, sha256 };
+    Ok((ort, input))
+}
+
+fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bundle>, Input)> {
+    let path = match path {
+        Some(path) => path.to_owned(),
+        None => provision::demo_bundle(progress).map_err(|e| not_provided(&e, ErrorKind::Io))?,
+    };
+    progress.phase("reading the world");
+    let bundle = Bundle::open(&path)?;
+    let size = bundle.manifest().files.iter().map(|f| f.size).sum();
+    let input = Input { path: absolute(&path).display().to_string(), size, sha256: bundle.digest().to_owned() };
+    Ok((bundle, input))
+}
+
+fn not_provided(error: &provision::Error, kind: ErrorKind) -> Error {
+    Error::new(kind, error.cause.trim_end_matches(['.', '\n']).to_owned())
+        .field(error.wanted.clone())
+        .remedy(error.remedy.clone())
+}

@@ -1,0 +1,226 @@
+//! The main job from end to end.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use cairn::runtime::{CpuOptions, Device};
+use cairn::world::{Preset, Rollout, World, WorldOptions};
+use cairn::{Error, ErrorKind, Result};
+
+use crate::inputs::{self, Loaded};
+use crate::latents::LatentFile;
+use crate::machine::{self, Versions};
+use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, absolute};
+use crate::media::{self, Disk, Mp4Sink, PngSink, Recorder, Sink, Y4mSink, encode_png, write_whole};
+use crate::output::{FRAMES, Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO};
+use crate::progress::Progress;
+use crate::settings::{Checked, Settings};
+use crate::sheet::Sheet;
+use stream::{End, Stream};
+
+mod stream;
+
+/// A rollout to be made.
+pub struct Job<'a> {
+    /// What to make.
+    pub settings: &'a Settings,
+    /// The folder for all outputs.
+    pub out: &'a Path,
+    /// Whether an earlier rollout in that folder may be replaced.
+    pub overwrite: bool,
+    /// Where files are made.
+    pub disk: Arc<dyn Disk>,
+    /// Set it from any thread to end after the current frame.
+    pub stop: &'a AtomicBool,
+    /// Who is told how far it is.
+    pub progress: &'a Progress,
+    /// Ends where an earlier, interrupted rollout ended: after so many latents and presented frames.
+    pub limit: Option<Counts>,
+}
+
+/// What came of it. Every file that is there is whole, and the manifest is written.
+#[derive(Debug)]
+pub struct Outcome {
+    /// As written.
+    pub manifest: Manifest,
+    /// What went wrong after the first frame.
+    pub failure: Option<Error>,
+    /// Whether [`Job::stop`] ended it.
+    pub interrupted: bool,
+}
+
+/// Makes a rollout.
+///
+/// # Errors
+/// Everything that can be wrong before the first frame. What goes wrong later is in [`Outcome::failure`], and the
+/// manifest then says `"complete": false`.
+pub fn run(job: &Job<'_>) -> Result<Outcome> {
+    let began = Instant::now();
+    let checked = job.settings.check()?;
+    let folder = Folder::check(job.out, job.overwrite)?;
+    let loaded = inputs::load(job.settings, job.progress)?;
+    checked.point.check_for(loaded.bundle.geometry())?;
+    job.progress.phase("loading the world");
+    let device = Device::cpu(&loaded.ort, CpuOptions { threads: job.settings.threads, deterministic: true })?;
+    let options = WorldOptions { global_window: Some(checked.point.global_window), ..WorldOptions::default() };
+    let world = World::load(&device, &loaded.bundle, options)?;
+    let rollout = Rollout::new(&world, &checked.point, job.settings.seed)?;
+    let loading = began.elapsed();
+
+    folder.prepare(job.settings.formats.png)?;
+    let mut manifest = first_manifest(job.settings, &loaded, &device, &checked)?;
+    write_manifest(job, &folder, &manifest)?;
+    let size = job.settings.size.into();
+    let recorder = Recorder::start(sinks(job, &folder, &checked, &device)?, size)?;
+    let shape = loaded.bundle.geometry().latent;
+    let shape = [shape.channels, shape.height, shape.width];
+    let latents = LatentFile::create(job.disk.as_ref(), &folder.join(LATENTS), shape)?;
+
+    let counts = checked.point.counts(checked.duration);
+    let sheet = Sheet::new(job.limit.map_or(counts.latents, |l| l.latents), world.render_size());
+    let mut stream = Stream::new(&checked, rollout, size, recorder, latents, sheet)?;
+    job.progress.begin(job.limit.map_or(counts.presented, |l| l.presented));
+    let end = stream.run(job, &loaded);
+    job.progress.end();
+
+    let finished = stream.finish();
+    let mut failure = finished.failure;
+    let interrupted = matches!(end, Ok(End::Stopped));
+    let stopped = match end {
+        Ok(_) => None,
+        Err(error) => Some(error),
+    };
+    // The recorder knows why it stopped; the loop only saw that it did.
+    failure = failure.or(stopped);
+
+    manifest.counts = Counts { planned: counts.presented, ..finished.counts };
+    let sheet = finished
+        .sheet
+        .draw(&title(&manifest, &loaded), &subtitle(&manifest), manifest.note.as_deref())
+        .and_then(|picture| encode_png(&picture))
+        .and_then(|bytes| write_whole(job.disk.as_ref(), &folder.join(SHEET), &bytes));
+    let mut outputs = Vec::new();
+    let described = folder
+        .describe_media(&finished.written, manifest.counts.presented)
+        .map(|media| outputs.extend(media))
+        .and_then(|()| match &finished.latents {
+            Some((path, count)) => {
+                let complete = *count == manifest.counts.latents;
+                folder.describe(path, "latents", *count, complete).map(|o| outputs.push(o))
+            }
+            None => Ok(()),
+        })
+        .and_then(|()| sheet)
+        .and_then(|()| folder.describe(&folder.join(SHEET), "contact-sheet", 1, true).map(|o| outputs.push(o)));
+    failure = failure.or(described.err());
+    manifest.outputs = outputs;
+    manifest.complete = failure.is_none() && !interrupted && manifest.counts.presented == manifest.counts.planned;
+    manifest.stopped_by = match (&failure, interrupted) {
+        (Some(error), _) => Some(error.to_string()),
+        (None, true) => Some("interrupted".into()),
+        (None, false) if manifest.complete => None,
+        (None, false) => Some("the limit of the replayed rollout".into()),
+    };
+    manifest.timings = timings(loading, began.elapsed(), finished.times);
+    if let Err(error) = write_manifest(job, &folder, &manifest) {
+        failure = failure.or(Some(error));
+    }
+    Ok(Outcome { manifest, failure, interrupted })
+}
+
+fn sinks(job: &Job<'_>, folder: &Folder, checked: &Checked, device: &Device) -> Result<Vec<Box<dyn Sink>>> {
+    let formats = job.settings.formats;
+    let size = job.settings.size.into();
+    let rate = checked.point.presented_rate();
+    let disk = job.disk.as_ref();
+    let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+    if formats.mp4 {
+        sinks.push(Box::new(Mp4Sink::create(disk, &folder.join(VIDEO), size, rate, device.threads())?));
+    }
+    if formats.y4m {
+        sinks.push(Box::new(Y4mSink::create(disk, &folder.join(RAW), size, rate)?));
+    }
+    if formats.png {
+        sinks.push(Box::new(PngSink::new(Arc::clone(&job.disk), &folder.join(FRAMES))));
+    }
+    Ok(sinks)
+}
+
+/// The manifest as it stands before the first frame, so that a broken run leaves one.
+fn first_manifest(settings: &Settings, loaded: &Loaded, device: &Device, checked: &Checked) -> Result<Manifest> {
+    let mut settings = settings.clone();
+    settings.threads = Some(device.threads());
+    for path in [&mut settings.world, &mut settings.seed_picture, &mut settings.script].into_iter().flatten() {
+        *path = absolute(path);
+    }
+    // A preset's name stands for its point and for nothing else.
+    let named = settings.preset.as_deref().and_then(Preset::from_name);
+    settings.preset = named.filter(|p| p.operating_point() == checked.point).map(|p| p.name().into());
+    let weights = loaded.bundle.manifest().provenance.get("weights");
+    let note = weights.filter(|w| w.starts_with("random")).map(|_| {
+        "This world has random weights: its pictures mean nothing until trained weights land.".to_owned()
+    });
+    Ok(Manifest {
+        manifest_version: MANIFEST_VERSION,
+        complete: false,
+        stopped_by: Some("the program is still running, or ended without a word".into()),
+        note,
+        settings,
+        inputs: loaded.inputs.clone(),
+        counts: Counts { planned: checked.point.counts(checked.duration).presented, ..Counts::default() },
+        outputs: Vec::new(),
+        versions: Versions {
+            cairn: env!("CARGO_PKG_VERSION").into(),
+            onnxruntime: loaded.ort.version().into(),
+            encoder: media::ENCODER.into(),
+            encoder_assembly: media::ASSEMBLY,
+            generator: stream::GENERATOR.into(),
+            device: device.describe(),
+            threads: device.threads(),
+            os: machine::os(),
+            architecture: std::env::consts::ARCH.into(),
+            cpu: machine::cpu(),
+            cpu_features: machine::cpu_features(),
+            optimised_build: !cfg!(debug_assertions),
+        },
+        timings: BTreeMap::new(),
+    })
+}
+
+fn write_manifest(job: &Job<'_>, folder: &Folder, manifest: &Manifest) -> Result<()> {
+    write_whole(job.disk.as_ref(), &folder.join(MANIFEST), &manifest.to_json()?)
+}
+
+fn title(manifest: &Manifest, loaded: &Loaded) -> String {
+    let how = manifest.settings.preset.as_deref().unwrap_or("own operating point");
+    format!("{}, {how}, {} s", loaded.bundle.manifest().name, manifest.settings.seconds)
+}
+
+fn subtitle(manifest: &Manifest) -> String {
+    let Settings { operating_point, seed, .. } = &manifest.settings;
+    let Counts { latents, presented, generated, .. } = manifest.counts;
+    let [width, height] = manifest.settings.size;
+    format!(
+        "{operating_point}   seed {seed}   {latents} latents   {presented} frames, {generated} of them generated   \
+         {width} x {height}"
+    )
+}
+
+/// Seconds by stage. `total` is the wall clock; the recorder works beside the other stages.
+fn timings(loading: Duration, total: Duration, stages: BTreeMap<&'static str, Duration>) -> BTreeMap<String, f64> {
+    let all = stages.into_iter().chain([("loading", loading), ("total", total)]);
+    all.map(|(name, time)| (name.to_owned(), (time.as_secs_f64() * 1e6).round() / 1e6)).collect()
+}
+
+/// Whether the job is to end.
+fn stopped(job: &Job<'_>) -> bool {
+    job.stop.load(Ordering::Relaxed)
+}
+
+/// An inner disagreement, told and not hidden.
+fn impossible(what: &str) -> Error {
+    Error::new(ErrorKind::InvalidState, what).remedy("Report this together with the manifest")
+}

@@ -1,0 +1,275 @@
+//! The loop: a latent, its pictures, motion and depth, the frames they complete.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::framegen::{AnchorPair, FrameGenerator};
+use cairn::guidance::{Guidance, LatentView, paper};
+use cairn::present::timeline::{Source, Stream as Kind, Timeline};
+use cairn::present::upscale::Upscaler;
+use cairn::world::{OperatingPoint, Presentation, Rollout, WorldTime};
+use cairn::{Error, Picture, Result};
+
+use super::{Job, impossible, stopped};
+use crate::inputs::Loaded;
+use crate::latents::LatentFile;
+use crate::manifest::Counts;
+use crate::media::{Recorder, Written};
+use crate::settings::Checked;
+use crate::sheet::Sheet;
+
+/// The generator in use.
+pub(super) const GENERATOR: &str = "cpu";
+
+/// How the loop ended, when nothing went wrong.
+pub(super) enum End {
+    /// All frames are there.
+    Complete,
+    /// Somebody asked for it.
+    Stopped,
+    /// The recorder takes no more, and will say why.
+    RecorderGone,
+}
+
+/// Everything that lives as long as the stream.
+pub(super) struct Stream {
+    point: OperatingPoint,
+    timeline: Timeline,
+    latent_count: u64,
+    planned: u64,
+    rollout: Rollout,
+    render: (u32, u32),
+    latent_shape: [usize; 3],
+    generator: CpuGenerator,
+    extractor: paper::Extractor,
+    guidance: Guidance,
+    upscaler: Upscaler,
+    recorder: Recorder,
+    latents: LatentFile,
+    sheet: Sheet,
+    /// The pictures of the current latent, and the anchor before them.
+    pictures: Vec<Picture>,
+    previous_anchor: Picture,
+    latent: Vec<f32>,
+    previous_latent: Vec<f32>,
+    between: Picture,
+    counts: Counts,
+    times: BTreeMap<&'static str, Duration>,
+}
+
+/// What the stream leaves.
+pub(super) struct Finished {
+    pub(super) written: Vec<Written>,
+    pub(super) latents: Option<(PathBuf, u64)>,
+    pub(super) sheet: Sheet,
+    pub(super) counts: Counts,
+    pub(super) times: BTreeMap<&'static str, Duration>,
+    pub(super) failure: Option<Error>,
+}
+
+impl Stream {
+    pub(super) fn new(
+        checked: &Checked,
+        rollout: Rollout,
+        size: (u32, u32),
+        recorder: Recorder,
+        latents: LatentFile,
+        sheet: Sheet,
+    ) -> Result<Self> {
+        let point = checked.point.clone();
+        let kind = match point.presentation {
+            Presentation::Native => Kind::Native { dropped: point.dropped_pictures() },
+            Presentation::Generated { rate, .. } => Kind::Generated { rate },
+        };
+        let counts = point.counts(checked.duration);
+        let render = rollout.world().render_size();
+        let shape = rollout.world().manifest().geometry.latent;
+        let picture = || Picture::new(render.0, render.1);
+        Ok(Self {
+            timeline: Timeline::new(point.latents_per_second, point.pictures_per_latent, kind)?,
+            latent_count: counts.latents,
+            planned: counts.presented,
+            render,
+            latent_shape: [shape.channels, shape.height, shape.width].map(|n| n as usize),
+            generator: CpuGenerator::new(),
+            extractor: paper::Extractor::new(),
+            guidance: Guidance::new(render.0, render.1, paper::PROJECTION)?,
+            upscaler: Upscaler::new(render, size, checked.filter)?,
+            recorder,
+            latents,
+            sheet,
+            pictures: (0..point.pictures_per_latent).map(|_| picture()).collect::<Result<_>>()?,
+            previous_anchor: picture()?,
+            between: picture()?,
+            latent: Vec::new(),
+            previous_latent: Vec::new(),
+            counts: Counts::default(),
+            times: BTreeMap::new(),
+            rollout,
+            point,
+        })
+    }
+
+    /// Runs to the end, to the limit, or until it is asked to stop.
+    pub(super) fn run(&mut self, job: &Job<'_>, loaded: &Loaded) -> Result<End> {
+        let (latents, frames) = job.limit.map_or((self.latent_count, self.planned), |l| (l.latents, l.presented));
+        for number in 0..latents.min(self.latent_count) {
+            if stopped(job) {
+                return Ok(End::Stopped);
+            }
+            self.make_latent(number, loaded)?;
+            let has_pair = number > 0;
+            let completed = self.timeline.frames_completed_by(number);
+            let due: Vec<_> = completed
+                .filter(|&index| index < self.planned.min(frames))
+                .map(|index| self.timeline.frame(index))
+                .collect();
+            let generates = due.iter().any(|frame| matches!(frame.source, Source::Generated { .. }));
+            if has_pair && (generates || self.sheet.wants(number)) {
+                self.make_guidance()?;
+            }
+            if self.sheet.wants(number) {
+                self.keep_for_sheet(number, has_pair)?;
+            }
+            for frame in due {
+                if stopped(job) {
+                    return Ok(End::Stopped);
+                }
+                if !self.present(number, frame.source)? {
+                    return Ok(End::RecorderGone);
+                }
+                job.progress.frames(self.counts.presented);
+            }
+        }
+        Ok(End::Complete)
+    }
+
+    /// Makes latent `number`, stores it and reads its pictures.
+    fn make_latent(&mut self, number: u64, loaded: &Loaded) -> Result<()> {
+        let info = if number == 0 {
+            self.rollout.append(&loaded.seed)?
+        } else {
+            let (start, end): (WorldTime, WorldTime) = self.point.span_of_latent(number);
+            self.rollout.step(&loaded.script.span(start, end)?)?
+        };
+        self.counts.passes += info.stages.denoise.count + info.stages.cache.count;
+        self.counts.latents += 1;
+        std::mem::swap(&mut self.latent, &mut self.previous_latent);
+        self.latent.clear();
+        self.latent.extend_from_slice(self.rollout.latent()?);
+        let start = Instant::now();
+        self.latents.push(&self.latent)?;
+        self.spend("latents", start);
+        if let Some(anchor) = self.pictures.last_mut() {
+            std::mem::swap(anchor, &mut self.previous_anchor);
+        }
+        for (i, picture) in (0..).zip(&mut self.pictures) {
+            self.rollout.read_picture(i, picture)?;
+            self.counts.anchors += 1;
+        }
+        Ok(())
+    }
+
+    fn make_guidance(&mut self) -> Result<()> {
+        let start = Instant::now();
+        let [c, h, w] = self.latent_shape;
+        let before = LatentView::new(c, h, w, &self.previous_latent)?;
+        let now = LatentView::new(c, h, w, &self.latent)?;
+        self.extractor.extract(before, now, self.render, &mut self.guidance)?;
+        self.spend("guidance", start);
+        Ok(())
+    }
+
+    fn keep_for_sheet(&mut self, number: u64, has_pair: bool) -> Result<()> {
+        let start = Instant::now();
+        let time = self.point.time_of_latent(number).seconds();
+        let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
+        self.sheet.add(number, time, anchor, has_pair.then_some(&self.guidance))?;
+        // The decoder's own pictures stand between its anchors, where they are used.
+        let per_latent = self.pictures.len() as f32;
+        if has_pair {
+            for (i, picture) in self.pictures.iter().enumerate().take(self.pictures.len() - 1) {
+                self.sheet.add_between(number, (i as f32 + 1.0) / per_latent, picture)?;
+            }
+        }
+        self.spend("contact_sheet", start);
+        Ok(())
+    }
+
+    /// Makes one frame and hands it over; `false` when the recorder takes no more.
+    fn present(&mut self, number: u64, source: Source) -> Result<bool> {
+        let size = self.upscaler.to_size();
+        let mut frame = match self.recorder.spent() {
+            Some(frame) => frame,
+            None => Picture::new(size.0, size.1)?,
+        };
+        let mut generated = false;
+        let picture = match source {
+            Source::Native { latent, picture } if latent == number => {
+                self.pictures.get(picture as usize).ok_or_else(|| impossible("the timeline names no picture"))?
+            }
+            Source::Generated { current_latent, t, .. } if current_latent == number => {
+                let start = Instant::now();
+                let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
+                let pair = AnchorPair::new(&self.previous_anchor, anchor, &self.guidance)?;
+                self.generator.generate(&pair, t, &mut self.between)?;
+                self.sheet.add_between(number, t, &self.between)?;
+                *self.times.entry("generation").or_default() += start.elapsed();
+                generated = true;
+                &self.between
+            }
+            _ => return Err(impossible("the timeline asks for a latent that is not the current one")),
+        };
+        let start = Instant::now();
+        self.upscaler.upscale(picture, &mut frame)?;
+        self.spend("upscaling", start);
+        let start = Instant::now();
+        let taken = self.recorder.push(frame);
+        self.spend("waiting_for_recorder", start);
+        if taken {
+            self.counts.presented += 1;
+            self.counts.generated += u64::from(generated);
+        }
+        Ok(taken)
+    }
+
+    fn spend(&mut self, stage: &'static str, start: Instant) {
+        *self.times.entry(stage).or_default() += start.elapsed();
+    }
+
+    /// Closes every file.
+    pub(super) fn finish(mut self) -> Finished {
+        let start = Instant::now();
+        let (written, mut failure) = match self.recorder.finish() {
+            Ok(recorded) => {
+                self.times.insert("recorder", recorded.busy);
+                // Frames that were queued when the recorder failed are in no file.
+                self.counts.presented = recorded.frames;
+                (recorded.written, recorded.failure)
+            }
+            Err(error) => (Vec::new(), Some(error)),
+        };
+        let latents = match self.latents.close() {
+            Ok(file) => Some(file),
+            Err(error) => {
+                failure = failure.or(Some(error));
+                None
+            }
+        };
+        self.times.insert("closing", start.elapsed());
+        let stages = self.rollout.statistics().stages;
+        for (name, stage) in [
+            ("encode", stages.encode),
+            ("denoise", stages.denoise),
+            ("cache", stages.cache),
+            ("commit", stages.commit),
+            ("decode", stages.decode),
+            ("resize", stages.resize),
+        ] {
+            self.times.insert(name, stage.time);
+        }
+        Finished { written, latents, sheet: self.sheet, counts: self.counts, times: self.times, failure }
+    }
+}

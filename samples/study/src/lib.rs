@@ -1,0 +1,33 @@
+//! The main job as a program: a seed picture and a control script become anchors, generated frames and a video, with a
+//! manifest from which the same files can be made again.
+//!
+//! ```text
+//! cli -> settings -> job -> media, latents, sheet -> manifest
+//!                      ^                              |
+//!                      +----------- replay -----------+
+//! ```
+
+mod cli;
+mod demo;
+mod inputs;
+mod job;
+mod landscape;
+mod latents;
+mod machine;
+mod manifest;
+pub mod media;
+mod output;
+mod picture;
+mod progress;
+mod replay;
+mod settings;
+mod sheet;
+mod text;
+
+pub use cli::run;
+pub use inputs::Overrides;
+pub use job::{Job, Outcome, run as run_job};
+pub use manifest::{Input, MANIFEST_VERSION, Manifest, Output, sha256};
+pub use progress::Progress;
+pub use replay::{Compared, Difference, Replay, replay};
+pub use settings::{Formats, Settings};

@@ -1,0 +1,71 @@
+//! Versions and the machine, as far as they can decide a bit or explain a time.
+
+use serde::{Deserialize, Serialize};
+
+/// What ran, and on what.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Versions {
+    /// Of the library.
+    pub cairn: String,
+    /// Of ONNX Runtime.
+    pub onnxruntime: String,
+    /// Of the video encoder.
+    pub encoder: String,
+    /// Whether the encoder has its assembly kernels; changes the speed alone.
+    pub encoder_assembly: bool,
+    /// The generator of frames between anchors.
+    pub generator: String,
+    /// The device the world ran on.
+    pub device: String,
+    /// Threads of a pass.
+    pub threads: usize,
+    /// Operating system and kernel.
+    pub os: String,
+    /// Processor architecture.
+    pub architecture: String,
+    /// Name of the processor.
+    pub cpu: String,
+    /// Those of its features that decide which kernels run.
+    pub cpu_features: Vec<String>,
+    /// Whether the program was compiled with optimisation.
+    pub optimised_build: bool,
+}
+
+/// The operating system, e.g. `Debian GNU/Linux 12 (bookworm), Linux 6.1.0`.
+pub(crate) fn os() -> String {
+    let read = |path| std::fs::read_to_string(path).unwrap_or_default();
+    let release = read("/etc/os-release");
+    let name = release.lines().find_map(|l| l.strip_prefix("PRETTY_NAME=")).map(|n| n.trim_matches('"'));
+    let kernel = read("/proc/sys/kernel/osrelease");
+    match name {
+        Some(name) => format!("{name}, {} {}", std::env::consts::OS, kernel.trim()),
+        None => std::env::consts::OS.to_owned(),
+    }
+}
+
+/// The processor's own name.
+pub(crate) fn cpu() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));
+    let windows = || std::env::var("PROCESSOR_IDENTIFIER").ok();
+    model.map(str::to_owned).or_else(windows).unwrap_or_else(|| "unknown".into())
+}
+
+/// Features that ONNX Runtime and this library choose kernels by.
+pub(crate) fn cpu_features() -> Vec<String> {
+    #[cfg(target_arch = "x86_64")]
+    let found = [
+        ("sse4.1", std::is_x86_feature_detected!("sse4.1")),
+        ("avx", std::is_x86_feature_detected!("avx")),
+        ("f16c", std::is_x86_feature_detected!("f16c")),
+        ("fma", std::is_x86_feature_detected!("fma")),
+        ("avx2", std::is_x86_feature_detected!("avx2")),
+        ("avxvnni", std::is_x86_feature_detected!("avxvnni")),
+        ("avx512f", std::is_x86_feature_detected!("avx512f")),
+        ("avx512bw", std::is_x86_feature_detected!("avx512bw")),
+        ("avx512vnni", std::is_x86_feature_detected!("avx512vnni")),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let found: [(&str, bool); 0] = [];
+    found.into_iter().filter(|f| f.1).map(|f| f.0.to_owned()).collect()
+}

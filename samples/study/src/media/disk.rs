@@ -1,0 +1,177 @@
+//! Files that are complete at every moment, on a disk that may fill up.
+
+use std::fs;
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use cairn::{Error, ErrorKind, Result};
+
+/// An open file. Tests put one here that fails after a number of bytes.
+pub trait Store: Write + Seek + Send {
+    /// Cuts or extends the file to `len` bytes.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    fn set_len(&mut self, len: u64) -> io::Result<()>;
+
+    /// Waits until the bytes are on the medium, which is when some file systems first notice that it is full.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    fn sync(&mut self) -> io::Result<()>;
+}
+
+/// Where files are made.
+pub trait Disk: Send + Sync {
+    /// Makes a new file, replacing an old one of that name.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    fn create(&self, path: &Path) -> io::Result<Box<dyn Store>>;
+}
+
+/// The computer's own file system.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RealDisk;
+
+impl Store for fs::File {
+    fn set_len(&mut self, len: u64) -> io::Result<()> {
+        fs::File::set_len(self, len)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.sync_data()
+    }
+}
+
+impl Disk for RealDisk {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn Store>> {
+        Ok(Box::new(fs::File::create(path)?))
+    }
+}
+
+/// A file that grows by whole units under a temporary name (`name.part`).
+///
+/// A unit that could not be written is cut off again, so that the file always ends with a complete one.
+pub struct GrowingFile {
+    store: Box<dyn Store>,
+    part: PathBuf,
+    path: PathBuf,
+    end: u64,
+}
+
+impl GrowingFile {
+    /// Starts the file that will be called `path`.
+    ///
+    /// # Errors
+    /// `Io` when it cannot be made.
+    pub fn create(disk: &dyn Disk, path: &Path) -> Result<Self> {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(".part");
+        let part = path.with_file_name(name);
+        let store = disk.create(&part).map_err(|e| describe_io("cannot be made", path, &e))?;
+        Ok(Self { store, part, path: path.to_owned(), end: 0 })
+    }
+
+    /// Bytes written so far.
+    pub fn end(&self) -> u64 {
+        self.end
+    }
+
+    /// The name the file will have.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Adds `unit` at the end, wholly or not at all.
+    ///
+    /// # Errors
+    /// `Io` when it cannot be written; the file then ends where it ended before.
+    pub fn append(&mut self, unit: &[u8]) -> Result<()> {
+        match self.store.write_all(unit) {
+            Ok(()) => {
+                self.end += unit.len() as u64;
+                Ok(())
+            }
+            Err(cause) => {
+                // Should even this fail, `close` cuts again.
+                let _ = self.store.set_len(self.end);
+                let _ = self.store.seek(SeekFrom::Start(self.end));
+                Err(describe_io("cannot be written", &self.path, &cause))
+            }
+        }
+    }
+
+    /// Replaces bytes that are there already.
+    ///
+    /// # Errors
+    /// `Io` when they cannot be written.
+    pub fn replace(&mut self, at: u64, bytes: &[u8]) -> Result<()> {
+        debug_assert!(at + bytes.len() as u64 <= self.end);
+        let written = self
+            .store
+            .seek(SeekFrom::Start(at))
+            .and_then(|_| self.store.write_all(bytes))
+            .and_then(|()| self.store.seek(SeekFrom::Start(self.end)));
+        written.map(|_| ()).map_err(|e| describe_io("cannot be written", &self.path, &e))
+    }
+
+    /// Cuts the file back to `end` bytes, an earlier [`end`](Self::end).
+    ///
+    /// # Errors
+    /// `Io` when the operating system refuses.
+    pub fn cut(&mut self, end: u64) -> Result<()> {
+        debug_assert!(end <= self.end);
+        self.end = end;
+        let cut = self.store.set_len(end).and_then(|()| self.store.seek(SeekFrom::Start(end)));
+        cut.map(|_| ()).map_err(|e| describe_io("cannot be cut", &self.path, &e))
+    }
+
+    /// Closes the file and gives it its own name.
+    ///
+    /// # Errors
+    /// `Io` when the bytes do not reach the medium or the name cannot be given.
+    pub fn close(mut self) -> Result<PathBuf> {
+        let refused = |e: io::Error| describe_io("cannot be finished", &self.path, &e);
+        self.store.set_len(self.end).map_err(refused)?;
+        self.store.sync().map_err(refused)?;
+        let Self { store, part, path, .. } = self;
+        drop(store);
+        fs::rename(&part, &path).map_err(|e| describe_io("cannot be given its name", &path, &e))?;
+        Ok(path)
+    }
+
+    /// Removes the unfinished file.
+    pub fn discard(self) {
+        let Self { store, part, .. } = self;
+        drop(store);
+        let _ = fs::remove_file(part);
+    }
+}
+
+/// Writes a small file wholly or not at all.
+///
+/// # Errors
+/// `Io`; an older file of that name is then untouched.
+pub fn write_whole(disk: &dyn Disk, path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = GrowingFile::create(disk, path)?;
+    if let Err(error) = file.append(bytes) {
+        file.discard();
+        return Err(error);
+    }
+    file.close().map(|_| ())
+}
+
+/// An `Io` error about `path` that says what to do.
+pub fn describe_io(what: &str, path: &Path, cause: &io::Error) -> Error {
+    let error = Error::new(ErrorKind::Io, format!("{what}: {cause}")).field(path.display().to_string());
+    match cause.kind() {
+        io::ErrorKind::NotFound => error.remedy("Check the path"),
+        io::ErrorKind::PermissionDenied => error.remedy("Choose a place you may read and write"),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::WriteZero => {
+            error.remedy("Free some space, or choose another disk with --out")
+        }
+        io::ErrorKind::FileTooLarge => error.remedy("Choose a disk that takes larger files, or fewer --seconds"),
+        _ => error,
+    }
+}

@@ -1,0 +1,62 @@
+//! Loose PNG pictures, one to a frame.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use cairn::{Error, ErrorKind, Picture, Result};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use super::recorder::{Frame, Sink, Written};
+use super::{Disk, write_whole};
+
+/// Writes `000000.png`, `000001.png`, ... into a folder. A file that is there is whole.
+pub struct PngSink {
+    disk: Arc<dyn Disk>,
+    folder: PathBuf,
+    written: Vec<Written>,
+}
+
+impl PngSink {
+    /// Writes into `folder`, which must exist.
+    pub fn new(disk: Arc<dyn Disk>, folder: &Path) -> Self {
+        Self { disk, folder: folder.to_owned(), written: Vec::new() }
+    }
+}
+
+impl Sink for PngSink {
+    fn kind(&self) -> &'static str {
+        "png"
+    }
+
+    fn wants_planes(&self) -> bool {
+        false
+    }
+
+    fn write(&mut self, frame: &Frame<'_>) -> Result<()> {
+        let path = self.folder.join(format!("{:06}.png", frame.number));
+        write_whole(self.disk.as_ref(), &path, &encode_png(frame.picture)?)?;
+        self.written.push(Written { path, kind: "png", frames: 1 });
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, _failed: bool) -> (Vec<Written>, Option<Error>) {
+        (self.written, None)
+    }
+}
+
+/// `picture` as an 8-bit RGB PNG file; alpha is dropped.
+///
+/// # Errors
+/// `OutOfMemory` or `InvalidArgument` as the encoder says.
+pub fn encode_png(picture: &Picture) -> Result<Vec<u8>> {
+    let mut rgb = Vec::new();
+    rgb.try_reserve_exact(picture.pixels().len() * 3)
+        .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{picture:?} does not fit memory as PNG")))?;
+    picture.pixels().iter().for_each(|px| rgb.extend_from_slice(&px[..3]));
+    let mut file = Vec::new();
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
+        .write_image(&rgb, picture.width(), picture.height(), ExtendedColorType::Rgb8)
+        .map_err(|e| Error::new(ErrorKind::InvalidArgument, format!("cannot be stored as PNG: {e}")))?;
+    Ok(file)
+}

@@ -1,0 +1,84 @@
+//! The folder a rollout writes into, and what is in it afterwards.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use cairn::{Error, ErrorKind, Result};
+
+use crate::manifest::{Output, digest_file};
+use crate::media::{Written, describe_io};
+
+pub(crate) const MANIFEST: &str = "manifest.json";
+pub(crate) const SHEET: &str = "contact-sheet.png";
+pub(crate) const LATENTS: &str = "latents.safetensors";
+pub(crate) const VIDEO: &str = "rollout.mp4";
+pub(crate) const RAW: &str = "rollout.y4m";
+pub(crate) const FRAMES: &str = "frames";
+
+/// Where everything goes.
+pub(crate) struct Folder {
+    path: PathBuf,
+}
+
+impl Folder {
+    /// Checks that `path` may be written into: it is not there, or empty, or may be overwritten. Changes nothing.
+    pub(crate) fn check(path: &Path, overwrite: bool) -> Result<Self> {
+        let folder = Self { path: path.to_owned() };
+        match fs::read_dir(path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(folder),
+            Err(e) => Err(describe_io("cannot be written into", path, &e)),
+            Ok(entries) if overwrite || entries.count() == 0 => Ok(folder),
+            Ok(_) => Err(Error::new(ErrorKind::InvalidArgument, format!("{} is not empty", path.display()))
+                .field("--out")
+                .remedy("Choose another folder, or add --overwrite to replace an earlier rollout in it")),
+        }
+    }
+
+    /// Makes the folder, and removes what an earlier rollout left in it: files by the names above and no others.
+    pub(crate) fn prepare(&self, pictures: bool) -> Result<()> {
+        fs::create_dir_all(&self.path).map_err(|e| describe_io("cannot be made", &self.path, &e))?;
+        let frames = self.join(FRAMES);
+        let mut old: Vec<PathBuf> = [MANIFEST, SHEET, LATENTS, VIDEO, RAW].iter().map(|name| self.join(name)).collect();
+        old.extend(old.clone().into_iter().map(|path| path.with_added_extension("part")));
+        for entry in fs::read_dir(&frames).into_iter().flatten().flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let stem = name.strip_suffix(".part").unwrap_or(&name).strip_suffix(".png").unwrap_or("");
+            if stem.len() >= 6 && stem.bytes().all(|b| b.is_ascii_digit()) {
+                old.push(entry.path());
+            }
+        }
+        for path in old {
+            match fs::remove_file(&path) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => {
+                    return Err(describe_io("cannot be replaced", &path, &e));
+                }
+                _ => {}
+            }
+        }
+        if pictures {
+            fs::create_dir_all(&frames).map_err(|e| describe_io("cannot be made", &frames, &e))?;
+        }
+        Ok(())
+    }
+
+    pub(crate) fn join(&self, name: &str) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Describes a finished file.
+    pub(crate) fn describe(&self, path: &Path, kind: &str, frames: u64, complete: bool) -> Result<Output> {
+        let (size, sha256) = digest_file(path)?;
+        let relative = path.strip_prefix(&self.path).unwrap_or(path);
+        let path = relative.to_string_lossy().replace('\\', "/");
+        Ok(Output { path, kind: kind.to_owned(), frames, complete, size, sha256 })
+    }
+
+    /// Describes what a recorder wrote; a video is complete when it holds all `presented` frames.
+    pub(crate) fn describe_media(&self, written: &[Written], presented: u64) -> Result<Vec<Output>> {
+        written
+            .iter()
+            .map(|w| self.describe(&w.path, w.kind, w.frames, w.kind == "png" || w.frames == presented))
+            .collect()
+    }
+}

@@ -1,0 +1,167 @@
+//! What a person sees while it runs: a bar on a terminal, a line now and then elsewhere.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Between two lines where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+
+/// Tells how far the job is, on standard error.
+pub struct Progress {
+    style: Style,
+    fetching: provision::Console,
+}
+
+enum Style {
+    Quiet,
+    Bar(ProgressBar),
+    Lines(Mutex<Lines>),
+}
+
+struct Lines {
+    total: u64,
+    began: Instant,
+    said: Instant,
+}
+
+impl Progress {
+    /// Says nothing.
+    pub fn quiet() -> Self {
+        Self { style: Style::Quiet, fetching: provision::Console::new() }
+    }
+
+    /// A bar where standard error is a terminal, else lines.
+    pub fn console() -> Self {
+        let style = if std::io::stderr().is_terminal() {
+            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+            bar.set_style(spinner());
+            Style::Bar(bar)
+        } else {
+            let now = Instant::now();
+            Style::Lines(Mutex::new(Lines { total: 0, began: now, said: now }))
+        };
+        Self { style, fetching: provision::Console::new() }
+    }
+
+    /// What is being done before frames come.
+    pub fn phase(&self, what: &str) {
+        match &self.style {
+            Style::Quiet => {}
+            Style::Bar(bar) => {
+                bar.set_message(what.to_owned());
+                bar.enable_steady_tick(Duration::from_millis(120));
+            }
+            Style::Lines(_) => eprintln!("{what} ..."),
+        }
+    }
+
+    /// Frames begin to come, `total` of them.
+    pub(crate) fn begin(&self, total: u64) {
+        match &self.style {
+            Style::Quiet => {}
+            Style::Bar(bar) => {
+                bar.disable_steady_tick();
+                bar.reset();
+                bar.set_length(total);
+                bar.set_style(frames());
+                bar.set_message("");
+            }
+            Style::Lines(lines) => {
+                let now = Instant::now();
+                *lock(lines) = Lines { total, began: now, said: now };
+            }
+        }
+    }
+
+    /// `done` frames are there.
+    pub(crate) fn frames(&self, done: u64) {
+        match &self.style {
+            Style::Quiet => {}
+            Style::Bar(bar) => bar.set_position(done),
+            Style::Lines(lines) => {
+                let mut lines = lock(lines);
+                if lines.said.elapsed() >= LINE_EVERY {
+                    lines.said = Instant::now();
+                    eprintln!("{}", line(done, lines.total, lines.began.elapsed()));
+                }
+            }
+        }
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn end(&self) {
+        if let Style::Bar(bar) = &self.style {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl provision::Progress for Progress {
+    fn start(&self, what: &str) {
+        if !matches!(self.style, Style::Quiet) {
+            self.fetching.start(what);
+        }
+    }
+
+    fn detail(&self, detail: &str) {
+        if !matches!(self.style, Style::Quiet) {
+            self.fetching.detail(detail);
+        }
+    }
+
+    fn done(&self, outcome: &str) {
+        if !matches!(self.style, Style::Quiet) {
+            self.fetching.done(outcome);
+        }
+    }
+}
+
+/// A poisoned lock only means that another thread died while it printed.
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+fn spinner() -> ProgressStyle {
+    ProgressStyle::with_template("{spinner} {msg} ({elapsed})").unwrap_or_else(|_| ProgressStyle::default_spinner())
+}
+
+fn frames() -> ProgressStyle {
+    ProgressStyle::with_template("{bar:30.cyan/dim} frame {pos} of {len}  {per_sec}  {eta} left{msg}")
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+fn line(done: u64, total: u64, elapsed: Duration) -> String {
+    let rate = done as f64 / elapsed.as_secs_f64().max(1e-3);
+    let left = if done == 0 {
+        "time left not known yet".to_owned()
+    } else {
+        format!("about {} left", duration((total.saturating_sub(done)) as f64 / rate.max(1e-6)))
+    };
+    format!("frame {done} of {total}, {rate:.2} per second, {left}")
+}
+
+/// `95` as `1 min 35 s`.
+pub(crate) fn duration(seconds: f64) -> String {
+    let whole = seconds.round().clamp(0.0, 1e9) as u64;
+    match whole {
+        0..60 => format!("{whole} s"),
+        60..3600 => format!("{} min {} s", whole / 60, whole % 60),
+        _ => format!("{} h {} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_tell_rate_and_time_left() {
+        let text = line(30, 121, Duration::from_secs(10));
+        assert_eq!(text, "frame 30 of 121, 3.00 per second, about 30 s left");
+        assert!(line(0, 121, Duration::from_secs(10)).ends_with("not known yet"));
+        assert_eq!((duration(95.2), duration(7_260.0)), ("1 min 35 s".into(), "2 h 1 min".into()));
+    }
+}

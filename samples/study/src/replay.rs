@@ -1,0 +1,207 @@
+//! Makes a rollout again from its manifest and compares.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use cairn::{Error, ErrorKind, Result};
+
+use crate::inputs::Overrides;
+use crate::job::{Job, Outcome, run};
+use crate::latents::first_difference;
+use crate::manifest::{Input, Inputs, Manifest, Output};
+use crate::media::RealDisk;
+use crate::output::LATENTS;
+use crate::progress::Progress;
+use crate::settings::Settings;
+
+/// A replay to be made.
+pub struct Replay<'a> {
+    /// The manifest of the first rollout.
+    pub manifest: &'a Path,
+    /// The folder for what is made again; none for `replay` beside the manifest.
+    pub out: Option<&'a Path>,
+    /// Whether an earlier replay in that folder may be replaced.
+    pub overwrite: bool,
+    /// Where the inputs are now.
+    pub overrides: Overrides,
+    /// Set it from any thread to end after the current frame.
+    pub stop: &'a AtomicBool,
+    /// Who is told how far it is.
+    pub progress: &'a Progress,
+}
+
+/// One thing that is not as it was.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Difference {
+    /// An input: the rollout cannot be the same, and was not made.
+    Input {
+        /// Which.
+        name: &'static str,
+        /// What is different.
+        how: String,
+    },
+    /// A version or the machine: the rollout may or may not be the same.
+    Version {
+        /// Which.
+        name: &'static str,
+        /// As the manifest has it.
+        then: String,
+        /// As it is now.
+        now: String,
+    },
+    /// An output.
+    Output {
+        /// Its path beside the manifest.
+        path: String,
+        /// What is different.
+        how: String,
+    },
+}
+
+impl Difference {
+    /// Whether the replay failed by it. Another version alone is no failure.
+    pub fn is_failure(&self) -> bool {
+        !matches!(self, Self::Version { .. })
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input { name, how } => write!(f, "input {name}: {how}"),
+            Self::Version { name, then, now } => write!(f, "version of {name}: {then} then, {now} now"),
+            Self::Output { path, how } => write!(f, "output {path}: {how}"),
+        }
+    }
+}
+
+/// What a replay found.
+#[derive(Debug)]
+pub struct Compared {
+    /// Everything that is not as it was; empty when all is.
+    pub differences: Vec<Difference>,
+    /// Files that are equal to the bit.
+    pub equal: usize,
+    /// Files the first rollout could not finish, which are not compared.
+    pub skipped: Vec<String>,
+    /// Where the files of the replay are.
+    pub out: PathBuf,
+    /// Whether it was stopped before its end.
+    pub interrupted: bool,
+}
+
+/// Makes the rollout of a manifest again and compares every output by its checksum.
+///
+/// # Errors
+/// As for a manifest that cannot be read, and as [`run`](crate::run_job); also when the replay fails on its way.
+pub fn replay(job: &Replay<'_>) -> Result<Compared> {
+    let first = Manifest::read(job.manifest)?;
+    let beside = job.manifest.parent().unwrap_or(Path::new(""));
+    let out = job.out.map_or_else(|| beside.join("replay"), Path::to_owned);
+    if crate::manifest::absolute(&out) == crate::manifest::absolute(beside) {
+        return Err(Error::new(ErrorKind::InvalidArgument, "the replay would replace what it is compared with")
+            .field("--out")
+            .remedy("Choose another folder"));
+    }
+    if first.counts.presented == 0 {
+        return Err(Error::new(ErrorKind::InvalidArgument, "the rollout ended before its first frame")
+            .field(job.manifest.display().to_string())
+            .remedy("Make it anew with study rollout"));
+    }
+    let Overrides { world, seed_picture, script } = job.overrides.clone();
+    let settings = Settings {
+        world: world.or(first.settings.world.clone()),
+        seed_picture: seed_picture.or(first.settings.seed_picture.clone()),
+        script: script.or(first.settings.script.clone()),
+        ..first.settings.clone()
+    };
+    // Before anything is made: an input that is not the same makes another rollout.
+    let now = crate::inputs::load(&settings, job.progress)?.inputs;
+    let mut differences = inputs(&first.inputs, &now);
+    if !differences.is_empty() {
+        return Ok(Compared { differences, equal: 0, skipped: Vec::new(), out, interrupted: false });
+    }
+    let Outcome { manifest: second, failure, interrupted } = run(&Job {
+        settings: &settings,
+        out: &out,
+        overwrite: job.overwrite,
+        disk: Arc::new(RealDisk),
+        stop: job.stop,
+        progress: job.progress,
+        limit: (!first.complete).then_some(first.counts),
+    })?;
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    let mut compared = Compared { differences: Vec::new(), equal: 0, skipped: Vec::new(), out, interrupted };
+    if !interrupted {
+        outputs(&first, &second, beside, &mut compared);
+    }
+    differences.extend(versions(&first, &second));
+    differences.append(&mut compared.differences);
+    compared.differences = differences;
+    Ok(compared)
+}
+
+fn inputs(then: &Inputs, now: &Inputs) -> Vec<Difference> {
+    let pairs = [
+        ("world", &then.world, &now.world),
+        ("seed picture", &then.seed_picture, &now.seed_picture),
+        ("script", &then.script, &now.script),
+    ];
+    let changed = pairs.into_iter().filter(|(_, then, now)| then.sha256 != now.sha256);
+    changed.map(|(name, then, now)| Difference::Input { name, how: changed_input(then, now) }).collect()
+}
+
+fn changed_input(then: &Input, now: &Input) -> String {
+    let place = if then.path == now.path { now.path.clone() } else { format!("{} instead of {}", now.path, then.path) };
+    format!("{place} has {} bytes and SHA-256 {}, then {} bytes and {}", now.size, now.sha256, then.size, then.sha256)
+}
+
+fn versions(first: &Manifest, second: &Manifest) -> Vec<Difference> {
+    let (a, b) = (&first.versions, &second.versions);
+    let pairs = [
+        ("cairn", a.cairn.clone(), b.cairn.clone()),
+        ("ONNX Runtime", a.onnxruntime.clone(), b.onnxruntime.clone()),
+        ("the ONNX Runtime library", first.inputs.onnxruntime.sha256.clone(), second.inputs.onnxruntime.sha256.clone()),
+        ("the video encoder", a.encoder.clone(), b.encoder.clone()),
+        ("the frame generator", a.generator.clone(), b.generator.clone()),
+        ("the device", a.device.clone(), b.device.clone()),
+        ("the thread count", a.threads.to_string(), b.threads.to_string()),
+        ("the processor architecture", a.architecture.clone(), b.architecture.clone()),
+        ("the processor's features", a.cpu_features.join(" "), b.cpu_features.join(" ")),
+    ];
+    let changed = pairs.into_iter().filter(|(_, then, now)| then != now);
+    changed.map(|(name, then, now)| Difference::Version { name, then, now }).collect()
+}
+
+fn outputs(first: &Manifest, second: &Manifest, beside: &Path, compared: &mut Compared) {
+    for then in &first.outputs {
+        if !then.complete {
+            compared.skipped.push(then.path.clone());
+            continue;
+        }
+        match second.outputs.iter().find(|now| now.path == then.path) {
+            Some(now) if now.sha256 == then.sha256 => compared.equal += 1,
+            Some(now) => compared
+                .differences
+                .push(Difference::Output { path: then.path.clone(), how: changed_output(then, now, beside, &compared.out) }),
+            None => compared
+                .differences
+                .push(Difference::Output { path: then.path.clone(), how: "was not made again".into() }),
+        }
+    }
+}
+
+fn changed_output(then: &Output, now: &Output, beside: &Path, out: &Path) -> String {
+    if then.path == LATENTS {
+        let read = |folder: &Path| std::fs::read(folder.join(LATENTS)).ok();
+        let at = read(beside).zip(read(out)).and_then(|(a, b)| first_difference(&a, &b));
+        if let Some(at) = at {
+            return format!("differs from latent {at} on");
+        }
+    }
+    format!("{} bytes with SHA-256 {}, then {} bytes with {}", now.size, now.sha256, then.size, then.sha256)
+}

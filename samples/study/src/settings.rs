@@ -1,0 +1,177 @@
+//! What a rollout is asked to do: everything that decides the bytes of its outputs, and nothing else.
+
+use std::path::PathBuf;
+
+use cairn::present::upscale::Filter;
+use cairn::world::{OperatingPoint, Preset, WorldTime};
+use cairn::{Error, ErrorKind, MAX_SIDE, Result};
+use serde::{Deserialize, Serialize};
+
+/// Which media are written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Formats {
+    /// `rollout.mp4`.
+    pub mp4: bool,
+    /// `frames/000000.png`, ...
+    pub png: bool,
+    /// `rollout.y4m`.
+    pub y4m: bool,
+}
+
+impl Formats {
+    /// Reads `mp4,png,y4m`.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for another word, or none.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mut formats = Self::default();
+        for word in text.split(',').map(str::trim) {
+            match word {
+                "mp4" => formats.mp4 = true,
+                "png" => formats.png = true,
+                "y4m" => formats.y4m = true,
+                _ => {
+                    return Err(Error::new(ErrorKind::InvalidArgument, format!("{word:?} is no format"))
+                        .field("--formats")
+                        .remedy("List one or more of mp4, png and y4m, with commas between"));
+                }
+            }
+        }
+        Ok(formats)
+    }
+}
+
+/// A rollout's settings, as the manifest keeps them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// The bundle; none for the demo's world.
+    pub world: Option<PathBuf>,
+    /// PNG or JPEG; none for the built-in landscape.
+    pub seed_picture: Option<PathBuf>,
+    /// None for the built-in script.
+    pub script: Option<PathBuf>,
+    /// The preset's name, where one was given: for people. What counts is `operating_point`.
+    pub preset: Option<String>,
+    /// As [`OperatingPoint`] writes it.
+    pub operating_point: String,
+    /// Decimal seconds of world time.
+    pub seconds: String,
+    /// Of the noise.
+    pub seed: u64,
+    /// `[width, height]` of the presented frames.
+    pub size: [u32; 2],
+    /// `lanczos` or `catmull-rom`.
+    pub upscaler: String,
+    /// Media.
+    pub formats: Formats,
+    /// Threads of a pass; the bits depend on it. None: one to a physical core, and the manifest has the number.
+    pub threads: Option<usize>,
+}
+
+/// Settings that have been understood.
+pub(crate) struct Checked {
+    pub(crate) point: OperatingPoint,
+    pub(crate) duration: WorldTime,
+    pub(crate) filter: Filter,
+}
+
+impl Default for Settings {
+    /// The demo: four seconds of `coherence` at 1920 x 1080 on the demo's world.
+    fn default() -> Self {
+        Self {
+            world: None,
+            seed_picture: None,
+            script: None,
+            preset: Some(Preset::Coherence.name().into()),
+            operating_point: Preset::Coherence.operating_point().to_string(),
+            seconds: "4".into(),
+            seed: 1,
+            size: [1920, 1080],
+            upscaler: "lanczos".into(),
+            formats: Formats { mp4: true, ..Formats::default() },
+            threads: None,
+        }
+    }
+}
+
+impl Settings {
+    /// Understands the texts and checks the ranges: everything that needs no file.
+    pub(crate) fn check(&self) -> Result<Checked> {
+        let [width, height] = self.size;
+        let least = if self.formats.mp4 { 16 } else { 1 };
+        if width < least || height < least || width > MAX_SIDE || height > MAX_SIDE {
+            let what = if self.formats.mp4 { "frames and their MP4 video" } else { "frames" };
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("{what} cannot be {width}x{height}"))
+                .field("--size")
+                .remedy(format!("Use a width and a height from {least} to {MAX_SIDE}, such as 1920x1080")));
+        }
+        let point: OperatingPoint = self.operating_point.parse()?;
+        let duration = WorldTime::parse(&self.seconds).map_err(|e| e.field("--seconds"))?;
+        if duration == WorldTime::ZERO {
+            return Err(Error::new(ErrorKind::InvalidArgument, "no time, no rollout")
+                .field("--seconds")
+                .remedy("Use more than 0"));
+        }
+        if self.formats == Formats::default() {
+            return Err(Error::new(ErrorKind::InvalidArgument, "nothing would be written")
+                .field("--formats")
+                .remedy("List one or more of mp4, png and y4m"));
+        }
+        if let Some(threads @ (0 | 1025..)) = self.threads {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("{threads} threads cannot share a pass"))
+                .field("--threads")
+                .remedy("Use 1 to 1024"));
+        }
+        let filter = match self.upscaler.as_str() {
+            "lanczos" => Filter::Lanczos3,
+            "catmull-rom" => Filter::CatmullRom,
+            other => {
+                return Err(Error::new(ErrorKind::InvalidArgument, format!("{other:?} is no upscaler"))
+                    .field("--upscaler")
+                    .remedy("Use lanczos or catmull-rom"));
+            }
+        };
+        Ok(Checked { point, duration, filter })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(settings: Settings) -> String {
+        let error = settings.check().err().expect("must be refused");
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        error.to_string()
+    }
+
+    #[test]
+    fn the_default_is_the_demo() {
+        let checked = Settings::default().check().unwrap();
+        let counts = checked.point.counts(checked.duration);
+        assert_eq!((counts.latents, counts.presented), (61, 121));
+    }
+
+    #[test]
+    fn sizes_that_cannot_be_are_refused_by_name() {
+        for size in [[0, 1080], [1920, 0], [65_536, 1080], [1920, 65_536], [8, 8]] {
+            let message = refused(Settings { size, ..Settings::default() });
+            assert!(message.contains("--size") && message.contains(&size[0].to_string()), "{message}");
+        }
+        let formats = Formats { png: true, ..Formats::default() };
+        assert!(Settings { size: [8, 8], formats, ..Settings::default() }.check().is_ok());
+    }
+
+    #[test]
+    fn other_nonsense_is_refused_by_name() {
+        let base = Settings::default;
+        assert!(refused(Settings { seconds: "0".into(), ..base() }).contains("--seconds"));
+        assert!(refused(Settings { seconds: "nan".into(), ..base() }).contains("--seconds"));
+        assert!(refused(Settings { upscaler: "fsr".into(), ..base() }).contains("lanczos"));
+        assert!(refused(Settings { threads: Some(0), ..base() }).contains("--threads"));
+        assert!(refused(Settings { formats: Formats::default(), ..base() }).contains("--formats"));
+        assert!(Formats::parse("mp4,avi").unwrap_err().to_string().contains("avi"));
+    }
+}

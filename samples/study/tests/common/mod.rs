@@ -1,0 +1,5 @@
+//! Shared by the tests.
+#![allow(dead_code, unreachable_pub)]
+
+pub mod decoder;
+pub mod small_disk;
