@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use cairn::world::{CacheMode, OperatingPoint, Preset, Presentation, Schedule, parse_global_window};
+use cairn::world::{CacheMode, OperatingPoint, Presentation, Preset, Schedule, parse_global_window};
 use cairn::{Error, ErrorKind, Result};
 use clap::{Args, Parser, Subcommand};
 
@@ -403,7 +403,8 @@ mod tests {
     #[test]
     fn a_preset_is_changed_item_by_item() {
         assert_eq!(point(&[]).unwrap(), Preset::Coherence.operating_point());
-        let mine = point(&["--preset", "stock", "--context", "g256", "--steps", "12", "--cache", "interval:4"]).unwrap();
+        let mine =
+            point(&["--preset", "stock", "--context", "g256", "--steps", "12", "--cache", "interval:4"]).unwrap();
         assert_eq!(mine.to_string(), "g256,refined:12,interval:4,latents:15,pictures:4,native");
         let mine = point(&["--anchor-rate", "10", "--pictures", "1", "--present", "generated:60"]).unwrap();
         assert_eq!((mine.latents_per_second, mine.presented_rate()), (10, 60));

@@ -160,9 +160,9 @@ fn first_manifest(settings: &Settings, loaded: &Loaded, device: &Device, checked
     let named = settings.preset.as_deref().and_then(Preset::from_name);
     settings.preset = named.filter(|p| p.operating_point() == checked.point).map(|p| p.name().into());
     let weights = loaded.bundle.manifest().provenance.get("weights");
-    let note = weights.filter(|w| w.starts_with("random")).map(|_| {
-        "This world has random weights: its pictures mean nothing until trained weights land.".to_owned()
-    });
+    let note = weights
+        .filter(|w| w.starts_with("random"))
+        .map(|_| "This world has random weights: its pictures mean nothing until trained weights land.".to_owned());
     Ok(Manifest {
         manifest_version: MANIFEST_VERSION,
         complete: false,

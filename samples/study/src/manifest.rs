@@ -8,7 +8,7 @@ use cairn::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-pub use crate::machine::Versions;
+use crate::machine::Versions;
 use crate::media::describe_io;
 use crate::settings::Settings;
 
@@ -168,7 +168,9 @@ pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let failed = |e: io::Error| describe_io("cannot be read", path, &e);
     let file = File::open(path).map_err(failed)?;
     if file.metadata().map_err(failed)?.is_dir() {
-        return Err(Error::new(ErrorKind::InvalidArgument, "it is a folder, not a file").field(path.display().to_string()));
+        return Err(
+            Error::new(ErrorKind::InvalidArgument, "it is a folder, not a file").field(path.display().to_string())
+        );
     }
     let mut bytes = Vec::new();
     file.take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;

@@ -25,11 +25,14 @@ impl Folder {
     /// Checks that `path` may be written into: it is not there, or empty, or may be overwritten. Changes nothing.
     pub(crate) fn check(path: &Path, overwrite: bool) -> Result<Self> {
         let folder = Self { path: path.to_owned() };
-        match fs::read_dir(path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(folder),
-            Err(e) => Err(describe_io("cannot be written into", path, &e)),
-            Ok(entries) if overwrite || entries.count() == 0 => Ok(folder),
-            Ok(_) => Err(Error::new(ErrorKind::InvalidArgument, format!("{} is not empty", path.display()))
+        let empty = match fs::read_dir(path) {
+            Ok(mut entries) => entries.next().is_none(),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => true,
+            Err(e) => return Err(describe_io("cannot be written into", path, &e)),
+        };
+        match overwrite || empty {
+            true => Ok(folder),
+            false => Err(Error::new(ErrorKind::InvalidArgument, format!("{} is not empty", path.display()))
                 .field("--out")
                 .remedy("Choose another folder, or add --overwrite to replace an earlier rollout in it")),
         }

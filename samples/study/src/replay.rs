@@ -185,9 +185,10 @@ fn outputs(first: &Manifest, second: &Manifest, beside: &Path, compared: &mut Co
         }
         match second.outputs.iter().find(|now| now.path == then.path) {
             Some(now) if now.sha256 == then.sha256 => compared.equal += 1,
-            Some(now) => compared
-                .differences
-                .push(Difference::Output { path: then.path.clone(), how: changed_output(then, now, beside, &compared.out) }),
+            Some(now) => compared.differences.push(Difference::Output {
+                path: then.path.clone(),
+                how: changed_output(then, now, beside, &compared.out),
+            }),
             None => compared
                 .differences
                 .push(Difference::Output { path: then.path.clone(), how: "was not made again".into() }),

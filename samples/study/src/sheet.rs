@@ -183,9 +183,7 @@ fn fill(sheet: &mut Picture, at: (u32, u32), size: (u32, u32), colour: [u8; 3]) 
     let width = sheet.width();
     for row in at.1..at.1 + size.1 {
         let start = (row * width + at.0) as usize;
-        sheet.pixels_mut()[start..start + size.0 as usize]
-            .iter_mut()
-            .for_each(|px| px[..3].copy_from_slice(&colour));
+        sheet.pixels_mut()[start..start + size.0 as usize].iter_mut().for_each(|px| px[..3].copy_from_slice(&colour));
     }
 }
 

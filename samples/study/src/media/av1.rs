@@ -3,8 +3,8 @@
 use cairn::{Error, ErrorKind, Result};
 use rav1e::prelude::{
     ChromaSamplePosition, ChromaSampling, ColorDescription, ColorPrimaries, Config, Context, EncoderConfig,
-    EncoderStatus, FrameType, MatrixCoefficients, PixelRange, Rational, SceneDetectionSpeed,
-    SpeedSettings, TransferCharacteristics,
+    EncoderStatus, FrameType, MatrixCoefficients, PixelRange, Rational, SceneDetectionSpeed, SpeedSettings,
+    TransferCharacteristics,
 };
 
 use super::Yuv420;
@@ -83,11 +83,10 @@ impl Av1Encoder {
             speed_settings: speed,
             ..EncoderConfig::default()
         };
-        let context = Config::new()
-            .with_encoder_config(settings)
-            .with_threads(threads)
-            .new_context()
-            .map_err(|e| Error::new(ErrorKind::InvalidArgument, format!("AV1 cannot store this: {e}")).field("size"))?;
+        let context =
+            Config::new().with_encoder_config(settings).with_threads(threads).new_context().map_err(|e| {
+                Error::new(ErrorKind::InvalidArgument, format!("AV1 cannot store this: {e}")).field("size")
+            })?;
         Ok(Self { context, level, header: None })
     }
 
@@ -188,9 +187,8 @@ fn level((width, height): (u32, u32), rate: u32) -> u8 {
         (18, 35_651_584, 16_384, 8704, 4_278_190_080),
     ];
     let area = u64::from(width) * u64::from(height);
-    let fits = |l: &&(u8, u64, u32, u32, u64)| {
-        area <= l.1 && width <= l.2 && height <= l.3 && area * u64::from(rate) <= l.4
-    };
+    let fits =
+        |l: &&(u8, u64, u32, u32, u64)| area <= l.1 && width <= l.2 && height <= l.3 && area * u64::from(rate) <= l.4;
     LEVELS.iter().find(fits).map_or(31, |l| l.0)
 }
 

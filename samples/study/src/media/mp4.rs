@@ -60,9 +60,10 @@ impl Mp4Sink {
 
     fn take(&mut self, packets: Vec<Packet>) -> Result<()> {
         for packet in packets {
-            let size = u32::try_from(packet.data.len()).ok().filter(|&size| size < 1 << 28).ok_or_else(|| {
-                Error::new(ErrorKind::Unsupported, "a coded frame is too large for MP4").field("mp4")
-            })?;
+            let size = u32::try_from(packet.data.len())
+                .ok()
+                .filter(|&size| size < 1 << 28)
+                .ok_or_else(|| Error::new(ErrorKind::Unsupported, "a coded frame is too large for MP4").field("mp4"))?;
             self.pending.push(Sample { size, key: packet.key });
             self.data.extend(packet.data);
             if self.pending.len() as u32 >= (self.rate / 2).max(1) || self.data.len() > 1 << 28 {

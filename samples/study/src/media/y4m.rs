@@ -22,7 +22,8 @@ impl Y4mSink {
     pub fn create(disk: &dyn Disk, path: &Path, size: (u32, u32), rate: u32) -> Result<Self> {
         let mut file = GrowingFile::create(disk, path)?;
         let (width, height) = size;
-        let header = format!("YUV4MPEG2 W{width} H{height} F{rate}:1 Ip A1:1 C420mpeg2 XYSCSS=420MPEG2 XCOLORRANGE=LIMITED\n");
+        let header =
+            format!("YUV4MPEG2 W{width} H{height} F{rate}:1 Ip A1:1 C420mpeg2 XYSCSS=420MPEG2 XCOLORRANGE=LIMITED\n");
         if let Err(error) = file.append(header.as_bytes()) {
             file.discard();
             return Err(error);
