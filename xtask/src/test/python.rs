@@ -8,32 +8,41 @@ use super::junit;
 use super::tally::Tally;
 use crate::shell::Log;
 
-/// Where they lie.
+/// Where they lie; each folder has settings of its own, so each is a run of its own.
 const FOLDERS: [&str; 2] = ["bindings/python", "tests/parity"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     // The parity tests drive a program of the workspace.
     context.build_programs(log)?;
-    let report = context.clone.target.join("xtask").join("pytest.xml");
+    let mut tally = Tally::default();
+    for folder in FOLDERS {
+        let found = suite(context, log, folder)?;
+        tally.add(if found.is_empty() { Tally::broken(format!("{folder} ran no test")) } else { found });
+    }
+    Ok(tally)
+}
+
+fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, String> {
+    let report = context.clone.target.join("xtask").join(format!("{}.xml", folder.replace('/', "-")));
     match fs::remove_file(&report) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", report.display())),
         _ => {}
     }
     let mut command = Command::new(context.python()?);
     command
-        .args(["-m", "pytest", "-p", "no:cacheprovider", "-ra", "--junitxml"])
+        .args(["-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--junitxml"])
         .arg(&report)
-        .args(FOLDERS)
-        .current_dir(&context.clone.root)
+        .current_dir(context.clone.root.join(folder))
         .env("PYTHONPATH", provision::python_path())
         .env("PYTHONDONTWRITEBYTECODE", "1")
-        .env("CAIRN_PARITY_TRACE", context.clone.program("debug", "parity"));
+        .env("PYTHONUNBUFFERED", "1")
+        .env("PARITY_TRACE", context.clone.program("debug", "parity-trace"));
     context.provide_worlds(&mut command)?;
     let ended = log.run(&mut command)?;
-    let xml = fs::read_to_string(&report).map_err(|e| format!("pytest left no report: {e}"))?;
+    let xml = fs::read_to_string(&report).map_err(|e| format!("pytest left no report of {folder}: {e}"))?;
     let mut tally = junit::read(&xml)?;
     if !ended.success && tally.failures.is_empty() {
-        tally.failures.push("pytest failed outside of a test".to_owned());
+        tally.failures.push(format!("pytest failed outside of a test of {folder}"));
     }
     Ok(tally)
 }

@@ -54,15 +54,20 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
                 .map(|e| e.to_string().lines().next().unwrap_or_default().to_owned()))
         }
         ["cargo", "run", rest @ ..] => run_of_a_package(context, log, rest),
-        ["python" | "python3", "-m", "cairn.build", arguments @ ..] => {
+        [python, "-m", "cairn.build", arguments @ ..] if is_python(python) => {
             let mut help = Command::new(context.python()?);
             help.args(["-m", "cairn.build"]).env("PYTHONPATH", provision::python_path());
             knows(log, help, arguments)
         }
+        [python, "-m", "venv" | "pip", ..] if is_python(python) => Ok(None),
         ["git" | "cd" | "mpv" | "ffplay" | "rustup" | "apt" | "apt-get" | "sudo" | "export", ..] => Ok(None),
         [program, ..] => Ok(Some(format!("{program} is no program these documents may ask for"))),
         [] => Ok(Some("a line of variables alone".to_owned())),
     }
+}
+
+fn is_python(program: &str) -> bool {
+    matches!(program.rsplit('/').next(), Some("python" | "python3"))
 }
 
 /// `cargo run ... -p PACKAGE ... -- ARGUMENTS`, or `--example NAME`.

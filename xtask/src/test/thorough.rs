@@ -7,6 +7,9 @@ use super::cargo;
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
+/// How long the soak is.
+const SOAK_LATENTS: &str = "2000";
+
 /// How long each fuzz target runs.
 const FUZZ_SECONDS: u32 = 60;
 
@@ -39,7 +42,8 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
 }
 
 pub(super) fn soak(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut command = context.clone.cargo(["test", "--release", "--package", "cairn", "--", "--ignored", "soak"]);
+    // The whole workspace is named so that what the cargo runner compiled serves here.
+    let mut command = context.clone.cargo(["test", "--workspace", "--test", "soak"]);
     context.provide_worlds(&mut command)?;
-    Ok(cargo::count(&log.run(&mut command)?))
+    Ok(cargo::count(&log.run(command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS))?))
 }

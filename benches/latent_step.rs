@@ -1,0 +1,231 @@
+//! What a latent step costs over bare ONNX Runtime, as ratios of one run. `cargo xtask bench` runs it.
+//!
+//! The bare side is the same transformer and decoder from the same files with the same session options, every input and
+//! output bound beforehand, run as often as a latent step runs them. It is a process of its own, because a process has one ONNX Runtime
+//! environment. Steps and bare runs take turns, so both see the same machine.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::error::Error;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use cairn::Picture;
+use cairn::bundle::Bundle;
+use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::world::{CacheMode, ControlInput, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions};
+use ort::memory::Allocator;
+use ort::session::builder::GraphOptimizationLevel;
+use ort::session::{IoBinding, Session};
+use ort::value::{Tensor, ValueType};
+
+/// Counts what Rust code allocates; ONNX Runtime has an allocator of its own.
+struct Counting;
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: every call is handed on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps this function's own contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Tells a process of this program that it is the bare side.
+const BARE: &str = "--bare-runs";
+
+const WARM_UP: u64 = 3;
+
+/// At least this long is measured, and at least this many steps.
+const AT_LEAST: (Duration, u64) = (Duration::from_secs(10), 5);
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let [_, word, job @ ..] = arguments.as_slice()
+        && word == BARE
+    {
+        return bare(job);
+    }
+    let ort = Ort::find(None)?;
+    let device = Device::cpu(&ort, CpuOptions::default())?;
+    println!("{}", device.describe());
+    for name in ["tiny", "demo"] {
+        let path = bundle(name)?;
+        let world = World::load(&device, &Bundle::open(&path)?, WorldOptions::default())?;
+        measure(&ort, &world, &path)?;
+    }
+    Ok(())
+}
+
+/// The random-weight world `name`, where `cargo xtask` says they are.
+fn bundle(name: &str) -> Result<PathBuf, Box<dyn Error>> {
+    match std::env::var_os("CAIRN_TEST_BUNDLE") {
+        Some(folder) => Ok(PathBuf::from(folder).join(name)),
+        None => Ok(provision::bundle(name, &provision::Console::new())?),
+    }
+}
+
+fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Error>> {
+    let point = OperatingPoint {
+        global_window: world.global_window(),
+        schedule: Schedule::Stock,
+        cache_mode: CacheMode::Separate,
+        ..Preset::Decoded60.operating_point()
+    };
+    let mut rollout = Rollout::new(world, &point, 1)?;
+    rollout.append(&Picture::from_rgba(64, 36, vec![128; 64 * 36 * 4])?)?;
+    let passes = rollout.planner().plan_step(&ControlInput::default())?.dsigmas.len() + 1;
+    let mut bare = Bare::start(ort, world, path, passes)?;
+    let (mut ours, mut theirs) = (Duration::ZERO, Duration::ZERO);
+    let (mut steps, mut allocations, mut ring_bytes) = (0, 0, 0);
+    let mut step = 0;
+    while step < WARM_UP || steps < AT_LEAST.1 || ours + theirs < AT_LEAST.0 {
+        let (began, before) = (Instant::now(), ALLOCATIONS.load(Ordering::Relaxed));
+        let info = rollout.step(&ControlInput::default())?;
+        let (took, made) = (began.elapsed(), ALLOCATIONS.load(Ordering::Relaxed) - before);
+        let bare_runs = bare.runs()?;
+        if step >= WARM_UP {
+            ours += took;
+            theirs += bare_runs;
+            allocations += made;
+            ring_bytes += info.ring_bytes;
+            steps += 1;
+        }
+        step += 1;
+    }
+
+    let per_step = |total: Duration| total.as_secs_f64() * 1e3 / steps as f64;
+    println!("\n{world:?}: {steps} latent steps of {passes} passes and a decoding");
+    println!("  a latent step                            {:>10.2} ms", per_step(ours));
+    println!("  as many bare runs with bound buffers     {:>10.2} ms", per_step(theirs));
+    println!("  ratio (1.03 is the aim)                  {:>10.3}", ours.as_secs_f64() / theirs.as_secs_f64());
+    println!("  allocations of ours per step             {:>10.2}", allocations as f64 / steps as f64);
+    println!("  bytes into the ring per step             {:>10.0}", ring_bytes as f64 / steps as f64);
+    println!("  new slabs of a step, all layers          {:>10}", world.slab_bytes(true));
+    println!("  new slabs of a step, local layers        {:>10}", world.slab_bytes(false));
+    println!("  K and V moved inside the graph per pass  {:>10}", world.concat_bytes_per_pass());
+    Ok(())
+}
+
+/// The process that runs the graphs without Cairn around them.
+struct Bare {
+    process: Child,
+    asks: ChildStdin,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Bare {
+    fn start(ort: &Ort, world: &World, path: &Path, passes: usize) -> Result<Self, Box<dyn Error>> {
+        let geometry = &world.manifest().geometry;
+        let graphs = &world.manifest().graphs.f32;
+        let tokens = geometry.tokens;
+        let local = geometry.local.window * tokens;
+        let global = world.global_window() / geometry.global.dilation * tokens;
+        let mut process = Command::new(std::env::current_exe()?)
+            .arg(BARE)
+            .args([ort.path(), &path.join(&graphs.transformer), &path.join(&graphs.decoder)])
+            .args([world.device().threads().to_string(), passes.to_string()])
+            .args([local, tokens, global].map(|n| n.to_string()))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let asks = process.stdin.take().ok_or("its input")?;
+        let answers = BufReader::new(process.stdout.take().ok_or("its output")?);
+        Ok(Self { process, asks, answers })
+    }
+
+    /// Lets it run what a latent step runs; how long that took.
+    fn runs(&mut self) -> Result<Duration, Box<dyn Error>> {
+        self.asks.write_all(b"\n")?;
+        let mut answer = String::new();
+        self.answers.read_line(&mut answer)?;
+        Ok(Duration::from_nanos(answer.trim().parse().map_err(|e| format!("the bare side ended: {e}"))?))
+    }
+}
+
+impl Drop for Bare {
+    fn drop(&mut self) {
+        // It ends when its input does; a process that is gone already is as good.
+        _ = self.process.kill();
+        _ = self.process.wait();
+    }
+}
+
+/// The bare side: for each line of input the runs of one latent step, and their time in nanoseconds.
+fn bare(job: &[String]) -> Result<(), Box<dyn Error>> {
+    let [library, transformer, decoder, numbers @ ..] = job else { return Err("library, graphs, numbers".into()) };
+    let numbers: Vec<i64> = numbers.iter().map(|n| n.parse()).collect::<Result<_, _>>()?;
+    let &[threads, passes, local, tokens, global] = numbers.as_slice() else { return Err("five numbers".into()) };
+    let environment = ort::init_from(library)?.build()?;
+    let load = |model: &str| -> Result<Graph, Box<dyn Error>> {
+        let mut builder = Session::builder(&environment)?
+            .with_optimization_level(GraphOptimizationLevel::Level3)?
+            .with_parallel_execution(false)?
+            .with_intra_threads(usize::try_from(threads)?)?
+            .with_intra_op_spinning(true)?
+            .with_config_entry("session.force_spinning_stop", "1")?;
+        for (name, size) in [
+            ("local_past", local),
+            ("local_keys", local + tokens),
+            ("global_past", global),
+            ("global_keys", global + tokens),
+        ] {
+            builder = builder.with_dimension_override(name, size)?;
+        }
+        Graph::bind(builder.commit_from_file(model)?)
+    };
+    let (mut transformer, mut decoder) = (load(transformer)?, load(decoder)?);
+    for line in std::io::stdin().lines() {
+        line?;
+        let began = Instant::now();
+        for _ in 0..passes {
+            transformer.run()?;
+        }
+        decoder.run()?;
+        println!("{}", began.elapsed().as_nanos());
+    }
+    Ok(())
+}
+
+/// A session with every input and output bound.
+struct Graph {
+    session: Session,
+    binding: IoBinding,
+}
+
+impl Graph {
+    fn bind(session: Session) -> Result<Self, Box<dyn Error>> {
+        let mut binding = session.create_binding()?;
+        let allocator = Allocator::default();
+        for (number, outlet) in session.inputs().iter().chain(session.outputs()).enumerate() {
+            let ValueType::Tensor { shape, .. } = outlet.dtype() else { return Err("a graph of tensors".into()) };
+            let mut tensor = Tensor::<f32>::new(&allocator, shape.clone())?;
+            // Numbers of usual size: zeroes or denormal numbers have a speed of their own.
+            tensor.extract_tensor_mut().1.fill(0.1);
+            if number < session.inputs().len() {
+                binding.bind_input(outlet.name(), &tensor)?;
+            } else {
+                binding.bind_output(outlet.name(), tensor)?;
+            }
+        }
+        Ok(Self { session, binding })
+    }
+
+    fn run(&mut self) -> Result<(), Box<dyn Error>> {
+        drop(self.session.run_binding(&self.binding)?);
+        Ok(())
+    }
+}

@@ -1,0 +1,27 @@
+//! The first lines with Cairn: a world, a seed picture, one second of steps. `cargo run --release --example first_light`.
+
+use cairn::bundle::Bundle;
+use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::world::{ControlInput, Preset, Rollout, World, WorldOptions};
+use cairn::{Picture, Result};
+
+fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let console = provision::Console::new();
+    provision::onnxruntime(&console)?;
+    Ok(first_light(&provision::demo_bundle(&console)?)?)
+}
+
+// README.md shows what follows.
+fn first_light(path: &std::path::Path) -> Result<()> {
+    let device = Device::cpu(&Ort::find(None)?, CpuOptions::default())?;
+    let world = World::load(&device, &Bundle::open(path)?, WorldOptions::default())?;
+    let mut rollout = Rollout::new(&world, &Preset::Stock.operating_point(), 1)?;
+    let mut picture = Picture::from_rgba(640, 360, vec![128; 640 * 360 * 4])?;
+    rollout.append(&picture)?;
+    for _ in 0..15 {
+        rollout.step(&ControlInput::default())?;
+        rollout.read_picture(3, &mut picture)?;
+        println!("{} x {}, first pixel {:?}", picture.width(), picture.height(), picture.pixels()[0]);
+    }
+    Ok(())
+}
