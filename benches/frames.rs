@@ -1,4 +1,5 @@
-//! What a generated frame and a resampled one cost, beside the plain average of two pictures: `cargo bench --bench frames`.
+//! What a generated frame and a resampled one cost, beside the plain average of two pictures: `cargo bench --bench
+//! frames`.
 //!
 //! Every line is measured in the same run, its turns interleaved with the others', and the ratio of the medians is what
 //! counts. Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.

@@ -150,24 +150,25 @@ impl Extractor {
         motion_rows.zip(depth_rows).enumerate().for_each(|(y, (motion_row, depth_row))| {
             let row = Tap::new(y, render_height, height);
             for ((vector, depth), column) in motion_row.iter_mut().zip(depth_row).zip(columns) {
-                let bilinear = |at: &dyn Fn(usize) -> f32| {
-                    let across = |r: usize| {
-                        let (a, b) = (at(r * width + column.first), at(r * width + column.second));
-                        a + (b - a) * column.weight
-                    };
-                    let (a, b) = (across(row.first), across(row.second));
-                    a + (b - a) * row.weight
-                };
+                let cells = [row.first, row.second].map(|r| [r * width + column.first, r * width + column.second]);
+                let weights = [column.weight, row.weight];
                 *vector = [0, 1].map(|axis| {
                     // Subtracted from 0 rather than negated, so that no motion is +0.
-                    let m = 0.0 - COMPRESSION * bilinear(&|cell| displacement[cell][axis]);
+                    let m = 0.0 - COMPRESSION * bilinear(cells, weights, |cell| displacement[cell][axis]);
                     let m = if m.is_finite() { m.clamp(-limit[axis], limit[axis]) } else { 0.0 };
                     f16::from_f32(m)
                 });
-                *depth = bilinear(&|cell| pseudo_depth[cell]).clamp(0.0, 1.0);
+                *depth = bilinear(cells, weights, |cell| pseudo_depth[cell]).clamp(0.0, 1.0);
             }
         });
     }
+}
+
+/// The mixture of four cells, two above and two below, by the weights of the right and the lower ones.
+fn bilinear(cells: [[usize; 2]; 2], [across, down]: [f32; 2], at: impl Fn(usize) -> f32) -> f32 {
+    let mixed = |a: f32, b: f32, weight: f32| a + (b - a) * weight;
+    let [above, below] = cells.map(|[left, right]| mixed(at(left), at(right), across));
+    mixed(above, below, down)
 }
 
 impl Tap {

@@ -2,7 +2,7 @@
 
 use crate::Picture;
 
-/// The luma of `picture` in 8 bits, into `luma` of as many entries.
+/// The luma of a pixel in 8 bits.
 pub(super) fn luma(pixel: [u8; 4]) -> u8 {
     let [r, g, b, _] = pixel.map(u32::from);
     // The weights of BT.601 over 256; they add up to 256.
@@ -30,30 +30,47 @@ impl<'a> Bicubic<'a> {
 
     /// The four channels at a position, not yet cut to [0, 255].
     pub(super) fn at(&self, [x, y]: [f32; 2]) -> [f32; 4] {
-        let (column, row) = (x.floor(), y.floor());
-        let (fx, fy) = (x - column, y - row);
-        let (columns, rows) = (taps(column, self.width), taps(row, self.height));
-        if fx == 0.0 && fy == 0.0 {
-            return self.pixels[rows[1] * self.width + columns[1]].map(f32::from);
+        let ((column, fx), (row, fy)) = (split(x), split(y));
+        let rows = taps(row, self.height);
+        let across = weights(fx);
+        if fy == 0.0 {
+            let line = self.line(rows[1], column);
+            return if fx == 0.0 { line[1].map(f32::from) } else { weighted(line.map(|p| p.map(f32::from)), across) };
         }
-        let (across, down) = (weights(fx), weights(fy));
-        let mut sum = [0.0; 4];
-        for (&row, weight) in rows.iter().zip(down) {
-            let line = &self.pixels[row * self.width..(row + 1) * self.width];
-            for (&column, across) in columns.iter().zip(across) {
-                let weight = weight * across;
-                for (sum, value) in sum.iter_mut().zip(line[column]) {
-                    *sum += weight * f32::from(value);
-                }
-            }
-        }
-        sum
+        let lines = rows.map(|row| weighted(self.line(row, column).map(|p| p.map(f32::from)), across));
+        weighted(lines, weights(fy))
+    }
+
+    /// The four pixels of a row around `column` and the one after it.
+    fn line(&self, row: usize, column: i32) -> [[u8; 4]; 4] {
+        let line = &self.pixels[row * self.width..(row + 1) * self.width];
+        let inside = usize::try_from(column - 1).ok().and_then(|first| line.get(first..)?.first_chunk());
+        inside.copied().unwrap_or_else(|| taps(column, self.width).map(|column| line[column]))
     }
 }
 
 /// The four positions around `first` and `first + 1`, kept on an axis of `len`.
-fn taps(first: f32, len: usize) -> [usize; 4] {
-    [-1.0, 0.0, 1.0, 2.0].map(|offset| (first + offset).clamp(0.0, (len - 1) as f32) as usize)
+fn taps(first: i32, len: usize) -> [usize; 4] {
+    [-1, 0, 1, 2].map(|offset| (first + offset).clamp(0, len as i32 - 1) as usize)
+}
+
+/// The whole number at or below `x`, and what remains, in [0, 1). Far beyond every picture, where nothing but the side
+/// matters, it stops. (`f32::floor` is a call into a library on processors without SSE 4.1.)
+pub(super) fn split(x: f32) -> (i32, f32) {
+    let x = x.clamp(-FAR, FAR);
+    let toward_zero = x as i32;
+    let whole = toward_zero - i32::from(x < toward_zero as f32);
+    (whole, x - whole as f32)
+}
+
+/// More than any position the largest picture and its longest vector lead to.
+const FAR: f32 = 1_048_576.0;
+
+fn weighted(values: [[f32; 4]; 4], weights: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|c| {
+        let [a, b, e, f] = values;
+        a[c] * weights[0] + b[c] * weights[1] + e[c] * weights[2] + f[c] * weights[3]
+    })
 }
 
 /// Catmull-Rom weights of those four for a position `f` in [0, 1) after the second.
@@ -82,6 +99,14 @@ mod tests {
         for (i, pixel) in picture.pixels().iter().enumerate() {
             assert_eq!(bicubic.at([(i % 9) as f32, (i / 9) as f32]), pixel.map(f32::from));
         }
+    }
+
+    #[test]
+    fn positions_are_split_at_the_whole_number_below() {
+        for (x, whole) in [(0.0, 0), (0.75, 0), (1.0, 1), (-0.25, -1), (-1.0, -1), (-1.5, -2), (16384.25, 16384)] {
+            assert_eq!(split(x), (whole, x - whole as f32));
+        }
+        assert_eq!((split(1e30), split(-1e30)), ((1 << 20, 0.0), (-(1 << 20), 0.0)));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::reserve;
+use super::sample::split;
 use super::surface::Surfaces;
 use crate::Result;
 
@@ -60,7 +61,7 @@ impl Splat {
 
 /// The index of the pixel nearest to a position, halves going up; `None` off the picture.
 pub(super) fn nearest([x, y]: [f32; 2], width: usize, height: usize) -> Option<usize> {
-    let (x, y) = ((x + 0.5).floor(), (y + 0.5).floor());
-    let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-    inside.then(|| y as usize * width + x as usize)
+    let ((x, _), (y, _)) = (split(x + 0.5), split(y + 0.5));
+    let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+    (x < width && y < height).then(|| y * width + x)
 }

@@ -4,7 +4,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::bars::Inside;
-use super::sample::luma;
+use super::sample::{luma, split};
 use super::sized;
 use crate::guidance::{DepthMap, Guidance, MotionField};
 use crate::{Picture, Result};
@@ -77,12 +77,15 @@ impl Surfaces {
                 let patch = current.patch(x as isize - 1, y as isize - 1);
                 let moved = previous.difference(&patch, x, y, *vector);
                 if *vector != [0.0; 2] {
-                    let still = previous.difference(&patch, x, y, [0.0; 2]);
                     let comes_from_here = previous.contains(x as f32 + vector[0], y as f32 + vector[1]);
+                    // Standing still cannot be better by enough where the vector is as good as this.
                     let is_overlay = if comes_from_here {
-                        still.square <= STILL && (still.square + MARGIN) * BETTER <= moved.square
+                        moved.square >= MARGIN * BETTER && {
+                            let still = previous.difference(&patch, x, y, [0.0; 2]);
+                            still.square <= STILL && (still.square + MARGIN) * BETTER <= moved.square
+                        }
                     } else {
-                        still.patch <= STILL && contrast(&patch) >= CONTRAST
+                        contrast(&patch) >= CONTRAST && previous.difference(&patch, x, y, [0.0; 2]).patch <= STILL
                     };
                     if is_overlay {
                         *vector = [0.0; 2];
@@ -152,17 +155,19 @@ impl Plane<'_> {
     fn patch<const N: usize>(&self, x: isize, y: isize) -> [[f32; N]; N] {
         let on_axis = |at: isize, len: usize| at.clamp(0, len as isize - 1) as usize;
         std::array::from_fn(|j| {
-            let row = on_axis(y + j as isize, self.height) * self.width;
-            std::array::from_fn(|i| f32::from(self.luma[row + on_axis(x + i as isize, self.width)]))
+            let row = &self.luma[on_axis(y + j as isize, self.height) * self.width..][..self.width];
+            match row.get(x.max(0) as usize..).and_then(|rest| rest.first_chunk::<N>()) {
+                Some(values) if x >= 0 => values.map(f32::from),
+                _ => std::array::from_fn(|i| f32::from(row[on_axis(x + i as isize, self.width)])),
+            }
         })
     }
 
     /// How far `patch`, centred on (x, y) in the other plane, is from the place here that `vector` leads to from there,
     /// read bilinearly.
     fn difference(&self, patch: &[[f32; 3]; 3], x: usize, y: usize, vector: [f32; 2]) -> Difference {
-        let (left, top) = (x as f32 + vector[0] - 1.0, y as f32 + vector[1] - 1.0);
-        let (column, row) = (left.floor(), top.floor());
-        let (fx, fy) = (left - column, top - row);
+        let (column, fx) = split(x as f32 + vector[0] - 1.0);
+        let (row, fy) = split(y as f32 + vector[1] - 1.0);
         let here: [[f32; 4]; 4] = self.patch(column as isize, row as isize);
         let apart: [[f32; 3]; 3] = std::array::from_fn(|j| {
             std::array::from_fn(|i| {
