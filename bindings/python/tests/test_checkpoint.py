@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 import yaml
 from conftest import TINY, relative, session
-from released import DATA, autoencoder_names, config, names, numbers, transformer_names, write_checkpoint, write_safetensors, write_zip, torch_entries
+from released import (
+    DATA,
+    autoencoder_names,
+    config,
+    names,
+    numbers,
+    torch_entries,
+    write_checkpoint,
+    write_safetensors,
+    write_zip,
+)
 from rollout import Rollout
 
 from cairn.build import PRESETS, BuildError
@@ -80,7 +90,8 @@ def renamed(tensors):
         value = tensors.pop(name)
         head, layer, part = name.removeprefix("transformer.").split(".", 2)
         part = part.replace("dit_mlp.", "mlp.").replace("mlp_cond_head.bias_in", "cond_head.bias_in")
-        part = part.replace("attn_cond_head.cond_proj", "cond_head.cond_proj").replace("ctrl_mlpfusion.fc2", "ctrl_mlpfusion.mlp.fc2")
+        part = part.replace("attn_cond_head.cond_proj", "cond_head.cond_proj")
+        part = part.replace("ctrl_mlpfusion.fc2", "ctrl_mlpfusion.mlp.fc2")
         for j in range(3):
             part = part.replace(f"mlp_cond_head.cond_proj.{j}", f"cond_head.cond_proj.{j + 3}")
         if "cond_proj" in part and layer != "0" or part == "attn_cond_head.bias_in":
@@ -114,16 +125,18 @@ def put(name, value):
     return lambda tensors: tensors.update({name: np.asarray(value, np.float32)})
 
 
+BLOCK = "transformer.blocks."
+UNKNOWN = "no tensor of this name"
 SHARED = "transformer.blocks.5.attn_cond_head.cond_proj.2.weight"
 BROKEN = [
     (drop("transformer.blocks.7.attn.k_proj.weight"), "blocks.7.attn.k_proj.weight", "lacks"),
     (drop("transformer.blocks.6.ctrl_mlpfusion.fc2.weight"), "blocks.6.ctrl_mlpfusion.fc2.weight", "lacks"),
     (drop("transformer.blocks.2.mlp_cond_head.bias_in"), None, None),  # the other half's copy stands in
-    (put("transformer.blocks.8.attn.q_proj.weight", np.zeros((64, 64))), "transformer.blocks.8.attn.q_proj.weight", "no tensor of this name"),
-    (put("transformer.blocks.1.ctrl_mlpfusion.fc2.weight", np.zeros((64, 64))), "blocks.1.ctrl_mlpfusion", "no tensor of this name"),
-    (put("transformer.blocks.1.gate.weight", [1.0]), "transformer.blocks.1.gate.weight", "no tensor of this name"),
+    (put(BLOCK + "8.attn.q_proj.weight", np.zeros((64, 64))), BLOCK + "8.attn.q_proj.weight", UNKNOWN),
+    (put(BLOCK + "1.ctrl_mlpfusion.fc2.weight", np.zeros((64, 64))), "blocks.1.ctrl_mlpfusion", UNKNOWN),
+    (put(BLOCK + "1.gate.weight", [1.0]), BLOCK + "1.gate.weight", UNKNOWN),
     (put("blocks.1.attn.v_lamb", 0.5), "transformer.blocks.1.attn.v_lamb", "means the same tensor"),
-    (put("transformer.blocks.1.attn.v_proj.weight", np.zeros((64, 64))), "transformer.blocks.1.attn.v_proj.weight", "expected [32, 64]"),
+    (put(BLOCK + "1.attn.v_proj.weight", np.zeros((64, 64))), BLOCK + "1.attn.v_proj.weight", "expected [32, 64]"),
     (put("patchify.weight", np.zeros((64, 4, 2, 1))), "patchify.weight", "expected [64, 4, 2, 2]"),
     (put(SHARED, np.zeros((64, 64))), SHARED, "differs"),
     (put("out_norm.fc.weight", np.full((128, 64), 1e6)), "out_norm.fc.weight", "beyond float16"),
@@ -204,7 +217,8 @@ def test_the_autoencoder_may_be_safetensors_or_carry_more_rows(tmp_path):
     tensors = write_checkpoint(tmp_path / "c", TINY)
     pictures = numbers(autoencoder_names(TINY), 1)
     (tmp_path / "c" / "taehv1_5.pth").unlink()
-    wide = pictures | {"decoder.7.conv.weight": np.concatenate([pictures["decoder.7.conv.weight"] + 1, pictures["decoder.7.conv.weight"]])}
+    grown = pictures["decoder.7.conv.weight"]
+    wide = pictures | {"decoder.7.conv.weight": np.concatenate([grown + 1, grown])}
     write_safetensors(tmp_path / "c" / "taehv1_5.safetensors", wide, "BF16")
     found = open_checkpoint(tmp_path / "c", max_window=64)
     for weight in autoencoder_weights(TINY):
@@ -226,8 +240,9 @@ def test_half_precision_limits():
 
 
 def test_names_that_mean_nothing():
-    for name in ("blocks.01.attn.q_proj.weight", "blocks.x.attn.q_proj.weight", "transformer.blocks.0.attn_cond_head.cond_proj.3.weight",
-                 "transformer.blocks.0.cond_head.cond_proj.6.weight", "transformer.blocks.0.dit_mlp.router.weight", "encoder.0.weight", ""):
+    parts = ("attn_cond_head.cond_proj.3.weight", "cond_head.cond_proj.6.weight", "dit_mlp.router.weight")
+    strange = ("blocks.01.attn.q_proj.weight", "blocks.x.attn.q_proj.weight", "encoder.0.weight", "")
+    for name in (*strange, *(f"{BLOCK}0.{part}" for part in parts)):
         assert meaning(name) is None, name
 
 

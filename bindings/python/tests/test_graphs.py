@@ -3,6 +3,7 @@
 import json
 import re
 
+import jsonschema
 import numpy as np
 import onnx
 import pytest
@@ -200,7 +201,6 @@ def test_a_hidden_key_has_no_weight(tiny):
 
 
 def test_manifest_matches_its_schema(tiny):
-    jsonschema = pytest.importorskip("jsonschema")
     schema = json.loads((ROOT / "docs" / "bundle.schema.json").read_text(encoding="utf-8"))
     content = json.loads((tiny / "cairn-world.json").read_text(encoding="utf-8"))
     jsonschema.validate(content, schema, cls=jsonschema.Draft202012Validator)

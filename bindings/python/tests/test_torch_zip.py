@@ -10,7 +10,11 @@ from released import torch_entries, write_zip
 from cairn.build import BuildError
 from cairn.build.torch_zip import TorchFile
 
-TENSORS = {"a.weight": np.arange(6, dtype=np.float32).reshape(2, 3), "b": np.float32(2.5).reshape(()), "c": np.zeros((0, 3), np.float32)}
+TENSORS = {
+    "a.weight": np.arange(6, dtype=np.float32).reshape(2, 3),
+    "b": np.array(2.5, np.float32),
+    "c": np.zeros((0, 3), np.float32),
+}
 
 
 def with_pickle(path, data):
@@ -72,6 +76,9 @@ def hostile_pickles(canary):
     yield "not a dictionary", b"\x80\x02]."
     yield "number for a tensor", b"\x80\x02}X\x01\x00\x00\x00aK\x01s."
     yield "unhashable key", b"\x80\x02}]K\x01s."
+    doubled = b")q\x00" + b"h\x00h\x00\x86q\x00" * 64
+    yield "a key of 2^64 parts", b"\x80\x02}" + doubled + b"K\x01s."
+    yield "a name of 2^64 parts", b"\x80\x04" + doubled + b"\x8c\x01a\x93."
     yield "deep nesting", b"\x80\x02" + b"]" * 10000 + b"\x85" * 20000 + b"."
     yield "long string that is not there", b"\x80\x02X\xff\xff\xff\x7fabc."
 
@@ -101,7 +108,8 @@ def test_every_flipped_byte_of_the_pickle_is_an_error_or_tensors(tmp_path):
 
 
 def storage(count, key="0", kind="FloatStorage"):
-    return b"(X\x07\x00\x00\x00storagectorch\n" + kind.encode() + b"\n" + pickle.dumps(key, 2)[2:-1] + b"X\x03\x00\x00\x00cpu" + whole(count) + b"tQ"
+    parts = (b"X\x07\x00\x00\x00storage", f"ctorch\n{kind}\n".encode(), whole(key), b"X\x03\x00\x00\x00cpu", whole(count))
+    return b"(" + b"".join(parts) + b"tQ"
 
 
 def whole(value):
@@ -164,7 +172,7 @@ def test_other_files_are_refused(tmp_path):
     write_zip(path, good, zipfile.ZIP_DEFLATED)
     with pytest.raises(BuildError, match="compressed"):
         TorchFile(path)
-    write_zip(path, {"archive/data.pkl": b"\x80\x02}." + bytes(5 << 20)})
+    write_zip(path, {"archive/data.pkl": b"\x80\x02}." + bytes(2 << 20)})
     with pytest.raises(BuildError, match="longer than"):
         TorchFile(path)
 

@@ -56,7 +56,9 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="python -m cairn.build", description=HELP, formatter_class=raw)
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    checkpoint = commands.add_parser("checkpoint", help="from a checkpoint directory", description=CHECKPOINT_HELP, formatter_class=raw)
+    checkpoint = commands.add_parser(
+        "checkpoint", help="from a checkpoint directory", description=CHECKPOINT_HELP, formatter_class=raw
+    )
     checkpoint.add_argument("directory", type=Path, help="where model.safetensors and config.yaml are")
     checkpoint.add_argument("--autoencoder", type=Path, help="the autoencoder's file, where it is not in the directory")
     checkpoint.add_argument("--max-window", type=int, default=512, help="the largest global window to declare (512)")
@@ -72,7 +74,9 @@ def parser() -> argparse.ArgumentParser:
     _output(checkpoint)
 
     presets = "".join(f"  {name:8} {what}\n" for name, (what, _) in PRESETS.items())
-    random = commands.add_parser("random", help="with seeded random weights", description=RANDOM_HELP + presets, formatter_class=raw)
+    random = commands.add_parser(
+        "random", help="with seeded random weights", description=RANDOM_HELP + presets, formatter_class=raw
+    )
     _geometry(random)
     random.add_argument("--seed", type=int, default=1, help="0 to 2^64 - 1 (1)")
     random.add_argument("--name", help="shown to people")
@@ -170,7 +174,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        print(f"error: {error.filename or 'file system'}: {error.strerror or error}. Check the path and the space left.", file=sys.stderr)
+        where, cause = error.filename or "file system", error.strerror or error
+        print(f"error: {where}: {cause}. Check the path and the space left.", file=sys.stderr)
         return 2
 
 

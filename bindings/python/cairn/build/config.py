@@ -69,7 +69,7 @@ def _geometry(config: dict, max_window: int, autoencoder: dict) -> Geometry:
     latents, rest = divmod(_number(config, "inference_fps"), AUTOENCODER_TEMPORAL)
     if rest or latents == 0 or _number(config, "base_fps") % latents:
         raise BuildError(
-            f"{config['inference_fps']} pictures per second do not divide into latents of {AUTOENCODER_TEMPORAL}, nor these into base_fps",
+            f"{config['inference_fps']} pictures per second do not make latents of {AUTOENCODER_TEMPORAL} that divide base_fps",
             field="config.yaml: inference_fps",
             remedy="Fetch config.yaml again.",
         )

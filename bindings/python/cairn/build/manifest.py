@@ -111,4 +111,5 @@ def geometry_of(content: dict) -> Geometry:
             render=tuple(content["picture"]["render"]),
         )
     except (KeyError, IndexError, TypeError, AttributeError) as error:
-        raise BuildError(f"a member is missing or of another kind: {error!r}", field=MANIFEST_FILE, remedy="See docs/bundle.md.") from error
+        cause = f"a member is missing or of another kind: {error!r}"
+        raise BuildError(cause, field=MANIFEST_FILE, remedy="See docs/bundle.md.") from error

@@ -18,7 +18,7 @@ import numpy as np
 from .errors import BuildError
 
 # The pickle of a state dictionary is a few kilobytes; this bounds what an interpreter of hostile bytes can be made to do.
-PICKLE_LIMIT = 4 << 20
+PICKLE_LIMIT = 1 << 20
 STORAGE_LIMIT = 4 << 30
 _REMEDY = "Save the state dictionary again with torch.save, or as safetensors."
 _STORAGES = {"FloatStorage": "F32", "HalfStorage": "F16", "BFloat16Storage": "BF16"}
@@ -81,7 +81,8 @@ class TorchFile:
         size = 4 if tensor.kind == "F32" else 2
         data = self._entry(f"data/{tensor.storage.key}", STORAGE_LIMIT)
         if len(data) != size * tensor.storage.count:
-            raise self._error(f"storage {tensor.storage.key} of {name} is {len(data)} bytes, {size * tensor.storage.count} were named", _REMEDY)
+            wanted = size * tensor.storage.count
+            raise self._error(f"storage {tensor.storage.key} of {name} is {len(data)} bytes, {wanted} were named", _REMEDY)
         numbers = np.frombuffer(data, f"<u{size}")
         strides = tuple(size * s for s in tensor.strides)
         view = np.lib.stride_tricks.as_strided(numbers[tensor.offset :], tensor.shape, strides, writeable=False)
@@ -174,6 +175,9 @@ class _Interpreter:
                 items = self.since_mark() if name == "SETITEMS" else self.pop_many(2)
                 if len(items) % 2:
                     raise ValueError("a key without a value")
+                # Only strings: hashing tuples within tuples could take for ever.
+                if not all(isinstance(key, str) for key in items[::2]):
+                    raise TypeError("a key that is no string")
                 self.top(dict).update(zip(items[::2], items[1::2]))
             case "GLOBAL":
                 stack.append(self.named(*argument.split(" ", 1)))
@@ -212,14 +216,17 @@ class _Interpreter:
 
     def named(self, module: str, name: str) -> _Name:
         """One of the few names that are allowed."""
+        if not isinstance(module, str) or not isinstance(name, str):
+            raise TypeError("a name that is no string")
         if (module, name) not in _NAMES:
-            raise self.error(f"its pickle asks for {module}.{name}, which is not a tensor's", "Do not trust this file. " + _REMEDY)
+            cause = f"its pickle asks for {module[:80]}.{name[:80]}, which is not a tensor's"
+            raise self.error(cause, "Do not trust this file. " + _REMEDY)
         return _Name(module, name)
 
     def storage(self, identity) -> _Storage:
         """The persistent identity ("storage", kind, key, device, count)."""
         label, kind, key, device, count = identity
-        if label != "storage" or not isinstance(kind, _Name) or kind.name not in _STORAGES or not _whole(count):
+        if not isinstance(label, str) or label != "storage" or not isinstance(kind, _Name) or kind.name not in _STORAGES or not _whole(count):
             raise ValueError("a storage of an unknown kind")
         if not isinstance(key, str) or not key.isdecimal() or not isinstance(device, str):
             raise ValueError("a storage with a strange key")
