@@ -1,0 +1,43 @@
+"""The rollouts that are checked, by what is particular about them; options are the trace program's."""
+
+F32 = 1e-4
+F16 = 1e-2
+BOUND = {"f32": F32, "f16": F16}
+# A mutant must miss its bound by this factor.
+MISSED_BY = 10
+
+# `tiny` remembers 4 latents in local layers and 16 in global ones: both rings wrap twice in 32 commits.
+CASES: dict[str, dict] = {
+    "separate cache pass": {"latents": 36},
+    "fused cache pass": {"latents": 36, "cache": "fused", "schedule": "refined:6"},
+    "every second latent kept": {
+        "latents": 68,
+        "cache": "interval:2",
+        "schedule": "explicit:1:0.7:0.4:0",
+        "record": "0,1,2,3,4,5,9,10,13,14,31,32,33,34,40,47,48,61,62,63,64,65,66,67",
+    },
+    "pictures appended on the way": {"latents": 36, "append": "0,5,6,21"},
+    "pictures appended on the way, every third latent kept": {
+        "latents": 80,
+        "append": "0,9,40",
+        "cache": "interval:3",
+        "schedule": "explicit:1:0.5:0",
+        "record": "0,1,2,3,8,9,10,11,12,13,14,40,41,42,43,44,60,70,77,78,79",
+    },
+    "no picture at the start": {"latents": 20, "append": "3"},
+    "larger global window": {"latents": 40, "global_window": 32, "schedule": "explicit:1:0.5:0"},
+    "half precision": {"latents": 36, "append": "0,21", "precision": "f16"},
+    "half precision, fused": {"latents": 36, "cache": "fused", "schedule": "refined:6", "precision": "f16"},
+}
+
+# The autoencoder knows nothing of caches and windows.
+PICTURES = ("no picture at the start", "pictures appended on the way", "half precision")
+
+# The real windows, 16 / 8 / 128. Two wraps of the global ring are 256 latents; two passes each keep it short.
+WINDOW: dict = {
+    "bundle": "window",
+    "latents": 261,
+    "append": "0,100",
+    "schedule": "explicit:1:0.5:0",
+    "record": "0,1,7,8,9,15,16,17,31,32,33,100,101,119,120,121,127,128,129,135,136,137,247,248,249,255,256,257,260",
+}

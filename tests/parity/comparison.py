@@ -1,0 +1,171 @@
+"""What the trace program wrote down, and how far it is from the oracle."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from safetensors.numpy import load_file
+
+from oracle import autoencoder, history, transformer
+from oracle.geometry import Geometry
+from oracle.history import Step, Test
+from oracle.weights import Weights
+
+
+def relative(actual: np.ndarray, expected: np.ndarray) -> float:
+    """Relative L2 distance of `actual` from `expected`; infinite where a number is not finite."""
+    assert actual.shape == expected.shape, f"{actual.shape} is not {expected.shape}"
+    if not np.isfinite(actual).all():
+        return float("inf")
+    return float(np.linalg.norm(actual.astype(np.float64) - expected) / np.linalg.norm(expected))
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """One comparison: what, where, how far."""
+
+    place: str  # "v", "k", "value", "ring k", "ring value", "picture", "memory", "appended latent"
+    latent: int
+    index: int | str  # pass, layer or memory
+    distance: float
+
+
+def worst(deviations: Iterator[Deviation] | list[Deviation], *places: str) -> Deviation:
+    """The largest of the deviations at `places`; there must be some."""
+    return max((d for d in deviations if d.place in places), key=lambda d: d.distance)
+
+
+class Trace:
+    """A recorded rollout beside the bundle that ran."""
+
+    def __init__(self, bundle: Path, folder: Path) -> None:
+        self.geometry = Geometry.read(bundle)
+        self.weights = Weights.read(bundle)
+        self.record = json.loads((folder / "trace.json").read_text(encoding="utf-8"))
+        self.tensors = load_file(folder / "trace.safetensors")
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.tensors[name]
+
+    @property
+    def mode(self) -> str:
+        return self.record["cache"]
+
+    @property
+    def tested(self) -> list[int]:
+        """The latents of which every pass was recorded."""
+        return [q for q, step in enumerate(self.record["steps"]) if step["recorded"]]
+
+    @cached_property
+    def steps(self) -> list[Step]:
+        return [
+            Step(
+                appended=step["appended"],
+                mouse=tuple(step["mouse"]),
+                keys=tuple(step["keys"]),
+                scroll=step["scroll"],
+                latent=self[f"{q}.latent"],
+                inputs=[self[f"{q}.{p}.x"] for p in range(step["passes"]) if f"{q}.{p}.x" in self.tensors],
+            )
+            for q, step in enumerate(self.record["steps"])
+        ]
+
+    @cached_property
+    def batch(self) -> tuple[transformer.Frames, list[int], list[Test]]:
+        return history.frames(self.geometry, self.steps, self.mode, self.record["schedule"], self.tested)
+
+    def oracle(self, *, blind: bool = False) -> transformer.Result:
+        """The whole history, recomputed."""
+        return transformer.run(
+            self.weights.transformer, self.geometry, self.batch[0], self.record["global_window"], blind=blind
+        )
+
+    @cached_property
+    def expected(self) -> transformer.Result:
+        return self.oracle()
+
+    def passes(self) -> Iterator[Deviation]:
+        """The velocity and every key and value slab of every recorded pass."""
+        _, kept, tests = self.batch
+        for row, test in enumerate(tests, start=len(kept)):
+            prefix = f"{test.latent}.{test.index}"
+            yield Deviation("v", test.latent, test.index, relative(self[f"{prefix}.v"], self.expected.v[row]))
+            for layer in range(self.geometry.layers):
+                for place, slabs in (("k", self.expected.keys), ("value", self.expected.values)):
+                    actual = self[f"{prefix}.{place}.{layer}"][0]
+                    yield Deviation(place, test.latent, layer, relative(actual, slabs[layer][row]))
+
+    def ring(self) -> Iterator[Deviation]:
+        """Every filled slot after every recorded latent, against the frame that should be in it."""
+        for q in self.tested:
+            for layer in range(self.geometry.layers):
+                owners = self.owners(layer, q)
+                for place, slabs in (("k", self.expected.keys), ("value", self.expected.values)):
+                    slots = self.slots(f"{q}.ring.{place}.{layer}")
+                    for slot, row in owners.items():
+                        yield Deviation(f"ring {place}", q, layer, relative(slots[:, slot], slabs[layer][row]))
+
+    def slots(self, name: str) -> np.ndarray:
+        """A ring as `[kv_heads, slots, T, head_width]`."""
+        g = self.geometry
+        return self[name].reshape(g.kv_heads, -1, g.T, g.head_width)
+
+    def keeps(self, q: int) -> bool:
+        """Whether latent `q` enters the ring."""
+        return q in self.batch[1]
+
+    def owners(self, layer: int, q: int) -> dict[int, int]:
+        """Slot -> row of the batch whose frame should be in it once latent `q` is done."""
+        batch, kept, _ = self.batch
+        g = self.geometry
+        dilation = g.dilation if g.is_global(layer) else 1
+        buckets = self.record["global_window"] // dilation if g.is_global(layer) else g.local_window
+        owners = {}
+        for row, latent in enumerate(kept):
+            clock = int(batch.clock[row])
+            if latent <= q and clock % dilation == 0:
+                owners[clock // dilation % buckets] = row
+        return owners
+
+    def pictures(self) -> Iterator[Deviation]:
+        """Pictures and decoder memories of every recorded latent, and what the encoder made of appended pictures."""
+        latents = np.array([step.latent for step in self.steps], dtype=np.float64)
+        pictures, memories = autoencoder.decode(self.weights.decoder, latents)
+        for q in self.tested:
+            yield Deviation("picture", q, 0, relative(self[f"{q}.rgb"], pictures[q]))
+            for index, memory in enumerate(memories):
+                yield Deviation("memory", q, index, relative(self[f"{q}.memory.{index}"][0], memory[q]))
+            if self.steps[q].appended:
+                yield Deviation("appended latent", q, 0, relative(self.steps[q].latent, self.encoded(q)))
+
+    def encoded(self, q: int) -> np.ndarray:
+        """The latent of appended picture `q`: four equal pictures, stretched to the autoencoder's size."""
+        rgba = self[f"{q}.picture"].astype(np.float64) / 255
+        picture = autoencoder.resize(rgba[:, :, :3].transpose(2, 0, 1), *self.geometry.decoded)
+        return autoencoder.encode(self.weights.encoder, np.repeat(picture[None], self.geometry.temporal, axis=0))
+
+    def share_of_the_past(self) -> dict[float, float]:
+        """By noise level: the share of the variance of v that the velocity without a past, times any factor, leaves
+        unexplained. Over all recorded denoise passes whose local ring is full."""
+        blind = self.oracle(blind=True)
+        batch, kept, tests = self.batch
+        levels: dict[float, list[int]] = {}
+        for row, test in enumerate(tests, start=len(kept)):
+            if test.index != history.CACHE_PASS and batch.clock[row] >= self.geometry.local_window:
+                levels.setdefault(float(batch.sigma[row]), []).append(row)
+        return {
+            level: 1 - np.corrcoef(self.expected.v[rows].ravel(), blind.v[rows].ravel())[0, 1] ** 2
+            for level, rows in levels.items()
+        }
+
+    def frozen(self) -> Iterator[tuple[int, str, str, str]]:
+        """Of every pass that must not write: latent, name, and digests of the ring before and after."""
+        for q, step in enumerate(self.record["steps"]):
+            for entry in step["frozen"]:
+                yield q, entry["name"], entry["before"], entry["after"]
+
+
+Runner = Callable[..., Trace]

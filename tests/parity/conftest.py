@@ -1,0 +1,74 @@
+"""Where the bundles are, how the trace program is built and run, and the rollouts that several tests look at."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from comparison import Runner, Trace
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def set_up_bundles() -> Path:
+    """Where `cargo xtask setup` puts bundles: a folder for each state of the builder, of which the newest counts."""
+    if own := os.environ.get("CAIRN_CACHE_DIR"):
+        cache = Path(own)
+    elif sys.platform == "win32":
+        cache = Path(os.environ["LOCALAPPDATA"])
+    else:
+        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = cache / "cairn" / "bundles"
+    complete = [made for made in folder.glob("*") if not lacking(made)]
+    return max(complete, key=lambda made: made.stat().st_mtime, default=folder)
+
+
+def lacking(folder: Path) -> list[str]:
+    """Which of the needed bundles are not in `folder`."""
+    return [name for name in ("tiny", "window") if not (folder / name / "cairn-world.json").is_file()]
+
+
+@pytest.fixture(scope="session")
+def bundles() -> Path:
+    """The folder with the bundles `tiny` and `window`."""
+    folder = Path(os.environ.get("CAIRN_TEST_BUNDLE") or set_up_bundles())
+    if missing := lacking(folder):
+        cause = f"{folder} lacks the test bundles {missing}"
+        pytest.fail(f"{cause}. Run `cargo xtask setup`, or set CAIRN_TEST_BUNDLE.", pytrace=False)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def program() -> Path:
+    """The trace program: PARITY_TRACE, or built here."""
+    if given := os.environ.get("PARITY_TRACE"):
+        return Path(given)
+    subprocess.run(["cargo", "build", "--quiet", "--package", "parity-trace"], cwd=ROOT, check=True)
+    target = Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
+    return target / "debug" / ("parity-trace.exe" if sys.platform == "win32" else "parity-trace")
+
+
+@pytest.fixture(scope="session")
+def run(bundles: Path, program: Path, tmp_path_factory: pytest.TempPathFactory) -> Runner:
+    """`run(**options)` gives the trace of one rollout; equal options run once.
+
+    `oracle_bundle` is what the oracle reads where the bundle that runs is a faulty copy.
+    """
+    done: dict[tuple, Trace] = {}
+
+    def run(bundle: str | Path = "tiny", oracle_bundle: Path | None = None, **options: str | int) -> Trace:
+        key = (bundle, *sorted(options.items()))
+        if key not in done:
+            path, folder = bundles / bundle, tmp_path_factory.mktemp("trace")
+            arguments = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
+            result = subprocess.run(
+                [program, path, folder, *arguments], capture_output=True, text=True, encoding="utf-8", check=False
+            )
+            command = f"{program.name} {path} {' '.join(arguments)}"
+            assert result.returncode == 0, f"{command}\n{result.stdout}{result.stderr}"
+            done[key] = Trace(oracle_bundle or path, folder)
+        return done[key]
+
+    return run
