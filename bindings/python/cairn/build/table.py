@@ -7,7 +7,6 @@ import math
 import onnx
 from onnx import shape_inference
 
-from .errors import BuildError
 from .geometry import Geometry
 from .graph import Graph
 from .weights import autoencoder_weights, transformer_weights

@@ -226,7 +226,8 @@ class _Interpreter:
     def storage(self, identity) -> _Storage:
         """The persistent identity ("storage", kind, key, device, count)."""
         label, kind, key, device, count = identity
-        if not isinstance(label, str) or label != "storage" or not isinstance(kind, _Name) or kind.name not in _STORAGES or not _whole(count):
+        known = isinstance(kind, _Name) and kind.name in _STORAGES
+        if not isinstance(label, str) or label != "storage" or not known or not _whole(count):
             raise ValueError("a storage of an unknown kind")
         if not isinstance(key, str) or not key.isdecimal() or not isinstance(device, str):
             raise ValueError("a storage with a strange key")
