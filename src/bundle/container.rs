@@ -1,11 +1,12 @@
-//! Where a bundle's bytes come from: a directory or memory.
+//! Where a bundle's bytes come from: a directory, an archive, or memory.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use super::archive::{self, Entry};
 use super::{MANIFEST_NAME, damaged, names};
 use crate::{Error, ErrorKind, Result};
 
@@ -15,19 +16,45 @@ const CHUNK: usize = 1 << 20;
 /// Named files of known sizes. Only names that passed [`names::fault`] are asked for.
 pub(super) enum Container {
     Directory(PathBuf),
+    Archive { file: File, entries: BTreeMap<String, Entry> },
     Memory(BTreeMap<String, Cow<'static, [u8]>>),
 }
 
 impl Container {
     /// The bundle at `path`.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let kind = fs::metadata(path).map_err(|error| io_error(&path.display().to_string(), &error))?;
-        if kind.is_dir() {
+        let shown = path.display().to_string();
+        let found = fs::metadata(path).map_err(|error| io_error(&shown, &error))?;
+        if found.is_dir() {
             return Ok(Self::Directory(path.to_path_buf()));
         }
-        Err(Error::new(ErrorKind::InvalidBundle, "this is no directory")
-            .field(path.display().to_string())
-            .remedy(format!("Give the directory that holds {MANIFEST_NAME}")))
+        if !found.is_file() {
+            return Err(Error::new(ErrorKind::InvalidBundle, "this is neither a directory nor a file")
+                .field(shown)
+                .remedy(format!("Give the directory that holds {MANIFEST_NAME}, or an archive of it")));
+        }
+        let mut file = File::open(path).map_err(|error| io_error(&shown, &error))?;
+        let entries = archive::directory(&mut file, found.len())?;
+        Ok(Self::Archive { file, entries })
+    }
+
+    /// An archive in memory.
+    pub(super) fn from_archive(bytes: Cow<'static, [u8]>) -> Result<Self> {
+        let entries = archive::directory(&mut Cursor::new(&bytes), bytes.len() as u64)?;
+        let mut files = BTreeMap::new();
+        for (name, entry) in entries {
+            let slice = |all: &'static [u8]| entry.place().and_then(|place| all.get(place)).map(Cow::Borrowed);
+            let part = match &bytes {
+                Cow::Borrowed(all) => slice(all),
+                Cow::Owned(all) => entry.place().and_then(|place| all.get(place)).map(|part| Cow::Owned(part.to_vec())),
+            };
+            let part = part.ok_or_else(|| damaged(&name, "the entry lies outside the archive"))?;
+            if name == MANIFEST_NAME {
+                archive::check_manifest(&part, &entry)?;
+            }
+            files.insert(name, part);
+        }
+        Ok(Self::Memory(files))
     }
 
     /// Files in memory.
@@ -59,6 +86,7 @@ impl Container {
                 }
                 Ok(found.len())
             }
+            Self::Archive { entries, .. } => entries.get(name).map(Entry::size).ok_or_else(|| missing(name)),
             Self::Memory(files) => files.get(name).map(|bytes| bytes.len() as u64).ok_or_else(|| missing(name)),
         }
     }
@@ -78,6 +106,15 @@ impl Container {
                     return Err(damaged(name, "the file changed while it was opened"));
                 }
                 read_stream(file, name, size, sink).map(Cow::Owned)
+            }
+            Self::Archive { file, entries } => {
+                let entry = entries.get(name).filter(|entry| entry.size() == size).ok_or_else(|| missing(name))?;
+                file.seek(SeekFrom::Start(entry.data.start)).map_err(|error| io_error(name, &error))?;
+                let bytes = read_stream(file, name, size, sink)?;
+                if name == MANIFEST_NAME {
+                    archive::check_manifest(&bytes, entry)?;
+                }
+                Ok(Cow::Owned(bytes))
             }
             Self::Memory(files) => {
                 let bytes = files.remove(name).ok_or_else(|| missing(name))?;

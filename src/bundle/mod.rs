@@ -4,6 +4,7 @@
 //! allocated or run on its behalf, reads each file once, and keeps the bytes it checked: those, not the files, are what
 //! ONNX Runtime is given later.
 
+mod archive;
 mod container;
 mod manifest;
 mod manifest_check;
@@ -54,7 +55,7 @@ pub struct ModelSource<'a> {
 }
 
 impl Bundle {
-    /// Opens and checks the bundle at `path`, a directory.
+    /// Opens and checks the bundle at `path`: a directory, or an archive.
     ///
     /// # Errors
     /// `Io` where `path` cannot be read; `InvalidBundle` for any break of the format, with the offending file or member;
@@ -78,6 +79,14 @@ impl Bundle {
     /// As [`Bundle::open`]; `InvalidArgument` for a file name that is none, or is given twice.
     pub fn from_memory(files: Vec<(String, Cow<'static, [u8]>)>) -> Result<Arc<Self>> {
         open::load(Container::from_memory(files)?, &OpenOptions::default()).map(Arc::new)
+    }
+
+    /// An archive in memory, e.g. embedded in a library. Borrowed bytes are not copied.
+    ///
+    /// # Errors
+    /// As [`Bundle::open`].
+    pub fn from_archive(bytes: impl Into<Cow<'static, [u8]>>) -> Result<Arc<Self>> {
+        open::load(Container::from_archive(bytes.into())?, &OpenOptions::default()).map(Arc::new)
     }
 
     /// What the bundle says of itself.
