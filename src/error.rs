@@ -63,6 +63,11 @@ impl Error {
         self.kind
     }
 
+    /// What the reader can do about it, where a remedy is known.
+    pub fn remedy_text(&self) -> Option<&str> {
+        self.remedy.as_deref()
+    }
+
     /// The offending field, where one was named.
     pub fn offending_field(&self) -> Option<&str> {
         self.field.as_deref()

@@ -62,10 +62,14 @@ impl Container {
         let mut map = BTreeMap::new();
         for (name, bytes) in files {
             if let Some(fault) = names::fault(&name) {
-                return Err(Error::new(ErrorKind::InvalidArgument, fault).field(name.escape_debug().to_string()));
+                return Err(Error::new(ErrorKind::InvalidArgument, fault)
+                    .field(name.escape_debug().to_string())
+                    .remedy("Give names as docs/bundle.md section 1 says"));
             }
             if map.insert(name.clone(), bytes).is_some() {
-                return Err(Error::new(ErrorKind::InvalidArgument, "the file is given twice").field(name));
+                return Err(Error::new(ErrorKind::InvalidArgument, "the file is given twice")
+                    .field(name)
+                    .remedy("Give each file once"));
             }
         }
         Ok(Self::Memory(map))

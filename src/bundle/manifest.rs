@@ -188,8 +188,13 @@ pub struct Graphs {
     /// Computes in float32: for the CPU provider.
     pub f32: GraphFiles,
     /// Computes in float16: for DirectML.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     pub f16: Option<GraphFiles>,
+}
+
+/// A member that may be missing, but not null.
+fn present<'de, D: serde::Deserializer<'de>>(value: D) -> Result<Option<GraphFiles>, D::Error> {
+    GraphFiles::deserialize(value).map(Some)
 }
 
 /// File names of the three models in one precision.
@@ -223,10 +228,19 @@ pub struct Licence {
     /// SPDX expression.
     pub spdx: String,
     /// The file with the text.
+    #[serde(deserialize_with = "Option::deserialize")] // so that it may be null, but not missing
     pub file: Option<String>,
 }
 
 impl Manifest {
+    /// Reads a manifest's bytes and checks everything that the manifest alone can show.
+    ///
+    /// # Errors
+    /// `InvalidBundle` with the offending member, or `Unsupported` for a newer or older schema or another kind of model.
+    pub fn parse(bytes: &[u8]) -> crate::Result<Self> {
+        super::manifest_check::read_manifest(bytes)
+    }
+
     /// The entry of the file `path`, where it is listed.
     pub fn file(&self, path: &str) -> Option<&FileEntry> {
         self.files.iter().find(|entry| entry.path == path)

@@ -148,6 +148,15 @@ impl std::fmt::Debug for Bundle {
     }
 }
 
+/// Holds one model's bytes to the contract of `manifest`: what [`Bundle::open`] does with each of a bundle's models, for
+/// those who make bundles.
+///
+/// # Errors
+/// `InvalidBundle` with the file name that the manifest has for this model, and the cause.
+pub fn check_model(onnx: &[u8], manifest: &Manifest, kind: GraphKind, precision: Precision) -> Result<()> {
+    onnx::check(onnx, onnx::Subject { manifest, kind, precision }).map(drop)
+}
+
 /// A break of the format in a member of the manifest, a model, or a file.
 fn invalid(field: impl Into<String>, cause: impl Into<String>, remedy: &str) -> Error {
     Error::new(ErrorKind::InvalidBundle, shortened(cause.into())).field(shortened(field.into())).remedy(remedy)

@@ -1,0 +1,26 @@
+//! Reading bundles as untrusted input. The bundles are of the tests' own making.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod archives;
+mod files;
+mod manifest;
+mod models;
+mod mutations;
+
+use cairn::bundle::Bundle;
+use cairn::{Error, Result};
+use std::sync::Arc;
+
+/// The refusal, which must name a field and a remedy.
+#[track_caller]
+fn refusal(case: &str, opened: Result<Arc<Bundle>>) -> Error {
+    let error = match opened {
+        Ok(_) => panic!("{case}: the bundle was accepted"),
+        Err(error) => error,
+    };
+    assert!(error.offending_field().is_some_and(|field| !field.is_empty()), "{case}: no field in `{error}`");
+    assert!(error.remedy_text().is_some_and(|remedy| !remedy.is_empty()), "{case}: no remedy in `{error}`");
+    error
+}

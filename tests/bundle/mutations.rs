@@ -1,0 +1,148 @@
+//! Bytes changed, cut and shuffled at random but by a fixed seed: a refusal or an equal bundle, never a panic.
+
+use cairn::bundle::{Bundle, GraphKind, Manifest, Precision, check_model};
+
+#[path = "../../fuzz/bodies.rs"]
+mod bodies;
+
+use crate::support::toy_bundle::{ToyBundle, WEIGHTS};
+use crate::support::zip_writer::Zip;
+
+/// A toy of one precision, for speed.
+fn small() -> ToyBundle {
+    let mut toy = ToyBundle::new();
+    toy.manifest["graphs"].as_object_mut().unwrap().remove("f16");
+    toy.models.retain(|name, _| name.contains("f32"));
+    toy
+}
+
+#[test]
+fn every_flipped_byte_of_an_archive_is_refused_or_harmless() {
+    let files = small().files();
+    let bytes = Zip::of(files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_ref()))).encode();
+    let expected = Bundle::from_archive(bytes.clone()).unwrap();
+    let weights = files.iter().find(|(name, _)| name == WEIGHTS).unwrap().1.to_vec();
+    let start = bytes.windows(weights.len()).position(|window| window == weights).unwrap();
+    let sampled = |at: &usize| !(start + 64..start + weights.len() - 64).contains(at) || at.is_multiple_of(97);
+    let (mut tried, mut refused) = (0, 0);
+    for at in (0..bytes.len()).filter(sampled) {
+        let mut changed = bytes.clone();
+        changed[at] ^= 1 << (at % 8);
+        tried += 1;
+        match Bundle::from_archive(changed) {
+            Ok(bundle) => assert_eq!(bundle.digest(), expected.digest(), "byte {at}"),
+            Err(_) => refused += 1,
+        }
+    }
+    // Times, attributes and such in an archive's headers mean nothing here; everything else is noticed.
+    assert!(tried > 5000 && refused > tried * 9 / 10, "{refused} of {tried}");
+}
+
+#[test]
+fn every_truncated_model_is_refused() {
+    let toy = ToyBundle::new();
+    let manifest = parsed(&toy);
+    for (name, kind, precision) in models() {
+        let bytes = toy.contents()[&name].clone();
+        check_model(&bytes, &manifest, kind, precision).unwrap();
+        for len in 0..bytes.len() {
+            // The opset comes last in the file, so no cut leaves a whole model.
+            assert!(check_model(&bytes[..len], &manifest, kind, precision).is_err(), "{name} cut to {len}");
+        }
+    }
+}
+
+#[test]
+fn models_with_flipped_bytes_never_panic() {
+    let toy = ToyBundle::new();
+    let manifest = parsed(&toy);
+    for (name, kind, precision) in models() {
+        let bytes = toy.contents()[&name].clone();
+        for at in 0..bytes.len() {
+            for mask in [1 << (at % 8), 0x80, 0xFF] {
+                let mut changed = bytes.clone();
+                changed[at] ^= mask;
+                // A flip inside a name or a document is no fault; all others are refused by the checksum anyway.
+                drop(check_model(&changed, &manifest, kind, precision));
+            }
+        }
+    }
+}
+
+#[test]
+fn truncated_and_flipped_manifests_are_refused_or_say_what_they_say() {
+    let bytes = serde_json::to_vec(&ToyBundle::new().full_manifest()).unwrap();
+    for len in 0..bytes.len() {
+        assert!(Manifest::parse(&bytes[..len]).is_err(), "cut to {len}");
+    }
+    for at in 0..bytes.len() {
+        for mask in [1 << (at % 8), 0x80] {
+            let mut changed = bytes.clone();
+            changed[at] ^= mask;
+            bodies::manifest(&changed);
+        }
+    }
+}
+
+#[test]
+fn fuzz_bodies_stand_seeded_mutations() {
+    for (body, seeds) in [
+        (bodies::manifest as fn(&[u8]), bodies::seeds::manifest()),
+        (bodies::onnx, bodies::seeds::onnx()),
+        (bodies::control_script, bodies::seeds::control_script()),
+    ] {
+        let mut random = Random(1);
+        for seed in &seeds {
+            body(seed);
+            for _ in 0..300 {
+                body(&random.mutate(seed, &seeds));
+            }
+        }
+    }
+}
+
+/// SplitMix64.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self, below: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((mixed ^ (mixed >> 31)) % below.max(1) as u64) as usize
+    }
+
+    fn mutate(&mut self, seed: &[u8], others: &[Vec<u8>]) -> Vec<u8> {
+        let mut bytes = seed.to_vec();
+        for _ in 0..=self.next(3) {
+            let (a, b) = (self.next(bytes.len() + 1), self.next(bytes.len() + 1));
+            let (low, high) = (a.min(b), a.max(b));
+            match self.next(6) {
+                0 if low < bytes.len() => bytes[low] = self.next(256) as u8,
+                1 => drop(bytes.drain(low..high.min(low + 16))),
+                2 => bytes.truncate(high),
+                3 => bytes.insert(low, self.next(256) as u8),
+                4 => {
+                    let part = bytes[low..high.min(low + 64)].to_vec();
+                    bytes.splice(low..low, part);
+                }
+                _ => {
+                    let other = &others[self.next(others.len())];
+                    let from = self.next(other.len());
+                    let part = other[from..other.len().min(from + 40)].to_vec();
+                    bytes.splice(low..low, part);
+                }
+            }
+        }
+        bytes
+    }
+}
+
+fn parsed(toy: &ToyBundle) -> Manifest {
+    Manifest::parse(&serde_json::to_vec(&toy.full_manifest()).unwrap()).unwrap()
+}
+
+fn models() -> Vec<(String, GraphKind, Precision)> {
+    let all = Precision::ALL.into_iter().flat_map(|p| GraphKind::ALL.map(|kind| (format!("{kind}.{p}.onnx"), kind, p)));
+    all.collect()
+}
