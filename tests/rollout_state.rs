@@ -129,7 +129,7 @@ fn damaged_states_are_refused_and_leave_the_rollout_alone() {
         wrong[12..16].copy_from_slice(&len.to_le_bytes());
         refused(&sealed(wrong), "a wrong length");
     }
-    let middle = state.len() / 2 & !3;
+    let middle = (state.len() / 2) & !3;
     let mut poisoned = state.clone();
     // Every alignment of the number is covered by eight bytes.
     poisoned[middle..middle + 8].fill(0xff);
