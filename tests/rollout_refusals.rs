@@ -1,7 +1,7 @@
 //! What a rollout refuses, and that a failure leaves it as it was.
 
 use cairn::runtime::{CpuOptions, Device};
-use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout, World, WorldOptions};
+use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout};
 use cairn::{Error, ErrorKind, Picture};
 
 mod common;

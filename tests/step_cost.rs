@@ -1,0 +1,96 @@
+//! What a latent step costs besides ONNX Runtime's own work: bytes moved, allocations, memory over time.
+
+use cairn::Picture;
+use cairn::bundle::Precision;
+use cairn::world::{CacheMode, ControlInput, OperatingPoint, World, WorldOptions};
+
+#[path = "common/allocations.rs"]
+mod allocations;
+mod common;
+use allocations::{Counting, allocations, resident_bytes};
+use common::{controls, point, seeded, world};
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_latent_step_allocates_nothing_once_warm() {
+    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    for precision in [Precision::F32, Precision::F16] {
+        let options = WorldOptions { precision: Some(precision), ..Default::default() };
+        let world = World::load(&device, &bundle, options).expect("a world");
+        for cache_mode in [CacheMode::Separate, CacheMode::Fused, CacheMode::Interval(2)] {
+            let mut rollout =
+                seeded(&world, &OperatingPoint { cache_mode, pictures_per_latent: 4, ..point(&world) }, 1);
+            let mut picture = Picture::new(1, 1).expect("a picture");
+            let mut cost = Vec::with_capacity(12);
+            for i in 0..12 {
+                let input = controls(i);
+                let before = allocations();
+                rollout.step(&input).expect("a step");
+                for i in 0..4 {
+                    rollout.read_picture(i, &mut picture).expect("a picture");
+                }
+                assert!(rollout.latent().expect("a latent").iter().all(|v| v.is_finite()));
+                cost.push(allocations() - before);
+            }
+            // Of twelve, three warm up: they cross a global layer's write step and both latents of an interval.
+            assert_eq!(cost[3..], [0; 9], "{precision:?}, {cache_mode}: {cost:?}");
+        }
+    }
+}
+
+#[test]
+fn a_latent_step_moves_the_new_slabs_and_its_inputs_and_not_a_byte_more() {
+    for name in ["tiny", "window"] {
+        let (world, bundle) = (world(name), common::bundle(name));
+        let g = bundle.geometry().clone();
+        let mut rollout = seeded(&world, &point(&world), 1);
+        let latent = g.latent_len() as u64 * 4;
+        let rope = 2 * u64::from(g.tokens * g.head_width / 2) * 4;
+        let keys = |buckets: u32| u64::from((buckets + 1) * g.tokens) * 4;
+        let masks = keys(g.local.window) + keys(g.global.window / g.global.dilation);
+        let (passes, controls_bytes) = (5, bundle.manifest().controls.len() as u64 * 4);
+        for i in 0..20 {
+            let plan = rollout.planner().plan_step(&controls(i)).expect("a plan");
+            let info = rollout.step(&controls(i)).expect("a step");
+            assert_eq!(info.bytes.read, 0, "nothing comes down unless asked for");
+            assert_eq!(info.bytes.uploaded, latent + rope + masks + controls_bytes + passes * 8);
+            assert_eq!(info.bytes.copied, info.ring_bytes + latent + passes * 8);
+            let slab = u64::from(g.kv_heads * g.tokens * g.head_width) * 4;
+            let layers = (0..g.layers).filter(|&layer| !g.is_global(layer) || plan.global.slot.is_some()).count();
+            assert_eq!(info.ring_bytes, layers as u64 * 2 * slab, "{name}, latent {i}");
+        }
+    }
+}
+
+/// 200 latents; `CAIRN_SOAK` makes it another number.
+#[test]
+fn soak_memory_stays_flat_over_many_latents() {
+    const WARM: u64 = 100;
+    let latents = match std::env::var("CAIRN_SOAK") {
+        Ok(number) => number.parse().expect("CAIRN_SOAK is a number of latents"),
+        Err(_) => 200,
+    };
+    assert!(latents > WARM, "a soak of {latents} latents says nothing");
+    let world = world("tiny");
+    let mut rollout = seeded(&world, &point(&world), 1);
+    let mut picture = Picture::new(1, 1).expect("a picture");
+    let mut warm = (0, None);
+    for i in 0..latents {
+        if i == WARM {
+            // Reading the resident memory allocates.
+            let resident = resident_bytes();
+            warm = (allocations(), resident);
+        }
+        let input = ControlInput::new([0.5, -0.25], cairn::world::KeySet::NONE, 0.0).expect("controls");
+        rollout.step(&input).expect("a step");
+        rollout.read_picture(0, &mut picture).expect("a picture");
+    }
+    assert_eq!(allocations() - warm.0, 0, "allocations of {} latents", latents - WARM);
+    let (before, after) = (warm.1.expect("resident memory"), resident_bytes().expect("resident memory"));
+    let growth = after.saturating_sub(before);
+    // Less than one latent's slabs for every hundred latents, and room for the allocator's own moods.
+    assert!(growth < 2 << 20, "resident memory grew by {growth} bytes over {} latents", latents - WARM);
+    assert_eq!(rollout.planner().latents(), latents + 1);
+}
