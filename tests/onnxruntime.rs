@@ -1,5 +1,5 @@
-//! The gate before ONNX Runtime: what is no ONNX Runtime 1.24 is refused with cause, field and remedy, and never reaches
-//! code that would assert it.
+//! The gate before ONNX Runtime: what is no ONNX Runtime 1.24 is refused with cause, field and remedy, and never
+//! reaches code that would assert it.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -57,8 +57,8 @@ pub(crate) trait Lane: Send {
     /// A buffer's size in bytes.
     fn size(&self, of: BufferId) -> usize;
 
-    /// Binds `graph` once and for all: `tensors` are its inputs in order, then its outputs in order. An output's buffer must not
-    /// be bound twice in one binding.
+    /// Binds `graph` once and for all: `tensors` are its inputs in order, then its outputs in order. An output's buffer
+    /// must not be bound twice in one binding.
     fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId>;
 
     /// Writes `bytes` into `to` from byte `at` on. `bytes` may be reused at once.

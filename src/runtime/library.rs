@@ -32,8 +32,8 @@ impl Ort {
     /// Loads the library at `path` and starts its environment. Loading the same file again gives the same [`Ort`].
     ///
     /// # Errors
-    /// `RuntimeMissing` when there is no file, it is no ONNX Runtime, or its version is not 1.24.x; `Unsupported` when this
-    /// process already uses another ONNX Runtime file; `Device` when its environment does not start.
+    /// `RuntimeMissing` when there is no file, it is no ONNX Runtime, or its version is not 1.24.x; `Unsupported` when
+    /// this process already uses another ONNX Runtime file; `Device` when its environment does not start.
     pub fn load(path: &Path) -> Result<Ort> {
         let path = path.canonicalize().map_err(|e| missing(path, &format!("cannot be opened: {e}")))?;
         let mut loaded = LOADED.lock();
@@ -70,8 +70,8 @@ impl Ort {
     /// Finds ONNX Runtime and loads it. With `explicit`, that file and no other; else the file that the environment
     /// variable `CAIRN_ONNXRUNTIME` names, and no other; else the first there is of: beside this library, beside the
     /// program, `<cache>/cairn/onnxruntime-1.24.4/`, where `<cache>` is `$CAIRN_CACHE_DIR`, else `$XDG_CACHE_HOME` or
-    /// `~/.cache` (on Windows `%LOCALAPPDATA%`). The system's library path is never searched: a stray library of another
-    /// version lies there too often.
+    /// `~/.cache` (on Windows `%LOCALAPPDATA%`). The system's library path is never searched: a stray library of
+    /// another version lies there too often.
     ///
     /// # Errors
     /// As [`Ort::load`]; `RuntimeMissing` names the places looked at.

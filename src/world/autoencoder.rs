@@ -17,8 +17,8 @@ struct Side {
 
 /// A rollout's autoencoder.
 ///
-/// The decoder goes back and forth between two sides: it reads one side's memories and writes the other's, so that a failure
-/// leaves the side that counts as it was.
+/// The decoder goes back and forth between two sides: it reads one side's memories and writes the other's, so that a
+/// failure leaves the side that counts as it was.
 pub(super) struct Autoencoder {
     shapes: Shapes,
     precision: Precision,
@@ -66,8 +66,8 @@ impl Autoencoder {
         lane.run(self.encode)
     }
 
-    /// Decodes latent number `latent`, after decoding it `prime` times for the memories' sake alone. Gives the side the result is on, for
-    /// [`commit`](Self::commit); until then the side that counts is as it was.
+    /// Decodes latent number `latent`, after decoding it `prime` times for the memories' sake alone. Gives the side the
+    /// result is on, for [`commit`](Self::commit); until then the side that counts is as it was.
     pub(super) fn decode(&self, lane: &mut dyn Lane, latent: u64, prime: u32) -> Result<usize> {
         // One run writes the side that does not count. More runs come back to the one that does.
         let mut backup = Vec::new();
@@ -113,7 +113,8 @@ impl Autoencoder {
         numbers::read(lane, self.precision, self.sides[self.current].rgb, i * self.shapes.picture_len(), planes)
     }
 
-    /// The buffers that make up the decoder's state and last pictures, in the order of the bundle's memories, pictures last.
+    /// The buffers that make up the decoder's state and last pictures, in the order of the bundle's memories, pictures
+    /// last.
     pub(super) fn state(&self) -> impl Iterator<Item = BufferId> + '_ {
         self.side_buffers(self.current)
     }

@@ -38,8 +38,8 @@ pub(super) fn read(lane: &dyn Lane, precision: Precision, from: BufferId, at: us
     match precision {
         Precision::F32 => lane.read(from, at * 4, bytemuck::cast_slice_mut(values)),
         Precision::F16 => {
-            // The halves land in the rear half of the memory they are widened in: number i is read at byte 2n + 2i before
-            // bytes 4i to 4i + 3 are written, and no later number lies there.
+            // The halves land in the rear half of the memory they are widened in: number i is read at byte 2n + 2i
+            // before bytes 4i to 4i + 3 are written, and no later number lies there.
             let n = values.len();
             let halves: &mut [f16] = bytemuck::cast_slice_mut(values);
             lane.read(from, at * 2, bytemuck::cast_slice_mut(&mut halves[n..]))?;

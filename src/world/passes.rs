@@ -19,8 +19,8 @@ const ROW: usize = 8;
 
 /// Inputs, outputs and bindings of the transformer.
 ///
-/// Two latent buffers take turns: a pass reads one and writes the other, so passes follow each other on the device without
-/// a copy. The first one, [`latent`](Self::latent), is where the finished latent ends up.
+/// Two latent buffers take turns: a pass reads one and writes the other, so passes follow each other on the device
+/// without a copy. The first one, [`latent`](Self::latent), is where the finished latent ends up.
 pub(super) struct Passes {
     shapes: Shapes,
     precision: Precision,

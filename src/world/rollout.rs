@@ -59,8 +59,9 @@ impl Rollout {
     /// A rollout at its start: empty rings, clocks at zero, decoder unprimed. `seed` decides all noise.
     ///
     /// # Errors
-    /// `InvalidArgument` when the operating point does not fit the world, or names another global window than it was loaded with;
-    /// `OutOfMemory`, with figures, when its memory cannot be had; `Device` when ONNX Runtime refuses a binding.
+    /// `InvalidArgument` when the operating point does not fit the world, or names another global window than it was
+    /// loaded with; `OutOfMemory`, with figures, when its memory cannot be had; `Device` when ONNX Runtime refuses a
+    /// binding.
     pub fn new(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Result<Self> {
         world.check_point(point)?;
         let planner = Planner::new(world.manifest(), point, seed)?;
@@ -87,9 +88,9 @@ impl Rollout {
         })
     }
 
-    /// Appends a still picture of any size, as the seed or in the midst of a rollout: it is resized to the autoencoder's
-    /// size (which squeezes or stretches it), encoded, committed by a cache pass of its own at sigma 0 with idle controls, and
-    /// decoded.
+    /// Appends a still picture of any size, as the seed or in the midst of a rollout: it is resized to the
+    /// autoencoder's size (which squeezes or stretches it), encoded, committed by a cache pass of its own at sigma 0
+    /// with idle controls, and decoded.
     ///
     /// # Errors
     /// `Device` when a pass fails or gives a number that is not finite; `Unsupported` when a clock has run out.
@@ -128,8 +129,8 @@ impl Rollout {
     /// Executes a plan to the letter, whoever made it: denoise passes, cache pass, decoding, commit.
     ///
     /// # Errors
-    /// As [`append`](Self::append), and `InvalidArgument` for a plan that cannot be executed now, that holds a number that is not
-    /// finite, or that does not start from noise.
+    /// As [`append`](Self::append), and `InvalidArgument` for a plan that cannot be executed now, that holds a number
+    /// that is not finite, or that does not start from noise.
     pub fn execute(&mut self, plan: &StepPlan) -> Result<StepInfo> {
         self.check_plan(plan)?;
         if plan.noise.is_none() || plan.sigmas.is_empty() {
@@ -144,8 +145,8 @@ impl Rollout {
     /// Executes the plan of an append with a latent from outside, `[C, h, w]`.
     ///
     /// # Errors
-    /// As [`execute`](Self::execute), for a plan that starts from noise, and for a latent of another length or with a number that is
-    /// not finite.
+    /// As [`execute`](Self::execute), for a plan that starts from noise, and for a latent of another length or with a
+    /// number that is not finite.
     pub fn execute_append(&mut self, plan: &StepPlan, latent: &[f32]) -> Result<StepInfo> {
         self.check_plan(plan)?;
         if plan.noise.is_some() || !plan.sigmas.is_empty() {
@@ -159,8 +160,8 @@ impl Rollout {
         self.finish(plan, run)
     }
 
-    /// Runs one frozen pass by `plan` on latent `x` at noise level `sigma`, and gives the velocity, `x - x_next` at dsigma -1, with K
-    /// and V of the latent. The rollout stays as it is.
+    /// Runs one frozen pass by `plan` on latent `x` at noise level `sigma`, and gives the velocity, `x - x_next` at
+    /// dsigma -1, with K and V of the latent. The rollout stays as it is.
     ///
     /// # Errors
     /// As [`execute_append`](Self::execute_append), for any plan.
@@ -226,8 +227,8 @@ impl Rollout {
         Ok(self.host_latent.get_or_init(|| latent))
     }
 
-    /// Writes picture `i` of the last latent, 0 to `pictures_per_latent - 1` in order of time, at render size; waits for it.
-    /// `picture` is replaced when it has another size, else its memory is used again.
+    /// Writes picture `i` of the last latent, 0 to `pictures_per_latent - 1` in order of time, at render size; waits
+    /// for it. `picture` is replaced when it has another size, else its memory is used again.
     ///
     /// # Errors
     /// `InvalidArgument` before the first latent and for a picture that is not there; `Device` when it cannot be read.
@@ -328,7 +329,8 @@ impl Rollout {
         result
     }
 
-    /// All of a step but what comes before its denoise passes. Nothing that counts is written before every result is there and finite.
+    /// All of a step but what comes before its denoise passes. Nothing that counts is written before every result is
+    /// there and finite.
     fn finish(&mut self, plan: &StepPlan, mut run: Run) -> Result<StepInfo> {
         let lane = &mut *self.lane;
         self.passes.prepare(lane, plan, [0.0, 0.0])?;

@@ -11,7 +11,8 @@
 //! 32 bytes  SHA-256 of all before
 //! ```
 //!
-//! All numbers are little-endian. The state of a rollout continues bit for bit on the same kind of device, in any process.
+//! All numbers are little-endian. The state of a rollout continues bit for bit on the same kind of device, in any
+//! process.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -38,8 +39,8 @@ struct Head {
 }
 
 impl Rollout {
-    /// The whole state: rings, clocks, flags, seed, operating point, decoder memories, last latent and its pictures. Waits for the
-    /// device.
+    /// The whole state: rings, clocks, flags, seed, operating point, decoder memories, last latent and its pictures.
+    /// Waits for the device.
     ///
     /// # Errors
     /// `OutOfMemory` when the copy does not fit; `Device` when the device cannot be read.
@@ -68,13 +69,13 @@ impl Rollout {
         Ok(out)
     }
 
-    /// Takes up a state that [`save`](Self::save) made in a rollout of the same bundle, precision and global window, in this process or
-    /// another. The operating point and the seed become the state's. What follows is, bit for bit, what would have followed
-    /// there.
+    /// Takes up a state that [`save`](Self::save) made in a rollout of the same bundle, precision and global window, in
+    /// this process or another. The operating point and the seed become the state's. What follows is, bit for bit, what
+    /// would have followed there.
     ///
     /// # Errors
-    /// `Unsupported` for a state of another version; `InvalidState` when it is damaged, belongs to another bundle, precision or global
-    /// window, or holds a number that is not finite. The rollout is unchanged then.
+    /// `Unsupported` for a state of another version; `InvalidState` when it is damaged, belongs to another bundle,
+    /// precision or global window, or holds a number that is not finite. The rollout is unchanged then.
     pub fn restore(&mut self, state: &[u8]) -> Result<()> {
         let (head, planner_state, payload) = split(state)?;
         let head: Head = serde_json::from_slice(head).map_err(|e| damaged(&format!("its head is not valid: {e}")))?;

@@ -36,8 +36,8 @@ pub struct World {
 
 impl World {
     /// Loads `bundle` on `device`: compares the memory it needs with what there is, makes the three sessions and checks
-    /// their tensors against the manifest's geometry. Takes seconds to minutes with real weights. The bundle's bytes are not
-    /// needed afterwards.
+    /// their tensors against the manifest's geometry. Takes seconds to minutes with real weights. The bundle's bytes
+    /// are not needed afterwards.
     ///
     /// # Errors
     /// `InvalidArgument` for a global window the bundle does not serve; `Unsupported` for a precision it does not hold;
@@ -143,8 +143,8 @@ impl World {
         (layers * 2 * self.shapes.slab_len() * element) as u64
     }
 
-    /// Bytes of past K and V that the concat of past and present moves inside the transformer in one pass, from its shapes: every
-    /// ring and the current latent of every layer, read and written once.
+    /// Bytes of past K and V that the concat of past and present moves inside the transformer in one pass, from its
+    /// shapes: every ring and the current latent of every layer, read and written once.
     pub fn concat_bytes_per_pass(&self) -> u64 {
         let geometry = &self.manifest.geometry;
         let numbers: usize = (0..geometry.layers)

@@ -1,5 +1,5 @@
-//! What the tests that run a world have in common. They need ONNX Runtime and the test bundles, which `cargo xtask setup`
-//! makes, and fail without them.
+//! What the tests that run a world have in common. They need ONNX Runtime and the test bundles, which `cargo xtask
+//! setup` makes, and fail without them.
 #![allow(dead_code, unreachable_pub, reason = "each test program uses its part")]
 
 use std::path::PathBuf;
