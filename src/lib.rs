@@ -9,6 +9,10 @@
 //! A room uses only the rooms below it in the list of modules here, never above.
 #![warn(missing_docs)]
 
+// Tests inside the library share helpers with those outside, which call it by name.
+#[cfg(test)]
+extern crate self as cairn;
+
 pub mod present;
 
 pub mod framegen;

@@ -1,7 +1,7 @@
 //! What a rollout refuses, and that a failure leaves it as it was.
 
 use cairn::runtime::{CpuOptions, Device};
-use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout};
+use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture};
 
 mod common;
@@ -122,6 +122,20 @@ fn an_operating_point_of_another_window_is_refused() {
     let world = world("tiny");
     let error = Rollout::new(&world, &OperatingPoint { global_window: 8, ..point(&world) }, 0).expect_err("another g");
     assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("global_window")));
+}
+
+#[test]
+fn what_does_not_fit_memory_is_refused_with_figures_before_it_is_made() {
+    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let need = bundle.memory_need(cairn::bundle::Precision::F32, 64).expect("figures");
+    let load = |limit| {
+        let options = WorldOptions { global_window: Some(64), memory_limit: Some(limit), ..Default::default() };
+        World::load(&device, &bundle, options)
+    };
+    let error = load(need.total - 1).expect_err("one byte short");
+    assert_eq!(error.kind(), ErrorKind::OutOfMemory);
+    assert!(error.to_string().matches("MiB").count() == 2 && error.to_string().contains("ring"), "{error}");
+    assert_eq!(load(need.total).expect("it fits").memory_need(), &need);
 }
 
 #[test]

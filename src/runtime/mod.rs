@@ -16,6 +16,7 @@ mod memory;
 
 pub use cpu::CpuOptions;
 pub use device::Device;
+pub(crate) use device::memory_available;
 pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
 pub(crate) use lane::{BindingId, BufferId, Lane, Region};

@@ -4,6 +4,8 @@ mod autoencoder;
 mod contract;
 mod controls;
 #[cfg(test)]
+mod fault_tests;
+#[cfg(test)]
 mod fixture;
 mod keys;
 mod kv_memory;

@@ -64,6 +64,7 @@ impl Rollout {
     /// binding.
     pub fn new(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Result<Self> {
         world.check_point(point)?;
+        world.check_room_for_rollout()?;
         let planner = Planner::new(world.manifest(), point, seed)?;
         let mut lane = world.device().lane()?;
         let kv = KvMemory::new(&mut *lane, world)?;

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::contract::{self, Shapes};
-use super::operating_point::{OperatingPoint, global_buckets};
-use crate::bundle::{Bundle, GraphKind, Manifest, Precision};
-use crate::runtime::{Device, Graph};
+use super::operating_point::OperatingPoint;
+use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision};
+use crate::runtime::{Device, Graph, memory_available};
 use crate::{Error, ErrorKind, Result};
 
 /// How a bundle is loaded.
@@ -16,6 +16,8 @@ pub struct WorldOptions {
     pub global_window: Option<u32>,
     /// What the graphs compute in. `None`: what the device is best at.
     pub precision: Option<Precision>,
+    /// Bytes this world with its bundle and one rollout may take. `None`: what the system has available.
+    pub memory_limit: Option<u64>,
 }
 
 /// A loaded bundle: sessions, weights and geometry.
@@ -28,6 +30,7 @@ pub struct World {
     digest: String,
     precision: Precision,
     global_window: u32,
+    need: MemoryNeed,
     pub(super) shapes: Shapes,
     pub(super) transformer: Arc<Graph>,
     pub(super) encoder: Arc<Graph>,
@@ -41,8 +44,8 @@ impl World {
     ///
     /// # Errors
     /// `InvalidArgument` for a global window the bundle does not serve; `Unsupported` for a precision it does not hold;
-    /// `InvalidBundle` when the graphs contradict the manifest; `Device` when
-    /// ONNX Runtime refuses a graph.
+    /// `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict the manifest;
+    /// `Device` when ONNX Runtime refuses a graph.
     pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
         let manifest = bundle.manifest();
         let geometry = bundle.geometry();
@@ -53,7 +56,12 @@ impl World {
                 .remedy("Use another precision, or build the bundle with it"));
         }
         let global_window = options.global_window.unwrap_or(geometry.global.window);
-        global_buckets(geometry, global_window)?;
+        let need = bundle.memory_need(precision, global_window)?;
+        // The bundle itself is in memory already.
+        let limit = options.memory_limit.or_else(|| Some(memory_available()?.saturating_add(need.bundle)));
+        if let Some(limit) = limit {
+            need.check_fits(limit)?;
+        }
 
         let shapes = Shapes::new(manifest, global_window);
         let graph = |kind, what, dimensions: &[(&str, usize)], c: contract::Contract| {
@@ -73,6 +81,7 @@ impl World {
             digest: bundle.digest().to_owned(),
             precision,
             global_window,
+            need,
             shapes,
             transformer,
             encoder,
@@ -92,6 +101,24 @@ impl World {
             .remedy("Load the world with the operating point's global window"));
         }
         Ok(())
+    }
+
+    /// Checks that one more rollout fits, before anything of it is allocated.
+    pub(super) fn check_room_for_rollout(&self) -> Result<()> {
+        let wanted = self.need.ring.saturating_add(self.need.slabs);
+        match memory_available() {
+            Some(room) if room < wanted => Err(Error::new(
+                ErrorKind::OutOfMemory,
+                format!(
+                    "a rollout needs {} MiB for its ring and slabs, {} MiB are available",
+                    wanted.div_ceil(1 << 20),
+                    room >> 20
+                ),
+            )
+            .field("global_window")
+            .remedy("Drop another rollout, or load the world at a smaller global window")),
+            _ => Ok(()),
+        }
     }
 
     /// The device it runs on.
@@ -117,6 +144,11 @@ impl World {
     /// The global window g, in latents.
     pub fn global_window(&self) -> u32 {
         self.global_window
+    }
+
+    /// Bytes this world and one rollout need.
+    pub fn memory_need(&self) -> &MemoryNeed {
+        &self.need
     }
 
     /// Numbers of one latent, `C * h * w`.
