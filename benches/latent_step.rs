@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use cairn::Picture;
 use cairn::bundle::Bundle;
 use cairn::runtime::{CpuOptions, Device, Ort};
-use cairn::world::{CacheMode, ControlInput, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions};
+use cairn::world::{CacheMode, ControlInput, OperatingPoint, Preset, Rollout, Schedule, StepInfo, World, WorldOptions};
 use ort::memory::Allocator;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{IoBinding, Session};
@@ -91,10 +91,12 @@ fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Err
     let mut bare = Bare::start(ort, world, path, passes)?;
     let (mut ours, mut theirs) = (Duration::ZERO, Duration::ZERO);
     let (mut steps, mut allocations, mut ring_bytes) = (0, 0, 0);
+    let mut last = StepInfo::default();
     let mut step = 0;
     while step < WARM_UP || steps < AT_LEAST.1 || ours + theirs < AT_LEAST.0 {
         let (began, before) = (Instant::now(), ALLOCATIONS.load(Ordering::Relaxed));
         let info = rollout.step(&ControlInput::default())?;
+        last = info;
         let (took, made) = (began.elapsed(), ALLOCATIONS.load(Ordering::Relaxed) - before);
         let bare_runs = bare.runs()?;
         if step >= WARM_UP {
@@ -116,6 +118,9 @@ fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Err
     println!("  bytes into the ring per step             {:>10.0}", ring_bytes as f64 / steps as f64);
     println!("  new slabs of a step, all layers          {:>10}", world.slab_bytes(true));
     println!("  new slabs of a step, local layers        {:>10}", world.slab_bytes(false));
+    println!("  other bytes copied on the device         {:>10}", last.bytes.copied - last.ring_bytes);
+    println!("  bytes up to the device                   {:>10}", last.bytes.uploaded);
+    println!("  bytes down from the device               {:>10}", last.bytes.read);
     println!("  K and V moved inside the graph per pass  {:>10}", world.concat_bytes_per_pass());
     Ok(())
 }
