@@ -130,16 +130,31 @@ class Trace:
                 owners[clock // dilation % buckets] = row
         return owners
 
+    @cached_property
+    def decoded(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """All latents' pictures and decoder memories, decoded in one go."""
+        latents = np.array([step.latent for step in self.steps], dtype=np.float64)
+        return autoencoder.decode(self.weights.decoder, latents)
+
     def pictures(self) -> Iterator[Deviation]:
         """Pictures and decoder memories of every recorded latent, and what the encoder made of appended pictures."""
-        latents = np.array([step.latent for step in self.steps], dtype=np.float64)
-        pictures, memories = autoencoder.decode(self.weights.decoder, latents)
+        pictures, memories = self.decoded
         for q in self.tested:
             yield Deviation("picture", q, 0, relative(self[f"{q}.rgb"], pictures[q]))
             for index, memory in enumerate(memories):
                 yield Deviation("memory", q, index, relative(self[f"{q}.memory.{index}"][0], memory[q]))
             if self.steps[q].appended:
                 yield Deviation("appended latent", q, 0, relative(self.steps[q].latent, self.encoded(q)))
+
+    def shown(self) -> Iterator[tuple[int, float]]:
+        """Of every picture at render size, in 8 bits: its latent, and by how many levels its worst number is off."""
+        width, height = self.geometry.render
+        for q in self.tested:
+            for i, picture in enumerate(self.decoded[0][q]):
+                exact = autoencoder.resize(picture, width, height).transpose(1, 2, 0) * 255
+                actual = self[f"{q}.shown.{i}"]
+                assert (actual[:, :, 3] == 255).all(), "pictures are opaque"
+                yield q, float(np.abs(actual[:, :, :3] - exact).max())
 
     def encoded(self, q: int) -> np.ndarray:
         """The latent of appended picture `q`: four equal pictures, stretched to the autoencoder's size."""

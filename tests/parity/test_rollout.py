@@ -83,6 +83,14 @@ def test_pictures_and_decoder_memories(run: Runner, case: str) -> None:
     assert {"picture", "memory", "appended latent"} == {d.place for d in deviations}
 
 
+@pytest.mark.parametrize("case", PICTURES)
+def test_pictures_as_they_are_shown(run: Runner, case: str) -> None:
+    trace = run(**CASES[case])
+    # Half a level is rounding to 8 bits; the rest is what the decoder may be off.
+    latent, levels = max(trace.shown(), key=lambda found: found[1])
+    assert levels <= 0.5 + 255 * bound(trace), f"latent {latent}"
+
+
 def test_steps_end_where_their_passes_lead(trace: Trace) -> None:
     """The latent of a step is the Euler sum of the velocities that the frozen passes gave one by one."""
     for q in trace.tested:

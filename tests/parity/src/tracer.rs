@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use cairn::Picture;
 use cairn::bundle::{Geometry, Precision};
 use cairn::world::{CachePass, ControlInput, Part, Rollout, StepPlan};
 use sha2::{Digest, Sha256};
@@ -208,6 +209,13 @@ impl Tracer {
         let [width, height] = self.rollout.world().manifest().picture.decoded;
         let shape = [g.autoencoder.temporal as usize, 3, height as usize, width as usize];
         self.tensors.floats(format!("{q}.rgb"), &shape, &self.rollout.decoded()?);
+        let mut picture = Picture::new(1, 1)?;
+        for i in 0..g.autoencoder.temporal {
+            self.rollout.read_picture(i, &mut picture)?;
+            let (width, height) = picture.size();
+            let shape = [height as usize, width as usize, 4];
+            self.tensors.octets(format!("{q}.shown.{i}"), &shape, picture.rgba().to_vec());
+        }
         for (i, (memory, shape)) in self.rollout.decoder_memories()?.iter().zip(&g.autoencoder.memories).enumerate() {
             let shape = [1, shape[0] as usize, shape[1] as usize, shape[2] as usize];
             self.tensors.floats(format!("{q}.memory.{i}"), &shape, memory);
