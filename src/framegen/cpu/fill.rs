@@ -177,3 +177,63 @@ impl Candidates<'_> {
         [x as f32 + reach * mx, y as f32 + reach * my]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::framegen::cpu::tests::world::guide;
+
+    /// A row of 20 pixels, all of which leave it but two that move as stated: `(pixel, motion, depth)`. Those that
+    /// leave are nearest, but for one. Gives where place 8 takes its vector from.
+    fn source_of_a_hole(two: [(usize, f64, f32); 2], farthest: Option<usize>, reach: f32) -> Vector {
+        let size = (20, 1);
+        let guidance = guide(20, 1, |x, _| match two.iter().find(|(pixel, ..)| *pixel == x as usize) {
+            Some(&(_, motion, depth)) => ([motion, 0.0], depth),
+            None => ([0.0, 1.0], if farthest == Some(x as usize) { 0.9 } else { 0.0 }),
+        });
+        let (mut surfaces, mut at_phase, mut at_previous) = (Surfaces::default(), Splat::default(), Splat::default());
+        surfaces.prepare_anchor(&guidance).unwrap();
+        at_phase.splat(&surfaces, size, reach).unwrap();
+        at_previous.splat(&surfaces, size, 1.0).unwrap();
+        let mut filler = Filler::default();
+        let previous = (reach > 0.0).then_some(&at_previous);
+        assert_eq!(filler.fill(&surfaces, &at_phase, reach, previous, size).unwrap(), 18.0 / 20.0);
+        assert_eq!([filler.vector(5), filler.vector(11)], [Vector::Own(two[0].0), Vector::Own(two[1].0)]);
+        filler.vector(8)
+    }
+
+    #[test]
+    fn of_two_surfaces_the_farther_goes_on() {
+        assert_eq!(source_of_a_hole([(10, 5.0, 0.3), (4, -7.0, 0.6)], None, -1.0), Vector::Borrowed(4));
+        assert_eq!(source_of_a_hole([(10, 5.0, 0.6), (4, -7.0, 0.3)], None, -1.0), Vector::Borrowed(10));
+    }
+
+    #[test]
+    fn a_surface_that_would_be_visible_now_does_not_go_on() {
+        // Pixel 10 leads to pixel 13, which is behind it and would show it.
+        assert_eq!(source_of_a_hole([(10, 5.0, 0.6), (4, -7.0, 0.3)], Some(13), -1.0), Vector::Borrowed(4));
+    }
+
+    #[test]
+    fn a_surface_whose_past_is_accounted_for_does_not_go_on() {
+        // Pixel 11 leads to place 2 of the previous anchor, which is where pixel 19 comes from.
+        assert_eq!(source_of_a_hole([(11, -12.0, 0.6), (19, -17.0, 0.3)], None, 0.5), Vector::Borrowed(19));
+    }
+
+    #[test]
+    fn where_nothing_lands_in_row_or_column_there_is_no_vector() {
+        let guidance = guide(6, 4, |x, y| if (x, y) == (1.0, 1.0) { ([0.0; 2], 0.5) } else { ([6.0, 0.0], 0.5) });
+        let (mut surfaces, mut splat, mut filler) = (Surfaces::default(), Splat::default(), Filler::default());
+        surfaces.prepare_anchor(&guidance).unwrap();
+        splat.splat(&surfaces, (6, 4), -1.0).unwrap();
+        filler.fill(&surfaces, &splat, -1.0, None, (6, 4)).unwrap();
+        for place in 0..24 {
+            let expected = match (place % 6, place / 6) {
+                (1, 1) => Vector::Own(7),
+                (1, _) | (_, 1) => Vector::Borrowed(7),
+                _ => Vector::Missing,
+            };
+            assert_eq!(filler.vector(place), expected, "{place}");
+        }
+    }
+}

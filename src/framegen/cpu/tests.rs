@@ -2,4 +2,4 @@
 
 mod bounds;
 mod scenes;
-mod world;
+pub(super) mod world;

@@ -7,7 +7,7 @@ use crate::framegen::{AnchorPair, FrameGenerator, GenerateReport, cpu::CpuGenera
 use crate::guidance::{DepthMap, Guidance, MotionField, paper};
 
 /// Draws a picture by a rule for each pixel.
-pub(super) fn draw(width: u32, height: u32, rule: impl Fn(f64, f64) -> [u8; 3]) -> Picture {
+pub(in crate::framegen::cpu) fn draw(width: u32, height: u32, rule: impl Fn(f64, f64) -> [u8; 3]) -> Picture {
     let mut picture = Picture::new(width, height).unwrap();
     for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
         let [r, g, b] = rule((i as u32 % width).into(), (i as u32 / width).into());
@@ -17,7 +17,7 @@ pub(super) fn draw(width: u32, height: u32, rule: impl Fn(f64, f64) -> [u8; 3]) 
 }
 
 /// Guidance by a rule for each pixel: motion from current to previous, and depth.
-pub(super) fn guide(width: u32, height: u32, rule: impl Fn(f64, f64) -> ([f64; 2], f32)) -> Guidance {
+pub(in crate::framegen::cpu) fn guide(width: u32, height: u32, rule: impl Fn(f64, f64) -> ([f64; 2], f32)) -> Guidance {
     let (mut motion, mut depth) =
         (MotionField::new(width, height).unwrap(), DepthMap::new(width, height, paper::PROJECTION).unwrap());
     for i in 0..(width * height) {
@@ -29,7 +29,7 @@ pub(super) fn guide(width: u32, height: u32, rule: impl Fn(f64, f64) -> ([f64; 2
 }
 
 /// A smooth texture without a period that matters here, so that a wrong place looks wrong.
-pub(super) fn texture(x: f64, y: f64) -> [u8; 3] {
+pub(in crate::framegen::cpu) fn texture(x: f64, y: f64) -> [u8; 3] {
     let wave = |a: f64, b: f64, c: f64| {
         let v =
             (x * a + y * b + c).sin() + (x * b * 0.71 - y * a * 1.37 + 2.0 * c).sin() + (x * 0.043 - y * 0.031).cos();
@@ -39,7 +39,7 @@ pub(super) fn texture(x: f64, y: f64) -> [u8; 3] {
 }
 
 /// Noise: every whole position has a level of its own.
-pub(super) fn noise(x: f64, y: f64) -> [u8; 3] {
+pub(in crate::framegen::cpu) fn noise(x: f64, y: f64) -> [u8; 3] {
     let mut h =
         (x as i64 as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as i64 as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
     h = (h ^ (h >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -48,7 +48,7 @@ pub(super) fn noise(x: f64, y: f64) -> [u8; 3] {
 }
 
 /// Something like a photograph: detail at every scale, the stronger the larger.
-pub(super) fn landscape(x: f64, y: f64) -> [u8; 3] {
+pub(in crate::framegen::cpu) fn landscape(x: f64, y: f64) -> [u8; 3] {
     let mut light = 0.0;
     for octave in 0..6 {
         let cell = f64::from(64 >> octave);
@@ -62,7 +62,7 @@ pub(super) fn landscape(x: f64, y: f64) -> [u8; 3] {
 }
 
 /// Generates at `t` with a fresh generator.
-pub(super) fn generate(
+pub(in crate::framegen::cpu) fn generate(
     previous: &Picture,
     current: &Picture,
     guidance: &Guidance,
@@ -75,7 +75,7 @@ pub(super) fn generate(
 }
 
 /// The largest difference of any channel over the pixels that `inside` admits, with its place.
-pub(super) fn worst(a: &Picture, b: &Picture, inside: impl Fn(i64, i64) -> bool) -> (u8, (i64, i64)) {
+pub(in crate::framegen::cpu) fn worst(a: &Picture, b: &Picture, inside: impl Fn(i64, i64) -> bool) -> (u8, (i64, i64)) {
     assert_eq!(a.size(), b.size());
     let width = i64::from(a.width());
     let mut worst = (0, (0, 0));
@@ -90,7 +90,7 @@ pub(super) fn worst(a: &Picture, b: &Picture, inside: impl Fn(i64, i64) -> bool)
 }
 
 /// Mean absolute difference of all channels.
-pub(super) fn mean_difference(a: &Picture, b: &Picture) -> f64 {
+pub(in crate::framegen::cpu) fn mean_difference(a: &Picture, b: &Picture) -> f64 {
     assert_eq!(a.size(), b.size());
     let sum: u64 = a.rgba().iter().zip(b.rgba()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
     sum as f64 / (a.rgba().len() * 3 / 4) as f64
