@@ -83,7 +83,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         Kind::F16 => Precision::F16,
     };
     let global_window = arguments.global_window.unwrap_or(bundle.geometry().global.window);
-    let options = WorldOptions { global_window: Some(global_window), precision: Some(precision) };
+    let options =
+        WorldOptions { global_window: Some(global_window), precision: Some(precision), ..WorldOptions::default() };
     let world = World::load(&device, &bundle, options)?;
     let point = OperatingPoint {
         global_window,
