@@ -82,7 +82,7 @@ pub(super) fn count(ended: &Ended) -> Tally {
             tally.passed += counted(counts, "passed");
         } else if let Some(test) = line.strip_prefix("test ") {
             if let Some(name) = test.strip_suffix(" ... FAILED") {
-                tally.failures.push(name.to_owned());
+                tally.failures.push(name.trim().to_owned());
             } else if let Some((name, reason)) = test.split_once(" ... ignored") {
                 let reason = reason.trim_start_matches([',', ' ']);
                 let reason = if reason.is_empty() { "no reason given" } else { reason };

@@ -82,6 +82,11 @@ impl<'a> Context<'a> {
         Self::provide(&self.python, provision::python_env)
     }
 
+    /// The random-weight world `name`.
+    fn bundle(&self, name: &str) -> Result<PathBuf, String> {
+        Ok(Self::provide(&self.bundles, provision::test_bundles)?.join(name))
+    }
+
     /// Tells a command where ONNX Runtime and the test worlds are.
     fn provide_worlds(&self, command: &mut Command) -> Result<(), String> {
         command.env("CAIRN_ONNXRUNTIME", Self::provide(&self.library, provision::onnxruntime)?);

@@ -11,6 +11,22 @@ use crate::shell::Log;
 /// What a rollout leaves.
 const MADE: [&str; 2] = ["manifest.json", "contact-sheet.png"];
 
+/// Half a second of a small world: 15 anchors a second and a generated frame between every two.
+const SHORT: &[&str] = &[
+    "--preset",
+    "coherence",
+    "--context",
+    "g16",
+    "--schedule",
+    "stock",
+    "--seconds",
+    "0.5",
+    "--size",
+    "256x144",
+    "--formats",
+    "mp4,png,y4m",
+];
+
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
     let folder = context.clone.target.join("xtask").join("study");
@@ -22,7 +38,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let mut tally = Tally::default();
 
     let mut rollout = study(context)?;
-    rollout.args(["demo", "--out"]).arg(&first);
+    rollout.arg("rollout").arg("--world").arg(context.bundle("tiny")?).args(SHORT).arg("--out").arg(&first);
     tally.check((!log.run(&mut rollout)?.success).then(|| "the rollout failed".to_owned()));
     for name in MADE {
         tally.check(missing(&first.join(name)));
