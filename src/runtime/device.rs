@@ -79,13 +79,3 @@ impl std::fmt::Debug for Device {
         write!(f, "Device({})", self.describe())
     }
 }
-
-/// Bytes of memory this process can still have without swapping: the system's, or the control group's where that is
-/// less. `None` where the system does not say.
-pub(crate) fn memory_available() -> Option<u64> {
-    use sysinfo::{MemoryRefreshKind, RefreshKind, System};
-    let kind = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
-    let system = System::new_with_specifics(kind).ok()?;
-    let group = system.cgroup_limits().map_or(u64::MAX, |limits| limits.free_memory);
-    Some(system.available_memory().min(group))
-}

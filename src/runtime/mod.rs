@@ -16,7 +16,6 @@ mod memory;
 
 pub use cpu::CpuOptions;
 pub use device::Device;
-pub(crate) use device::memory_available;
 pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
 pub(crate) use lane::{BindingId, BufferId, Lane, Region};

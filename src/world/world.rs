@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::contract::{self, Shapes};
 use super::operating_point::OperatingPoint;
-use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision};
-use crate::runtime::{Device, Graph, memory_available};
+use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, available_memory};
+use crate::runtime::{Device, Graph};
 use crate::{Error, ErrorKind, Result};
 
 /// How a bundle is loaded.
@@ -58,7 +58,7 @@ impl World {
         let global_window = options.global_window.unwrap_or(geometry.global.window);
         let need = bundle.memory_need(precision, global_window)?;
         // The bundle itself is in memory already.
-        let limit = options.memory_limit.or_else(|| Some(memory_available()?.saturating_add(need.bundle)));
+        let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
         if let Some(limit) = limit {
             need.check_fits(limit)?;
         }
@@ -106,7 +106,7 @@ impl World {
     /// Checks that one more rollout fits, before anything of it is allocated.
     pub(super) fn check_room_for_rollout(&self) -> Result<()> {
         let wanted = self.need.ring.saturating_add(self.need.slabs);
-        match memory_available() {
+        match available_memory() {
             Some(room) if room < wanted => Err(Error::new(
                 ErrorKind::OutOfMemory,
                 format!(
