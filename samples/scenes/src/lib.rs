@@ -1,0 +1,27 @@
+//! Procedural places with ground truth: colour, device depth and exact motion, drawn on the CPU.
+//!
+//! A [`Scene`] is made from a [`Family`] and a seed. A [`Walker`] turns controls into a camera. [`render`] draws a
+//! [`Frame`]: what is seen, how far it is, and where it was before. Everything is deterministic and independent of the
+//! thread count.
+#![warn(missing_docs)]
+
+pub mod camera;
+mod clip;
+mod family;
+mod light;
+mod material;
+mod mesh;
+mod noise;
+mod objects;
+mod raster;
+mod render;
+mod scene;
+mod shadow;
+mod terrain;
+mod walk;
+
+pub use clip::{Clip, ClipOptions};
+pub use family::{FAMILIES, Family, Weather};
+pub use render::{Frame, Moment, Quality, render};
+pub use scene::Scene;
+pub use walk::{EYE, RUN, TURN_PER_COUNT, WALK, Walker};

@@ -1,0 +1,275 @@
+//! Drawing a scene: colour, device depth and exact motion.
+
+use cairn::Picture;
+use glam::{Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::camera::{Camera, NEAR, View, device_depth};
+use crate::light::{Lit, film, srgb};
+use crate::material::{Material, look};
+use crate::raster::{SKY, ScreenTriangle, Visibility, clip_near};
+use crate::scene::{Chunk, Scene};
+
+/// Where the eye is at one moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// The camera.
+    pub camera: Camera,
+    /// Metres walked so far: a held item sways with the steps.
+    pub walked: f32,
+    /// Seconds since the start: a held item breathes with time.
+    pub time: f32,
+}
+
+/// One picture with its ground truth.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Display-referred sRGB.
+    pub picture: Picture,
+    /// Device depth of each pixel's centre, 0 at [`NEAR`] and 1 at [`crate::camera::FAR`]; the sky is 1.
+    pub depth: Vec<f32>,
+    /// For each pixel's centre, in pixels and y down: where the same point was in the previous picture, minus where it is.
+    /// Non-finite where it was behind the eye.
+    pub motion: Vec<Vec2>,
+}
+
+/// How a scene is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Quality {
+    /// Colour samples per pixel and axis, 1 to 8. Two is what pictures for people should have.
+    pub samples: u32,
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self { samples: 2 }
+    }
+}
+
+/// The pose of a held item: a turn and a shift in view space.
+#[derive(Clone, Copy)]
+struct Pose {
+    turn: Mat3,
+    shift: Vec3,
+}
+
+impl Pose {
+    fn at(moment: &Moment) -> Self {
+        let step = moment.walked * 4.2;
+        let breath = moment.time * 1.7;
+        let shift = Vec3::new(0.006 * (step * 0.5).sin(), 0.004 * step.sin() + 0.002 * breath.sin(), 0.0);
+        Self {
+            turn: Mat3::from_rotation_z(0.008 * (step * 0.5).sin()) * Mat3::from_rotation_x(0.004 * breath.sin()),
+            shift,
+        }
+    }
+
+    fn apply(&self, p: Vec3) -> Vec3 {
+        self.turn * p + self.shift
+    }
+
+    /// Where a posed point was before it was posed.
+    fn undo(&self, p: Vec3) -> Vec3 {
+        self.turn.transpose() * (p - self.shift)
+    }
+}
+
+/// Draws `scene` as seen `now`, with motion against the moment `before`, at `width` x `height` pixels.
+///
+/// Uses all threads of the current rayon pool; the result does not depend on their number.
+pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, quality: Quality) -> Frame {
+    let s = quality.samples.clamp(1, 8);
+    let view = now.camera.view(width, height);
+    let pose = Pose::at(now);
+    let triangles = project(scene, &view, &pose, width, height);
+    let (w, h) = (width as usize, height as usize);
+    let centres = Visibility::draw(w, h, 0.0, &triangles);
+    let fine = (s > 1).then(|| {
+        let mut scaled = triangles;
+        scaled.par_iter_mut().for_each(|t| t.at.iter_mut().for_each(|p| *p *= s as f32));
+        Visibility::draw(w * s as usize, h * s as usize, 0.0, &scaled)
+    });
+    let painter =
+        Painter { scene, view, pose, previous: before.camera.view(width, height), old_pose: Pose::at(before) };
+
+    let mut picture = vec![[0_u8; 4]; w * h];
+    let mut depth = vec![1.0_f32; w * h];
+    let mut motion = vec![Vec2::ZERO; w * h];
+    picture.par_chunks_mut(w).zip(depth.par_chunks_mut(w)).zip(motion.par_chunks_mut(w)).enumerate().for_each(
+        |(y, ((colours, depths), motions))| {
+            for x in 0..w {
+                let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                let id = centres.ids[y * w + x];
+                let hit = painter.hit(id, at);
+                depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));
+                motions[x] = painter.motion(hit.as_ref(), at);
+                let light = match &fine {
+                    None => film(painter.light(hit.as_ref(), at, 1.0)),
+                    Some(fine) => painter.mean(fine, x, y, s as usize),
+                };
+                colours[x] = srgb(light);
+            }
+        },
+    );
+    let rgba = picture.into_flattened();
+    let picture = Picture::from_rgba(width, height, rgba).expect("the buffer has the size that was asked for");
+    Frame { picture, depth, motion }
+}
+
+/// All triangles in front of the eye, in the scene's order.
+fn project(scene: &Scene, view: &View, pose: &Pose, width: u32, height: u32) -> Vec<ScreenTriangle> {
+    // Half angles of the view's sides, as slopes and the lengths of their normals.
+    let slope = Vec2::new(width as f32, height as f32) * 0.5 / view.focal;
+    let length = (slope * slope + Vec2::ONE).map(f32::sqrt);
+    let seen = |c: &&Chunk| {
+        if c.held {
+            return true;
+        }
+        let (centre, radius) = c.ball();
+        let v = view.to_view(centre);
+        v.z > NEAR - radius
+            && v.x.abs() < v.z * slope.x + radius * length.x
+            && v.y.abs() < v.z * slope.y + radius * length.y
+    };
+    let parts: Vec<Vec<ScreenTriangle>> = scene
+        .chunks
+        .par_iter()
+        .filter(seen)
+        .map(|chunk| {
+            let placed: Vec<Vec3> = chunk
+                .mesh
+                .positions
+                .iter()
+                .map(|&p| if chunk.held { pose.apply(p) } else { view.to_view(p) })
+                .collect();
+            let mut out = Vec::with_capacity(chunk.mesh.triangles.len());
+            for (k, t) in chunk.mesh.triangles.iter().enumerate() {
+                clip_near(t.map(|i| placed[i as usize]), NEAR, |corners| {
+                    let at = corners.map(|p| view.project(p));
+                    let near = corners.map(|p| 1.0 / p.z);
+                    out.push(ScreenTriangle { at, near, id: chunk.first + k as u32 });
+                });
+            }
+            out
+        })
+        .collect();
+    parts.concat()
+}
+
+/// What a ray meets.
+struct Hit<'a> {
+    chunk: &'a Chunk,
+    triangle: usize,
+    /// In view space.
+    view: Vec3,
+    /// In the world, or for a held item in its own frame.
+    place: Vec3,
+}
+
+struct Painter<'a> {
+    scene: &'a Scene,
+    view: View,
+    pose: Pose,
+    previous: View,
+    old_pose: Pose,
+}
+
+impl Painter<'_> {
+    /// Where the ray through `at` meets triangle `id`'s plane.
+    fn hit(&self, id: u32, at: Vec2) -> Option<Hit<'_>> {
+        if id == SKY {
+            return None;
+        }
+        let chunks = &self.scene.chunks;
+        let chunk = &chunks[chunks.partition_point(|c| c.first <= id) - 1];
+        let triangle = (id - chunk.first) as usize;
+        let [a, b, c] = chunk.mesh.triangles[triangle].map(|i| chunk.mesh.positions[i as usize]);
+        let ray = self.view.ray(at);
+        if chunk.held {
+            let [a, b, c] = [a, b, c].map(|p| self.pose.apply(p));
+            let normal = (b - a).cross(c - a);
+            let z = a.dot(normal) / ray.dot(normal);
+            let view = ray * if z.is_finite() { z.max(NEAR) } else { a.z };
+            return Some(Hit { chunk, triangle, view, place: self.pose.undo(view) });
+        }
+        let normal = (b - a).cross(c - a);
+        let along = self.view.to_world(ray);
+        let z = (a - self.view.eye).dot(normal) / along.dot(normal);
+        let z = if z.is_finite() { z.max(NEAR) } else { self.view.to_view(a).z };
+        Some(Hit { chunk, triangle, view: ray * z, place: self.view.eye + along * z })
+    }
+
+    /// Previous minus current pixel position of what is seen at `at`.
+    fn motion(&self, hit: Option<&Hit<'_>>, at: Vec2) -> Vec2 {
+        let was = match hit {
+            None => self.previous.turn(self.view.to_world(self.view.ray(at))),
+            Some(h) if h.chunk.held => self.old_pose.apply(h.place),
+            Some(h) => self.previous.to_view(h.place),
+        };
+        if was.z <= 1e-4 { Vec2::NAN } else { self.previous.project(was) - at }
+    }
+
+    /// The mean of the samples of pixel (x, y), after the filmic curve: bright edges stay smooth.
+    fn mean(&self, fine: &Visibility, x: usize, y: usize, s: usize) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        for j in 0..s {
+            for i in 0..s {
+                let id = fine.ids[(y * s + j) * fine.width() + x * s + i];
+                let at = (Vec2::new((x * s + i) as f32, (y * s + j) as f32) + 0.5) / s as f32;
+                sum += film(self.light(self.hit(id, at).as_ref(), at, 1.0));
+            }
+        }
+        sum / (s * s) as f32
+    }
+
+    /// Light that reaches the eye through `at`, exposed.
+    fn light(&self, hit: Option<&Hit<'_>>, at: Vec2, pixel: f32) -> Vec3 {
+        let weather = &self.scene.weather;
+        let ray = self.view.to_world(self.view.ray(at));
+        let towards = ray.normalize();
+        let angle = pixel / self.view.focal.max_element();
+        let Some(hit) = hit else {
+            return weather.sky(towards, angle) * weather.exposure;
+        };
+        let mesh = &hit.chunk.mesh;
+        let corners = mesh.triangles[hit.triangle];
+        let weights = barycentric(corners.map(|i| mesh.positions[i as usize]), hit.place);
+        let normal = (0..3).map(|k| mesh.normals[corners[k] as usize] * weights[k]).sum::<Vec3>().normalize_or(Vec3::Y);
+        let surface = mesh.materials[hit.triangle];
+        // A pixel's width on the surface, stretched where the surface is seen at a slant.
+        let slant = normal.dot(towards).abs().clamp(0.25, 1.0);
+        let distance = hit.view.length();
+        let footprint = distance * angle / slant;
+        let (mut look_here, mut normal) = match surface.material {
+            Material::Ground => {
+                let (ground, bumps) = self.scene.terrain.look(hit.place, normal, footprint);
+                (ground, (normal - Vec3::new(bumps.x, 0.0, bumps.y)).normalize())
+            }
+            material => (look(material, surface.variant, hit.place, normal, footprint), normal),
+        };
+        look_here.albedo = look_here.albedo.max(Vec3::ZERO);
+        let sun = if hit.chunk.held {
+            normal = self.view.to_world(self.pose.turn * normal);
+            1.0
+        } else {
+            self.scene.shadow.sun_at(hit.place, if normal.dot(towards) > 0.0 { -normal } else { normal })
+        };
+        if normal.dot(towards) > 0.0 && look_here.translucency == 0.0 {
+            normal = (normal - towards * (1.02 * normal.dot(towards))).normalize();
+        }
+        weather.shade(&Lit { look: look_here, normal, towards, distance, sun }) * weather.exposure
+    }
+}
+
+/// Weights of a triangle's corners at a point of its plane.
+fn barycentric([a, b, c]: [Vec3; 3], p: Vec3) -> [f32; 3] {
+    let (u, v, w) = (b - a, c - a, p - a);
+    let (uu, uv, vv, wu, wv) = (u.dot(u), u.dot(v), v.dot(v), w.dot(u), w.dot(v));
+    let d = uu * vv - uv * uv;
+    if d.abs() < 1e-12 {
+        return [1.0, 0.0, 0.0];
+    }
+    let s = (vv * wu - uv * wv) / d;
+    let t = (uu * wv - uv * wu) / d;
+    [1.0 - s - t, s, t]
+}

@@ -1,0 +1,96 @@
+//! From controls to a camera: a walker on the path.
+
+use cairn::world::{ControlInput, Key};
+use glam::{Vec2, Vec3};
+
+use crate::camera::Camera;
+use crate::render::Moment;
+use crate::scene::Scene;
+
+/// Radians of turn per mouse count.
+pub const TURN_PER_COUNT: f32 = 0.0022;
+/// Walking speed in metres per second; running is [`RUN`] times as fast.
+pub const WALK: f32 = 1.9;
+/// See [`WALK`].
+pub const RUN: f32 = 2.1;
+/// Height of the eye above the ground, in metres.
+pub const EYE: f32 = 1.68;
+const MAX_PITCH: f32 = 1.2;
+/// Time constant of starting and stopping, in seconds.
+const EASE: f32 = 0.12;
+
+/// Somebody who walks through a scene.
+#[derive(Debug, Clone)]
+pub struct Walker {
+    at: Vec2,
+    velocity: Vec2,
+    yaw: f32,
+    pitch: f32,
+    ground: f32,
+    walked: f32,
+    time: f64,
+    fov: f32,
+}
+
+impl Walker {
+    /// Stands on the path at the origin and looks along it.
+    pub fn new(scene: &Scene) -> Self {
+        let ahead = scene.terrain.path(9.0);
+        Self {
+            at: Vec2::ZERO,
+            velocity: Vec2::ZERO,
+            yaw: (ahead / 9.0).atan(),
+            pitch: -0.03,
+            ground: scene.terrain.height(Vec2::ZERO),
+            walked: 0.0,
+            time: 0.0,
+            fov: 62_f32.to_radians(),
+        }
+    }
+
+    /// Lets `seconds` pass under `input`: the mouse motion of that time, and the keys held in it.
+    ///
+    /// W, A, S and D walk, shift runs, the mouse turns and tilts. Steps should be 1/60 s or shorter.
+    pub fn step(&mut self, scene: &Scene, input: &ControlInput, seconds: f64) {
+        let dt = seconds as f32;
+        let [dx, dy] = input.mouse();
+        self.yaw += dx * TURN_PER_COUNT;
+        self.pitch = (self.pitch - dy * TURN_PER_COUNT).clamp(-MAX_PITCH, MAX_PITCH);
+        let keys = input.keys();
+        let axis = |plus: Key, minus: Key| f32::from(keys.contains(plus)) - f32::from(keys.contains(minus));
+        let wish = Vec2::new(axis(Key(68), Key(65)), axis(Key(87), Key(83))).normalize_or_zero();
+        let (sin, cos) = self.yaw.sin_cos();
+        let pace = if keys.contains(Key(16)) { WALK * RUN } else { WALK };
+        let wish = (Vec2::new(cos, -sin) * wish.x + Vec2::new(sin, cos) * wish.y) * pace;
+        self.velocity += (wish - self.velocity) * (1.0 - (-dt / EASE).exp());
+        let mut to = self.at + self.velocity * dt;
+        for &(centre, radius) in &scene.obstacles {
+            let away = to - centre;
+            let room = radius + 0.25;
+            if away.length_squared() < room * room {
+                to = centre + away.normalize_or(Vec2::X) * room;
+            }
+        }
+        self.walked += to.distance(self.at);
+        self.at = to;
+        // Legs take up small bumps: the eye follows the ground over a quarter of a second.
+        self.ground += (scene.terrain.height(to) - self.ground) * (1.0 - (-dt / 0.25).exp());
+        self.time += seconds;
+    }
+
+    /// What is seen now, in a picture that shows `aspect` times as much in width as in height.
+    pub fn moment(&self, aspect: f32) -> Moment {
+        let bob = 0.022 * (self.walked * 4.2).sin();
+        Moment {
+            camera: Camera {
+                position: Vec3::new(self.at.x, self.ground + EYE + bob, self.at.y),
+                yaw: self.yaw,
+                pitch: self.pitch,
+                vertical_fov: self.fov,
+                aspect,
+            },
+            walked: self.walked,
+            time: self.time as f32,
+        }
+    }
+}
