@@ -79,7 +79,10 @@ fn dead_references(clone: &Clone, files: &[String]) -> Result<Vec<String>, Strin
         let text = clone.read(file)?;
         let is_page = ends_with_one_of(file, &["md"]);
         for (number, line) in text.lines().enumerate() {
-            for path in named_files(line).filter(|path| !clone.root.join(path).exists()) {
+            // A text may name a file from the root of the clone, or from any folder that it lies in itself.
+            let exists =
+                |path: &str| Path::new(file).ancestors().skip(1).any(|f| clone.root.join(f).join(path).exists());
+            for path in named_files(line).filter(|path| !exists(path)) {
                 finds.push(format!("{file}:{} names {path}, which is not there", number + 1));
             }
             for target in if is_page { links(line) } else { Vec::new() } {
