@@ -19,6 +19,11 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     let mut probe = Command::new("cargo");
     probe.args(["+nightly", "fuzz", "--version"]).current_dir(&context.clone.root).env_remove("RUSTUP_TOOLCHAIN");
     let there = log.run(&mut probe).is_ok_and(|ended| ended.success);
+    if there {
+        // Valid inputs to start from; from nothing, a minute would hardly get past the first check.
+        let mut seeds = context.clone.cargo(["run", "--manifest-path", "fuzz/Cargo.toml", "--example", "seeds"]);
+        log.run(&mut seeds)?;
+    }
     let mut tally = Tally::default();
     for target in targets {
         if !there {
