@@ -22,12 +22,13 @@ pub(crate) fn write(out: &mut Picture, text: &str, at: (u32, u32), size: Size, c
     let mut x = at.0;
     for letter in text.chars() {
         let mut utf8 = [0; 4];
-        if let Some(glyph) = font.glyph_for_utf8(letter.encode_utf8(&mut utf8).as_bytes()) {
-            for (row, bits) in (at.1..height).zip(glyph) {
-                for (column, on) in (x..width).zip(bits) {
-                    if on {
-                        out.pixels_mut()[(row * width + column) as usize][..3].copy_from_slice(&colour);
-                    }
+        // Rows of whole bytes, the leftmost pixel in the highest bit.
+        let row_bytes = size.width.div_ceil(8);
+        let glyph = font.get_glyph_data(letter.encode_utf8(&mut utf8).as_bytes()).unwrap_or_default();
+        for (row, bits) in (at.1..height).zip(glyph.chunks_exact(row_bytes as usize)) {
+            for (column, bit) in (x..width).zip(0..size.width) {
+                if bits[bit as usize / 8] & (0x80 >> (bit % 8)) != 0 {
+                    out.pixels_mut()[(row * width + column) as usize][..3].copy_from_slice(&colour);
                 }
             }
         }
@@ -45,4 +46,34 @@ pub(crate) fn fit(text: &str, width: u32, size: Size) -> String {
     let mut cut: String = text.chars().take(room.saturating_sub(3)).collect();
     cut.push_str("...");
     cut
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_fill_their_cells_and_differ() {
+        for size in [SMALL, LARGE] {
+            let drawn = |text: &str| {
+                let mut picture = Picture::new(4 * size.width, size.height).unwrap();
+                assert_eq!(write(&mut picture, text, (0, 0), size, [255; 3]), text.len() as u32 * size.width);
+                picture
+            };
+            let (h, i) = (drawn("H"), drawn("i"));
+            assert!(h != i);
+            // Both strokes of an H run over most of its height.
+            let lit = |row: u32| (0..size.width).filter(|x| h.pixels()[(row * 4 * size.width + x) as usize][0] > 0).count();
+            let rows = (0..size.height).filter(|&row| lit(row) >= 2).count() as u32;
+            assert!(rows >= size.height / 2, "{rows} rows");
+            // What hangs over the edge is cut off.
+            write(&mut drawn("x"), "cut off", (3 * size.width, size.height - 3), size, [255; 3]);
+        }
+    }
+
+    #[test]
+    fn long_text_is_cut_with_dots() {
+        assert_eq!(fit("anchor", 100, SMALL), "anchor");
+        assert_eq!(fit("operating point", 80, SMALL), "operati...");
+    }
 }

@@ -3,3 +3,4 @@
 
 pub mod decoder;
 pub mod small_disk;
+pub mod worlds;

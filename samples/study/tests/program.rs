@@ -1,0 +1,60 @@
+//! The program as a person starts it: exit status and words.
+
+use std::process::{Command, Output};
+
+fn study(arguments: &[&str]) -> (i32, String) {
+    let Output { status, stdout, stderr } =
+        Command::new(env!("CARGO_BIN_EXE_study")).args(arguments).output().expect("the program starts");
+    let text = String::from_utf8_lossy(&stdout).into_owned() + &String::from_utf8_lossy(&stderr);
+    (status.code().expect("it ends by itself"), text)
+}
+
+#[test]
+fn help_teaches_by_examples() {
+    for arguments in [&["--help"][..], &["rollout", "--help"]] {
+        let (status, text) = study(arguments);
+        assert_eq!(status, 0);
+        assert!(text.contains("Examples:") && text.contains("--preset coherence") && text.contains("Exit status"));
+    }
+}
+
+#[test]
+fn wrong_usage_ends_with_status_2_and_a_remedy() {
+    for (arguments, words) in [
+        (&["rollout", "--preset", "best"][..], "baseline-128"),
+        (&["rollout", "--size", "0x1080"], "--size"),
+        (&["rollout", "--size", "1920x65536"], "16384"),
+        (&["rollout", "--formats", "avi"], "mp4"),
+        (&["rollout", "--seconds", "nan"], "--seconds"),
+        (&["rollout", "--steps", "3"], "refined"),
+        (&["rollout", "--no-such-option"], "--no-such-option"),
+        (&["dance"], "dance"),
+        (&[], "Usage"),
+    ] {
+        let (status, text) = study(arguments);
+        assert_eq!(status, 2, "{arguments:?}: {text}");
+        assert!(text.contains(words), "{arguments:?}: {text}");
+    }
+}
+
+#[test]
+fn a_file_that_is_not_there_ends_with_status_1() {
+    for (arguments, words) in [
+        (&["replay", "/nowhere/manifest.json"][..], "/nowhere/manifest.json"),
+        (&["rollout", "--script", "/nowhere/script.txt", "--out", "/nowhere/out"], "/nowhere/script.txt"),
+        (&["seed-picture", "--out", "/nowhere/seed.png"], "/nowhere/seed.png"),
+    ] {
+        let (status, text) = study(arguments);
+        assert_eq!(status, 1, "{arguments:?}: {text}");
+        assert!(text.contains(words) && text.contains("Check the path"), "{arguments:?}: {text}");
+    }
+}
+
+#[test]
+fn the_seed_picture_can_be_had() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("seed.png");
+    let (status, _) = study(&["seed-picture", "--size", "320x180", "--out", path.to_str().unwrap()]);
+    assert_eq!(status, 0);
+    assert_eq!(image::image_dimensions(path).unwrap(), (320, 180));
+}
