@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use cairn::world::{CacheMode, OperatingPoint, Presentation, Preset, Schedule, parse_global_window};
+use cairn::world::{CacheMode, MAX_POINTS, OperatingPoint, Presentation, Preset, Schedule, parse_global_window};
 use cairn::{Error, ErrorKind, Result};
 use clap::{Args, Parser, Subcommand};
 
@@ -337,6 +337,14 @@ fn operating_point(args: &PointArgs) -> Result<OperatingPoint> {
         point.global_window = parse_global_window(context).map_err(named("--context"))?;
     }
     if let Some(steps) = args.steps {
+        if !(4..MAX_POINTS as u32).contains(&steps) {
+            return Err(Error::new(
+                ErrorKind::InvalidArgument,
+                format!("a refined schedule cannot have {steps} steps"),
+            )
+            .field("--steps")
+            .remedy(format!("Use 4 to {}, or --schedule explicit:...", MAX_POINTS - 1)));
+        }
         point.schedule = Schedule::Refined(steps);
     }
     if let Some(schedule) = &args.schedule {

@@ -80,7 +80,7 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let latents = LatentFile::create(job.disk.as_ref(), &folder.join(LATENTS), shape)?;
 
     let counts = checked.point.counts(checked.duration);
-    let sheet = Sheet::new(job.limit.map_or(counts.latents, |l| l.latents), world.render_size());
+    let sheet = Sheet::new(world.render_size());
     let mut stream = Stream::new(&checked, rollout, size, recorder, latents, sheet)?;
     job.progress.begin(job.limit.map_or(counts.presented, |l| l.presented));
     let end = stream.run(job, &loaded);

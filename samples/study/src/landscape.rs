@@ -46,7 +46,8 @@ fn colour(x: f64, y: f64, aspect: f64) -> [f64; 3] {
         if y > ridge {
             // Darker away from the ridge, with a faint grain of grass that grows towards the viewer.
             let depth = (y - ridge).min(0.3);
-            let grain = 0.02 * i as f64 * (wave(x * 61.0 + y * 17.0) + wave(x * 23.0 - y * 97.0));
+            let bend = 2.0 * wave(x * 3.7 + y * 1.3) + wave(y * 9.1 - x * 2.9);
+            let grain = 0.012 * i as f64 * (wave(x * 41.0 + y * 13.0 + bend) + wave(x * 17.0 - y * 67.0 - 1.7 * bend));
             paint = tint.map(|c| c * (1.0 - 0.9 * depth) + grain);
         }
     }
@@ -105,7 +106,7 @@ mod tests {
         assert_eq!(crate::sha256(picture.rgba()), GOLDEN);
     }
 
-    const GOLDEN: &str = "to be filled";
+    const GOLDEN: &str = "7bd874b4e2f10b266f7757b01594b0b0b4c1e5023d85cf765ba90e22f22e192e";
 
     #[test]
     fn it_has_sky_above_and_ground_below() {

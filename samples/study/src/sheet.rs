@@ -6,8 +6,10 @@ use cairn::{Picture, Result};
 use crate::picture::shrink;
 use crate::text::{LARGE, SMALL, fit, write};
 
-/// The most columns; a shorter rollout has as many as it has anchors.
-const COLUMNS: u64 = 8;
+/// The most columns; a shorter rollout has as many as it has pairs of anchors.
+const COLUMNS: usize = 8;
+/// The most that are kept while nobody knows how long the rollout will be.
+const KEPT: usize = 2 * COLUMNS;
 /// Width of one picture; the height follows the aspect.
 const TILE: u32 = 240;
 const GAP: u32 = 8;
@@ -26,40 +28,51 @@ struct Column {
     time: f64,
     anchor: Picture,
     between: Option<(f32, Picture)>,
-    guidance: Option<Guidance>,
+    guidance: Option<(MotionField, Picture)>,
 }
 
 /// Collects columns while frames are made, and draws them at the end.
+///
+/// What it keeps depends on what was made and not on what was planned: an interrupted rollout has a full sheet, and its
+/// replay has the same one.
 pub(crate) struct Sheet {
-    wanted: Vec<u64>,
     tile: (u32, u32),
+    stride: u64,
     columns: Vec<Column>,
 }
 
 impl Sheet {
-    /// For a rollout of `latents` latents whose pictures are of size `render`.
-    pub(crate) fn new(latents: u64, render: (u32, u32)) -> Self {
-        let last = latents.saturating_sub(1);
-        let count = COLUMNS.min(latents).max(1);
-        // Evenly from the first pair to the last; the seed's own latent only where there is nothing else.
-        let first = u64::from(last > 0);
-        let wanted = (0..count).map(|i| first + (last - first) * i / (count - 1).max(1));
-        let mut wanted: Vec<u64> = wanted.collect();
-        wanted.dedup();
+    /// For pictures of size `render`.
+    pub(crate) fn new(render: (u32, u32)) -> Self {
         let height = (u64::from(TILE) * u64::from(render.1) / u64::from(render.0)).clamp(1, 4096) as u32;
-        Self { wanted, tile: (TILE, height), columns: Vec::new() }
+        Self { tile: (TILE, height), stride: 1, columns: Vec::new() }
     }
 
-    /// Whether latent number `latent` gets a column.
+    /// Whether latent number `latent` gets a column for now.
     pub(crate) fn wants(&self, latent: u64) -> bool {
-        self.wanted.contains(&latent)
+        latent == 0 || (latent - 1).is_multiple_of(self.stride)
     }
 
     /// Keeps an anchor, and motion and depth from the one before it.
     pub(crate) fn add(&mut self, latent: u64, time: f64, anchor: &Picture, guidance: Option<&Guidance>) -> Result<()> {
         let anchor = shrink(anchor, self.tile)?;
-        self.columns.push(Column { latent, time, anchor, between: None, guidance: guidance.cloned() });
+        let guidance = guidance.map(|g| Ok((g.motion().clone(), depth_tile(g.depth(), self.tile)?))).transpose()?;
+        // The seed's own latent has no pair; it stands alone or not at all.
+        self.columns.retain(|column| column.latent > 0);
+        if self.columns.len() >= KEPT {
+            self.stride *= 2;
+            self.columns.retain(|column| (column.latent - 1).is_multiple_of(self.stride));
+        }
+        if self.wants(latent) {
+            self.columns.push(Column { latent, time, anchor, between: None, guidance });
+        }
         Ok(())
+    }
+
+    /// The columns to draw: evenly from the first to the last.
+    fn shown(&self) -> Vec<&Column> {
+        let (have, show) = (self.columns.len(), self.columns.len().min(COLUMNS));
+        (0..show).map(|i| &self.columns[i * (have - 1) / (show - 1).max(1)]).collect()
     }
 
     /// Keeps the frame at phase `t` before the anchor last added; the one nearest the middle stays.
@@ -76,7 +89,8 @@ impl Sheet {
     /// Draws the sheet. `title` and `subtitle` head it, `warning` stands beside them in another colour.
     pub(crate) fn draw(&self, title: &str, subtitle: &str, warning: Option<&str>) -> Result<Picture> {
         let (tile_width, tile_height) = self.tile;
-        let columns = self.columns.len().max(1) as u32;
+        let shown = self.shown();
+        let columns = shown.len().max(1) as u32;
         let width = (LEFT + columns * (tile_width + GAP) + GAP).max(900);
         let height = TOP + 4 * (tile_height + GAP) + BOTTOM;
         let mut sheet = Picture::new(width, height)?;
@@ -87,14 +101,14 @@ impl Sheet {
         if let Some(warning) = warning {
             write(&mut sheet, &fit(warning, room, SMALL), (16, 60), SMALL, WARN);
         }
-        let scale = full_scale(self.columns.iter().filter_map(|c| c.guidance.as_ref()).map(Guidance::motion));
+        let scale = full_scale(shown.iter().filter_map(|c| c.guidance.as_ref()).map(|(motion, _)| motion));
         let row = |i: u32| TOP + i * (tile_height + GAP);
         for (i, lines) in [&["anchor"][..], &["frame", "between"], &["motion"], &["depth"]].into_iter().enumerate() {
             for (n, line) in lines.iter().enumerate() {
                 write(&mut sheet, line, (16, row(i as u32) + 4 + 18 * n as u32), SMALL, BRIGHT);
             }
         }
-        for (i, column) in self.columns.iter().enumerate() {
+        for (i, column) in shown.into_iter().enumerate() {
             let x = LEFT + i as u32 * (tile_width + GAP);
             let label = format!("latent {}  {:.2} s", column.latent, column.time);
             write(&mut sheet, &fit(&label, tile_width, SMALL), (x, TOP - 20), SMALL, BRIGHT);
@@ -107,9 +121,9 @@ impl Sheet {
                 None => fill(&mut sheet, (x, row(1)), self.tile, NOTHING),
             }
             match &column.guidance {
-                Some(guidance) => {
-                    paste(&mut sheet, &motion_tile(guidance.motion(), scale, self.tile)?, (x, row(2)));
-                    paste(&mut sheet, &depth_tile(guidance.depth(), self.tile)?, (x, row(3)));
+                Some((motion, depth)) => {
+                    paste(&mut sheet, &motion_tile(motion, scale, self.tile)?, (x, row(2)));
+                    paste(&mut sheet, depth, (x, row(3)));
                 }
                 None => (2..4).for_each(|r| fill(&mut sheet, (x, row(r)), self.tile, NOTHING)),
             }
@@ -200,16 +214,31 @@ fn tag(sheet: &mut Picture, text: &str, (x, below): (u32, u32)) {
 mod tests {
     use super::*;
 
+    fn latents_shown(made: u64) -> Vec<u64> {
+        let mut sheet = Sheet::new((64, 36));
+        let picture = Picture::new(64, 36).unwrap();
+        for latent in 0..made {
+            if sheet.wants(latent) {
+                sheet.add(latent, 0.0, &picture, None).unwrap();
+            }
+        }
+        sheet.shown().iter().map(|column| column.latent).collect()
+    }
+
     #[test]
-    fn columns_are_spread_from_the_first_pair_to_the_last() {
-        assert_eq!(Sheet::new(61, (640, 360)).wanted, [1, 9, 17, 26, 34, 43, 51, 60]);
-        assert_eq!(Sheet::new(4, (640, 360)).wanted, [1, 2, 3]);
-        assert_eq!(Sheet::new(1, (640, 360)).wanted, [0]);
+    fn columns_are_spread_over_what_was_made() {
+        assert_eq!(latents_shown(1), [0]);
+        assert_eq!(latents_shown(4), [1, 2, 3]);
+        assert_eq!(latents_shown(61), [1, 9, 17, 25, 33, 41, 49, 57]);
+        for made in [100, 226, 451, 9_001] {
+            let shown = latents_shown(made);
+            assert!(shown.len() == 8 && shown[0] == 1 && shown[7] >= made / 2, "{made}: {shown:?}");
+        }
     }
 
     #[test]
     fn a_sheet_without_columns_can_be_drawn() {
-        let sheet = Sheet::new(5, (128, 72)).draw("title", "subtitle", Some("warning")).unwrap();
+        let sheet = Sheet::new((128, 72)).draw("title", "subtitle", Some("warning")).unwrap();
         assert!(sheet.pixels().iter().any(|px| px[..3] == BRIGHT) && sheet.pixels().iter().any(|px| px[..3] == WARN));
     }
 
@@ -220,7 +249,7 @@ mod tests {
             picture.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&[v; 3]));
             picture
         };
-        let mut sheet = Sheet::new(3, (64, 36));
+        let mut sheet = Sheet::new((64, 36));
         sheet.add(1, 0.1, &grey(9), None).unwrap();
         for (t, v) in [(0.25, 10), (0.5, 20), (0.75, 30)] {
             sheet.add_between(1, t, &grey(v)).unwrap();

@@ -1,31 +1,39 @@
-//! Words in pictures.
+//! Words in pictures, in the Spleen bitmap font.
 
 use cairn::Picture;
-use spleen_font::{FONT_8X16, FONT_12X24, PSF2Font};
+use spleen_font::{FONT_8X16, FONT_12X24};
 
-/// Height and advance of the two sizes, in pixels.
-pub(crate) const SMALL: Size = Size { width: 8, height: 16 };
+/// For labels.
+pub(crate) const SMALL: Size = Size { width: 8, height: 16, header: 4, font: FONT_8X16 };
 /// For headings.
-pub(crate) const LARGE: Size = Size { width: 12, height: 24 };
+pub(crate) const LARGE: Size = Size { width: 12, height: 24, header: 32, font: FONT_12X24 };
 
-/// A size of the font.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// A size of the font, in pixels, and its file: a header (of PSF 1 or PSF 2), then the glyphs, ASCII first and in order.
+#[derive(Clone, Copy)]
 pub(crate) struct Size {
     pub(crate) width: u32,
     pub(crate) height: u32,
+    header: usize,
+    font: &'static [u8],
+}
+
+impl Size {
+    /// Rows of whole bytes, the leftmost pixel in the highest bit. What is not ASCII is a question mark.
+    fn glyph(self, letter: char) -> impl Iterator<Item = &'static [u8]> {
+        let row = self.width.div_ceil(8) as usize;
+        let code = if letter.is_ascii_graphic() || letter == ' ' { letter as usize } else { '?' as usize };
+        let bytes = row * self.height as usize;
+        let start = self.header + code * bytes;
+        self.font.get(start..start + bytes).unwrap_or_default().chunks_exact(row)
+    }
 }
 
 /// Writes one line with its upper left corner at `at`; what does not fit is cut off. Returns the column behind it.
 pub(crate) fn write(out: &mut Picture, text: &str, at: (u32, u32), size: Size, colour: [u8; 3]) -> u32 {
-    let Ok(mut font) = PSF2Font::new(if size == LARGE { FONT_12X24 } else { FONT_8X16 }) else { return at.0 };
     let (width, height) = out.size();
     let mut x = at.0;
     for letter in text.chars() {
-        let mut utf8 = [0; 4];
-        // Rows of whole bytes, the leftmost pixel in the highest bit.
-        let row_bytes = size.width.div_ceil(8);
-        let glyph = font.get_glyph_data(letter.encode_utf8(&mut utf8).as_bytes()).unwrap_or_default();
-        for (row, bits) in (at.1..height).zip(glyph.chunks_exact(row_bytes as usize)) {
+        for (row, bits) in (at.1..height).zip(size.glyph(letter)) {
             for (column, bit) in (x..width).zip(0..size.width) {
                 if bits[bit as usize / 8] & (0x80 >> (bit % 8)) != 0 {
                     out.pixels_mut()[(row * width + column) as usize][..3].copy_from_slice(&colour);
@@ -63,7 +71,8 @@ mod tests {
             let (h, i) = (drawn("H"), drawn("i"));
             assert!(h != i);
             // Both strokes of an H run over most of its height.
-            let lit = |row: u32| (0..size.width).filter(|x| h.pixels()[(row * 4 * size.width + x) as usize][0] > 0).count();
+            let lit =
+                |row: u32| (0..size.width).filter(|x| h.pixels()[(row * 4 * size.width + x) as usize][0] > 0).count();
             let rows = (0..size.height).filter(|&row| lit(row) >= 2).count() as u32;
             assert!(rows >= size.height / 2, "{rows} rows");
             // What hangs over the edge is cut off.
