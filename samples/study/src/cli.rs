@@ -53,7 +53,7 @@ struct Cli {
 enum Command {
     /// Makes a rollout: anchors, generated frames, video, contact sheet and manifest
     #[command(after_help = EXAMPLES)]
-    Rollout(RolloutArgs),
+    Rollout(Box<RolloutArgs>),
     /// Makes the rollout of a manifest again and says what differs
     Replay(ReplayArgs),
     /// Four seconds at 1920x1080 on the demo's world

@@ -13,7 +13,7 @@ use cairn::{Error, ErrorKind, Result};
 use crate::inputs::{self, Loaded};
 use crate::latents::LatentFile;
 use crate::machine::{self, Versions};
-use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, absolute};
+use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute};
 use crate::media::{self, Disk, Mp4Sink, PngSink, Recorder, Sink, Y4mSink, encode_png, write_whole};
 use crate::output::{FRAMES, Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO};
 use crate::progress::Progress;
@@ -86,37 +86,16 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let end = stream.run(job, &loaded);
     job.progress.end();
 
-    let finished = stream.finish();
-    let mut failure = finished.failure;
+    let mut finished = stream.finish();
+    let mut failure = finished.failure.take();
     let interrupted = matches!(end, Ok(End::Stopped));
-    let stopped = match end {
-        Ok(_) => None,
-        Err(error) => Some(error),
-    };
     // The recorder knows why it stopped; the loop only saw that it did.
-    failure = failure.or(stopped);
+    failure = failure.or(end.err());
 
     manifest.counts = Counts { planned: counts.presented, ..finished.counts };
-    let sheet = finished
-        .sheet
-        .draw(&title(&manifest, &loaded), &subtitle(&manifest), manifest.note.as_deref())
-        .and_then(|picture| encode_png(&picture))
-        .and_then(|bytes| write_whole(job.disk.as_ref(), &folder.join(SHEET), &bytes));
-    let mut outputs = Vec::new();
-    let described = folder
-        .describe_media(&finished.written, manifest.counts.presented)
-        .map(|media| outputs.extend(media))
-        .and_then(|()| match &finished.latents {
-            Some((path, count)) => {
-                let complete = *count == manifest.counts.latents;
-                folder.describe(path, "latents", *count, complete).map(|o| outputs.push(o))
-            }
-            None => Ok(()),
-        })
-        .and_then(|()| sheet)
-        .and_then(|()| folder.describe(&folder.join(SHEET), "contact-sheet", 1, true).map(|o| outputs.push(o)));
-    failure = failure.or(described.err());
+    let (outputs, trouble) = describe(job, &folder, &finished, &manifest, &title(&manifest, &loaded));
     manifest.outputs = outputs;
+    failure = failure.or(trouble);
     manifest.complete = failure.is_none() && !interrupted && manifest.counts.presented == manifest.counts.planned;
     manifest.stopped_by = match (&failure, interrupted) {
         (Some(error), _) => Some(error.to_string()),
@@ -207,6 +186,36 @@ fn subtitle(manifest: &Manifest) -> String {
         "{operating_point}   seed {seed}   {latents} latents   {presented} frames, {generated} of them generated   \
          {width} x {height}"
     )
+}
+
+/// Draws the sheet and describes every finished file; what fails costs its own entry and no other.
+fn describe(
+    job: &Job<'_>,
+    folder: &Folder,
+    finished: &stream::Finished,
+    manifest: &Manifest,
+    title: &str,
+) -> (Vec<Output>, Option<Error>) {
+    let counts = manifest.counts;
+    let mut described: Vec<Result<Output>> =
+        finished.written.iter().map(|written| folder.describe_media(written, counts.presented)).collect();
+    if let Some((path, count)) = &finished.latents {
+        described.push(folder.describe(path, "latents", *count, *count == counts.latents));
+    }
+    let path = folder.join(SHEET);
+    let sheet = finished.sheet.draw(title, &subtitle(manifest), manifest.note.as_deref());
+    let sheet = sheet.and_then(|picture| encode_png(&picture));
+    let sheet = sheet.and_then(|bytes| write_whole(job.disk.as_ref(), &path, &bytes));
+    described.push(sheet.and_then(|()| folder.describe(&path, "contact-sheet", 1, true)));
+    let mut failure = None;
+    let mut outputs = Vec::new();
+    for result in described {
+        match result {
+            Ok(output) => outputs.push(output),
+            Err(error) => failure = failure.or(Some(error)),
+        }
+    }
+    (outputs, failure)
 }
 
 /// Seconds by stage. `total` is the wall clock; the recorder works beside the other stages.

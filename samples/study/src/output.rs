@@ -78,10 +78,7 @@ impl Folder {
     }
 
     /// Describes what a recorder wrote; a video is complete when it holds all `presented` frames.
-    pub(crate) fn describe_media(&self, written: &[Written], presented: u64) -> Result<Vec<Output>> {
-        written
-            .iter()
-            .map(|w| self.describe(&w.path, w.kind, w.frames, w.kind == "png" || w.frames == presented))
-            .collect()
+    pub(crate) fn describe_media(&self, file: &Written, presented: u64) -> Result<Output> {
+        self.describe(&file.path, file.kind, file.frames, file.kind == "png" || file.frames == presented)
     }
 }
