@@ -113,6 +113,8 @@ pub struct Rope {
     pub nyquist_fraction: f64,
     /// Base of the geometric series of time frequencies.
     pub time_base: f64,
+    /// Rounding of the frequencies.
+    pub rounding: Rounding,
 }
 
 /// Shape facts of the autoencoder.
@@ -134,13 +136,13 @@ pub struct Sampler {
     /// The stock schedule, descending to 0.
     pub schedule: Vec<f64>,
     /// Rounding of the finished list and its differences.
-    pub sigma_rounding: SigmaRounding,
+    pub sigma_rounding: Rounding,
 }
 
-/// How noise levels are rounded before use.
+/// How numbers that the host computes for the graphs are rounded before use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum SigmaRounding {
+pub enum Rounding {
     /// Not beyond f32.
     None,
     /// To bfloat16, as the released engine runs.

@@ -15,7 +15,7 @@ pub(crate) fn manifest() -> Manifest {
             "local": { "window": 4 },
             "global": { "window": 16, "dilation": 4, "max_window": 64, "period": 4, "offset": -1 },
             "control_period": 3,
-            "rope": { "nyquist_fraction": 0.8, "time_base": 10000.0 },
+            "rope": { "nyquist_fraction": 0.8, "time_base": 10000.0, "rounding": "none" },
             "autoencoder": { "temporal": 4, "spatial": 16, "memories": [] },
         },
         "sampler": { "schedule": [1.0, 0.9, 0.75, 0.3, 0.0], "sigma_rounding": "bf16" },

@@ -102,7 +102,7 @@ mod tests {
         ];
         let sampler = crate::bundle::Sampler {
             schedule: vec![1.0, 0.9, 0.75, 0.3, 0.0],
-            sigma_rounding: crate::bundle::SigmaRounding::Bf16,
+            sigma_rounding: crate::bundle::Rounding::Bf16,
         };
         assert_eq!(table.len(), Preset::ALL.len());
         for (name, latents, pictures, dropped, presented, rate, passes, g) in table {

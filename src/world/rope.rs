@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use crate::bundle::Geometry;
+use half::bf16;
+
+use crate::bundle::{Geometry, Rounding};
 use crate::{Error, ErrorKind, Result};
 
 /// Cosines and sines of every token of a latent at any RoPE time.
@@ -49,10 +51,16 @@ impl RopeTable {
         }
 
         let (tokens, pairs) = (geometry.tokens as usize, geometry.head_width as usize / 2);
-        let f_xy = spatial_frequencies(pairs / 4, f64::from(rows.min(columns)) * rope.nyquist_fraction);
+        let rounded = |f: f64| match rope.rounding {
+            Rounding::None => f,
+            Rounding::Bf16 => f64::from(bf16::from_f32(f as f32)),
+        };
+        let mut f_xy = spatial_frequencies(pairs / 4, f64::from(rows.min(columns)) * rope.nyquist_fraction);
+        f_xy.iter_mut().for_each(|f| *f = rounded(*f));
         assert_eq!(f_xy.len(), pairs / 4);
-        let f_t: Vec<f64> =
-            (0..pairs / 2).map(|j| libm::pow(rope.time_base, -((2 * (j / 2)) as f64 / (pairs / 2) as f64))).collect();
+        let f_t: Vec<f64> = (0..pairs / 2)
+            .map(|j| rounded(libm::pow(rope.time_base, -((2 * (j / 2)) as f64 / (pairs / 2) as f64))))
+            .collect();
 
         let too_large =
             |_| Error::new(ErrorKind::OutOfMemory, "the table of RoPE angles does not fit").field("geometry.tokens");
@@ -240,6 +248,18 @@ mod tests {
         // Neighbouring times differ even where f32 could not tell the times apart.
         let time = 1 << 30;
         assert_ne!(angles(&geometry, time), angles(&geometry, time + 1));
+    }
+
+    #[test]
+    fn bfloat16_frequencies_are_those_that_the_released_engine_serves() {
+        let mut geometry = geometry(2, 4, 16);
+        geometry.rope.rounding = Rounding::Bf16;
+        let table = RopeTable::new(&geometry).unwrap();
+        // 10000 ^ -(0, 0, 1/2, 1/2): 0.01 is 0x3c24 in bfloat16.
+        assert_eq!(table.f_t, [1.0, 1.0, 0.010_009_765_625, 0.010_009_765_625]);
+        // pi is 0x4049 in bfloat16; the column centres of four are -3/4, -1/4, 1/4, 3/4.
+        let (cos, _) = angles(&geometry, 0);
+        assert_eq!(cos[0], libm::cos(0.75 * 3.140_625) as f32);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use half::bf16;
 
-use crate::bundle::{Sampler, SigmaRounding};
+use crate::bundle::{Rounding, Sampler};
 use crate::world::time::clip;
 use crate::{Error, ErrorKind, Result};
 
@@ -66,8 +66,8 @@ impl Schedule {
     /// As [`Schedule::points`], and `InvalidArgument` when two neighbours become equal by the rounding.
     pub fn table(&self, sampler: &Sampler) -> Result<SigmaTable> {
         let round = |x: f32| match sampler.sigma_rounding {
-            SigmaRounding::None => x,
-            SigmaRounding::Bf16 => bf16::from_f32(x).to_f32(),
+            Rounding::None => x,
+            Rounding::Bf16 => bf16::from_f32(x).to_f32(),
         };
         let sigmas: Vec<f32> = self.points(sampler)?.into_iter().map(|p| round(p as f32)).collect();
         let dsigmas: Vec<f32> = sigmas.windows(2).map(|pair| round(pair[1] - pair[0])).collect();
@@ -224,12 +224,12 @@ impl FromStr for Schedule {
 mod tests {
     use super::*;
 
-    fn waypoint(sigma_rounding: SigmaRounding) -> Sampler {
+    fn waypoint(sigma_rounding: Rounding) -> Sampler {
         Sampler { schedule: vec![1.0, 0.9, 0.75, 0.3, 0.0], sigma_rounding }
     }
 
     fn refined(passes: u32) -> Vec<f64> {
-        Schedule::Refined(passes).points(&waypoint(SigmaRounding::None)).unwrap()
+        Schedule::Refined(passes).points(&waypoint(Rounding::None)).unwrap()
     }
 
     #[test]
@@ -244,7 +244,7 @@ mod tests {
     #[test]
     fn ties_are_broken_by_exact_values() {
         assert_eq!(refined(8), [1.0, 0.9, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.15, 0.0]);
-        let thirds = Sampler { schedule: vec![0.9, 0.6, 0.3, 0.0], sigma_rounding: SigmaRounding::None };
+        let thirds = Sampler { schedule: vec![0.9, 0.6, 0.3, 0.0], sigma_rounding: Rounding::None };
         assert_eq!(Schedule::Refined(4).points(&thirds).unwrap(), [0.9, 0.75, 0.6, 0.3, 0.0]);
         assert_eq!(Schedule::Refined(5).points(&thirds).unwrap(), [0.9, 0.75, 0.6, 0.45, 0.3, 0.0]);
     }
@@ -268,7 +268,7 @@ mod tests {
 
     #[test]
     fn bf16_rounding_gives_the_reference_values() {
-        let table = Schedule::Stock.table(&waypoint(SigmaRounding::Bf16)).unwrap();
+        let table = Schedule::Stock.table(&waypoint(Rounding::Bf16)).unwrap();
         assert_eq!(table.sigmas, [1.0, 0.898_437_5, 0.75, 0.300_781_25, 0.0]);
         assert_eq!(table.dsigmas, [-0.101_562_5, -0.148_437_5, -0.449_218_75, -0.300_781_25]);
         assert_eq!(table.passes(), 4);
@@ -276,7 +276,7 @@ mod tests {
 
     #[test]
     fn without_rounding_levels_are_f32() {
-        let table = Schedule::Stock.table(&waypoint(SigmaRounding::None)).unwrap();
+        let table = Schedule::Stock.table(&waypoint(Rounding::None)).unwrap();
         assert_eq!(table.sigmas, [1.0f32, 0.9, 0.75, 0.3, 0.0]);
         for (d, expected) in table.dsigmas.iter().zip([-0.1f32, -0.15, -0.45, -0.3]) {
             assert!((d - expected).abs() < 1e-7);
@@ -286,15 +286,15 @@ mod tests {
     #[test]
     fn rounding_that_merges_points_is_refused() {
         let close = Schedule::Explicit(vec![1.0, 0.9, 0.8999, 0.0]);
-        assert!(close.table(&waypoint(SigmaRounding::None)).is_ok());
-        let error = close.table(&waypoint(SigmaRounding::Bf16)).unwrap_err();
+        assert!(close.table(&waypoint(Rounding::None)).is_ok());
+        let error = close.table(&waypoint(Rounding::Bf16)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert_eq!(error.offending_field(), Some("schedule"));
     }
 
     #[test]
     fn a_negative_zero_is_zero() {
-        let sampler = Sampler { schedule: vec![1.0, 0.9, 0.75, 0.3, -0.0], sigma_rounding: SigmaRounding::None };
+        let sampler = Sampler { schedule: vec![1.0, 0.9, 0.75, 0.3, -0.0], sigma_rounding: Rounding::None };
         for schedule in [Schedule::Stock, Schedule::Refined(5), "explicit:1:0.5:-0".parse().unwrap()] {
             assert_eq!(schedule.table(&sampler).unwrap().sigmas.last().unwrap().to_bits(), 0);
         }
@@ -316,15 +316,15 @@ mod tests {
             vec![1.0, 0.0, -1.0],
             (0..=64).map(|i| 1.0 - f64::from(i) / 64.0).collect(),
         ] {
-            assert!(Schedule::Explicit(bad.clone()).table(&waypoint(SigmaRounding::None)).is_err(), "{bad:?}");
-            let sampler = Sampler { schedule: bad, sigma_rounding: SigmaRounding::None };
+            assert!(Schedule::Explicit(bad.clone()).table(&waypoint(Rounding::None)).is_err(), "{bad:?}");
+            let sampler = Sampler { schedule: bad, sigma_rounding: Rounding::None };
             assert!(Schedule::Stock.table(&sampler).is_err());
             assert!(Schedule::Refined(9).table(&sampler).is_err());
         }
         for passes in [0, 3, 64, u32::MAX] {
-            assert!(Schedule::Refined(passes).table(&waypoint(SigmaRounding::None)).is_err());
+            assert!(Schedule::Refined(passes).table(&waypoint(Rounding::None)).is_err());
         }
-        let tiny = Sampler { schedule: vec![1.0, 1e-300, 0.0], sigma_rounding: SigmaRounding::None };
+        let tiny = Sampler { schedule: vec![1.0, 1e-300, 0.0], sigma_rounding: Rounding::None };
         assert!(Schedule::Refined(9).points(&tiny).is_err());
     }
 

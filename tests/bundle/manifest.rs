@@ -52,6 +52,7 @@ fn cases() -> Vec<Case> {
         ("/geometry/rope/nyquist_fraction", json!(1.5), "geometry.rope.nyquist_fraction"),
         ("/geometry/rope/time_base", json!(1.0), "geometry.rope.time_base"),
         ("/geometry/rope/time_base", json!("NaN"), "geometry.rope.time_base"),
+        ("/geometry/rope/rounding", json!("f16"), "geometry.rope.rounding"),
         ("/geometry/autoencoder/temporal", json!(8), "geometry.autoencoder.temporal"),
         ("/geometry/autoencoder/spatial", json!(8), "geometry.autoencoder.spatial"),
         ("/geometry/autoencoder/memories", json!([[1, 1, 1]]), "geometry.autoencoder.memories"),

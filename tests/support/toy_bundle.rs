@@ -92,7 +92,7 @@ fn manifest() -> Json {
             "local": { "window": 2 },
             "global": { "window": 4, "dilation": 2, "max_window": 8, "period": 2, "offset": -1 },
             "control_period": 3,
-            "rope": { "nyquist_fraction": 0.8, "time_base": 10000.0 },
+            "rope": { "nyquist_fraction": 0.8, "time_base": 10000.0, "rounding": "none" },
             "autoencoder": { "temporal": 4, "spatial": 16, "memories": vec![[1, 1, 1]; 9] },
         },
         "sampler": { "schedule": [1.0, 0.5, 0.0], "sigma_rounding": "none" },

@@ -256,6 +256,7 @@ def test_a_checkpoint_becomes_a_bundle_that_runs(tmp_path):
     out = tmp_path / "out"
     assert main(["checkpoint", str(tmp_path / "c"), "--out", str(out), "--max-window", "64", "--quiet"]) == 0
     content = json.loads((out / "cairn-world.json").read_text())
+    assert content["geometry"]["rope"]["rounding"] == "bf16"
     assert content["sampler"]["sigma_rounding"] == "bf16" and content["licence"] == {"spdx": "Apache-2.0", "file": "LICENSE.txt"}
     rng = np.random.default_rng(1)
     full, half = (Rollout(out, TINY, p) for p in ("f32", "f16"))

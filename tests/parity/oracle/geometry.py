@@ -26,6 +26,7 @@ class Geometry:
     offset: int
     control_period: int
     nyquist_fraction: float
+    rope_rounding: str
     time_base: float
     time_multiplier: int
     decoded: tuple[int, int]
@@ -56,6 +57,7 @@ class Geometry:
             offset=g["global"]["offset"],
             control_period=g["control_period"],
             nyquist_fraction=g["rope"]["nyquist_fraction"],
+            rope_rounding=g["rope"]["rounding"],
             time_base=g["rope"]["time_base"],
             time_multiplier=manifest["rates"]["time_multiplier"],
             decoded=tuple(manifest["picture"]["decoded"]),

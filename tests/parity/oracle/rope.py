@@ -3,6 +3,7 @@
 import numpy as np
 
 from .geometry import Geometry
+from .sigmas import bfloat16
 
 
 def angles(geometry: Geometry, times: np.ndarray) -> np.ndarray:
@@ -14,6 +15,8 @@ def angles(geometry: Geometry, times: np.ndarray) -> np.ndarray:
     top = min(rows, columns) * geometry.nyquist_fraction / 2
     f_xy = np.repeat(np.linspace(1.0, top, (spatial + 1) // 2) * np.pi, 2)[:spatial]
     f_t = np.repeat(geometry.time_base ** -(np.arange(0, temporal, 2) / temporal), 2)
+    if geometry.rope_rounding == "bf16":
+        f_xy, f_t = bfloat16(f_xy), bfloat16(f_t)
 
     token = np.arange(geometry.T)
     x = (2 * (token % columns) + 1) / columns - 1

@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
         "--rounding",
         choices=["bf16", "none"],
         default="bf16",
-        help="noise levels and their Fourier frequencies: rounded to bfloat16 as the released engine runs (the default), or exact",
+        help="noise levels, Fourier and RoPE frequencies: rounded to bfloat16 as the released engine runs (the default), or exact",
     )
     checkpoint.add_argument("--name", help="shown to people; the directory's name unless given")
     checkpoint.add_argument("--licence", default="Apache-2.0", help="SPDX expression of the weights (Apache-2.0)")
@@ -206,8 +206,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
         name=options.name or options.directory.resolve().name[:100],
         provenance={**found.provenance, "rounding": options.rounding},
         licence=licence,
-        sigma_rounding=options.rounding,
-        fourier_rounding=options.rounding,
+        rounding=options.rounding,
     )
     if found.too_small and not options.quiet:
         print(f"{found.too_small} of the checkpoint's numbers are too small for float16 and became 0")

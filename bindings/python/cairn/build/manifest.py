@@ -35,9 +35,9 @@ def manifest(
     files: dict[str, tuple[int, str]],
     licence: Licence,
     provenance: dict[str, str],
-    sigma_rounding: str,
+    rounding: str,
 ) -> dict:
-    """The whole manifest; `files` maps a path to its size and SHA-256."""
+    """The whole manifest; `files` maps a path to its size and SHA-256. `rounding` is that of noise levels and RoPE frequencies."""
     return {
         "schema_version": SCHEMA_VERSION,
         "name": name,
@@ -61,14 +61,14 @@ def manifest(
                 "offset": g.global_offset,
             },
             "control_period": g.control_period,
-            "rope": {"nyquist_fraction": g.nyquist_fraction, "time_base": g.time_base},
+            "rope": {"nyquist_fraction": g.nyquist_fraction, "time_base": g.time_base, "rounding": rounding},
             "autoencoder": {
                 "temporal": AUTOENCODER_TEMPORAL,
                 "spatial": g.spatial,
                 "memories": [list(m) for m in g.memories],
             },
         },
-        "sampler": {"schedule": list(g.schedule), "sigma_rounding": sigma_rounding},
+        "sampler": {"schedule": list(g.schedule), "sigma_rounding": rounding},
         "rates": {"latents_per_second": g.latents_per_second, "time_multiplier": g.time_multiplier},
         "controls": {"mouse": 2, "buttons": g.buttons, "scroll": 1},
         "picture": {"decoded": list(g.decoded), "render": list(g.render), "range": [0, 1]},

@@ -65,19 +65,19 @@ def build_bundle(
     name: str,
     provenance: dict[str, str],
     licence: Licence,
-    sigma_rounding: str = "none",
-    fourier_rounding: str = "none",
+    rounding: str = "none",
     precisions: tuple[str, ...] = ("f32", "f16"),
     progress: Progress = lambda what, done, total: None,
     replace: bool = False,
 ) -> Path:
     """Writes the bundle to `out`: a folder, or an archive where the name ends in `.cairn`.
 
+    `rounding` is `bf16` where noise levels, Fourier and RoPE frequencies are bfloat16, as the released engine serves them.
     What stood there stays until the new one is complete; nothing half done is left behind.
     """
     out = Path(out)
     check_free(out, replace)
-    facts = (name, provenance, licence, sigma_rounding, fourier_rounding, precisions, progress)
+    facts = (name, provenance, licence, rounding, precisions, progress)
     if out.suffix == archive.SUFFIX:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
@@ -89,7 +89,7 @@ def build_bundle(
     return out
 
 
-def _write(folder, g, source, name, provenance, licence, sigma_rounding, fourier_rounding, precisions, progress) -> None:
+def _write(folder, g, source, name, provenance, licence, rounding, precisions, progress) -> None:
     files: dict[str, tuple[int, str]] = {}
     placed = layouts(g)
     total = sum(p.length for group in placed for p in group.values())
@@ -100,7 +100,7 @@ def _write(folder, g, source, name, provenance, licence, sigma_rounding, fourier
     for precision in precisions:
         progress(f"graphs, {precision}", done, total + 1)
         graphs[precision] = {}
-        for kind, graph in build_graphs(g, precision, fourier_rounding).items():
+        for kind, graph in build_graphs(g, precision, rounding).items():
             file = f"{kind}.{precision}.onnx"
             data = graph.model().SerializeToString(deterministic=True)
             _write_file(folder, file, data, files)
@@ -109,7 +109,7 @@ def _write(folder, g, source, name, provenance, licence, sigma_rounding, fourier
     if licence.text is not None:
         _write_file(folder, licence.file, licence.text.encode(), files)
     content = manifest(
-        g, name=name, graphs=graphs, files=files, licence=licence, provenance=provenance, sigma_rounding=sigma_rounding
+        g, name=name, graphs=graphs, files=files, licence=licence, provenance=provenance, rounding=rounding
     )
     (folder / MANIFEST_FILE).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     progress("complete", total, total)
