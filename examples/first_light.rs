@@ -21,7 +21,7 @@ fn first_light(path: &std::path::Path) -> Result<()> {
     for _ in 0..15 {
         rollout.step(&ControlInput::default())?;
         rollout.read_picture(3, &mut picture)?;
-        println!("{} x {}, first pixel {:?}", picture.width(), picture.height(), picture.pixels()[0]);
+        println!("{:?} pixels, the first is {:?}", picture.size(), picture.pixels()[0]);
     }
     Ok(())
 }

@@ -30,8 +30,3 @@ mod picture;
 
 pub use error::{Error, ErrorKind, Result};
 pub use picture::{MAX_SIDE, Picture};
-
-/// The code in README.md, compiled with the documentation's tests.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

@@ -1,4 +1,5 @@
-//! The commands in README.md and docs/*.md: that they exist and take the options the text gives them.
+//! The commands in README.md and docs/*.md: that they exist and take the options the text gives them. And README's Rust:
+//! that it is part of the example the compiler sees.
 
 use std::process::Command;
 
@@ -22,7 +23,28 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
             tally.check(failure.map(|why| format!("{page}: \"{line}\": {why}")));
         }
     }
+    let shown = rust(&context.clone.read("README.md")?);
+    let compiled = flat(&context.clone.read(EXAMPLE)?);
+    tally.check(match shown {
+        Some(shown) if compiled.contains(&flat(&shown)) => None,
+        Some(_) => Some(format!("README.md shows other Rust than {EXAMPLE} has")),
+        None => Some("README.md shows no Rust".to_owned()),
+    });
     Ok(tally)
+}
+
+/// What README.md shows a part of.
+const EXAMPLE: &str = "examples/first_light.rs";
+
+/// The first Rust block of a page.
+fn rust(page: &str) -> Option<String> {
+    let (_, rest) = page.split_once("```rust\n")?;
+    rest.split_once("```").map(|(block, _)| block.to_owned())
+}
+
+/// A text without its white space.
+fn flat(text: &str) -> String {
+    text.split_whitespace().collect()
 }
 
 /// The lines of a page's shell blocks, without prompts and comments, continued lines joined.

@@ -2,6 +2,8 @@
 
 use std::process::Command;
 
+use provision::{Console, tools};
+
 use super::Context;
 use super::cargo;
 use super::tally::{Skip, Tally};
@@ -10,38 +12,37 @@ use crate::shell::Log;
 /// How long the soak is.
 const SOAK_LATENTS: &str = "2000";
 
+/// The cargo-fuzz that drives the fuzz targets.
+const CARGO_FUZZ_VERSION: &str = "0.13.2";
+
 /// How long each fuzz target runs.
 const FUZZ_SECONDS: u32 = 60;
 
 pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let files = context.clone.files()?;
     let targets = files.iter().filter_map(|file| file.strip_prefix("fuzz/fuzz_targets/")?.strip_suffix(".rs"));
-    let mut probe = Command::new("cargo");
-    probe.args(["+nightly", "fuzz", "--version"]).current_dir(&context.clone.root).env_remove("RUSTUP_TOOLCHAIN");
-    let there = log.run(&mut probe).is_ok_and(|ended| ended.success);
-    if there {
-        // Valid inputs to start from; from nothing, a minute would hardly get past the first check.
-        let mut seeds = context.clone.cargo(["run", "--manifest-path", "fuzz/Cargo.toml", "--example", "seeds"]);
-        log.run(&mut seeds)?;
-    }
     let mut tally = Tally::default();
+    // libFuzzer's instrumentation is a feature of the nightly compiler.
+    let has_nightly = log.run(Command::new("rustup").args(["run", "nightly", "rustc", "--version"]));
+    if !has_nightly.is_ok_and(|ended| ended.success) {
+        let reason = "no nightly toolchain: rustup toolchain install nightly";
+        tally.skips.extend(targets.map(|name| Skip { name: name.to_owned(), reason: reason.to_owned() }));
+        return Ok(tally);
+    }
+    let program = tools::cargo_program("cargo-fuzz", CARGO_FUZZ_VERSION, &Console::new()).map_err(|e| e.to_string())?;
     for target in targets {
-        if !there {
-            let reason =
-                "no nightly toolchain with cargo-fuzz: rustup toolchain install nightly; cargo install cargo-fuzz";
-            tally.skips.push(Skip { name: target.to_owned(), reason: reason.to_owned() });
-            continue;
-        }
-        let mut command = Command::new("cargo");
+        let mut command = Command::new("rustup");
         command
-            .args(["+nightly", "fuzz", "run", target, "--"])
-            .arg(format!("-max_total_time={FUZZ_SECONDS}"))
+            .args(["run", "nightly"])
+            .arg(&program)
+            .args(["run", target, "--", &format!("-max_total_time={FUZZ_SECONDS}")])
             .current_dir(&context.clone.root)
             // We run under the pinned toolchain's cargo, which would otherwise be inherited.
             .env_remove("RUSTUP_TOOLCHAIN")
-            .env_remove("CARGO");
+            .env_remove("CARGO")
+            .env("CARGO_TARGET_DIR", context.clone.target.join("fuzz"));
         let ended = log.run(&mut command)?;
-        tally.check((!ended.success).then(|| format!("fuzz target {target} found an input that breaks it")));
+        tally.check((!ended.success).then(|| format!("fuzz target {target} does not build, or an input broke it")));
     }
     Ok(tally)
 }
