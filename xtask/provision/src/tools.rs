@@ -34,6 +34,15 @@ pub fn nasm(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
+/// A Chromium that plays video, from the PATH or by apt when root; none elsewhere.
+pub fn chromium(progress: &dyn Progress) -> Option<PathBuf> {
+    let find = || ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(on_path);
+    find().or_else(|| {
+        apt("chromium", progress).ok()?;
+        find()
+    })
+}
+
 /// A linker for [`WINDOWS_TARGET`]: MinGW from the PATH, by apt when root, else `ziglang` from PyPI.
 ///
 /// # Errors

@@ -1,7 +1,7 @@
 //! The main job end to end, through the program as a user starts it: a short rollout, and its replay.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::Context;
@@ -26,6 +26,20 @@ const SHORT: &[&str] = &[
     "--formats",
     "mp4,png,y4m",
 ];
+
+/// The video of the short rollout; makes it where the `study` runner has not.
+pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
+    let folder = context.clone.target.join("xtask").join("study").join("rollout");
+    if find_video(&folder).is_none() {
+        run(context, log)?;
+    }
+    find_video(&folder).ok_or_else(|| format!("{} holds no video", folder.display()))
+}
+
+fn find_video(folder: &Path) -> Option<PathBuf> {
+    let entries = fs::read_dir(folder).ok()?;
+    entries.flatten().map(|entry| entry.path()).find(|path| path.extension().is_some_and(|e| e == "mp4"))
+}
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
@@ -68,9 +82,7 @@ fn missing(path: &Path) -> Option<String> {
 
 /// An MP4 file starts with its `ftyp` box.
 fn video(folder: &Path) -> Option<String> {
-    let Ok(entries) = fs::read_dir(folder) else { return Some(format!("{} is not there", folder.display())) };
-    let video = entries.flatten().map(|entry| entry.path()).find(|path| path.extension().is_some_and(|e| e == "mp4"));
-    match video.map(fs::read) {
+    match find_video(folder).map(fs::read) {
         Some(Ok(bytes)) if bytes.get(4..8) == Some(b"ftyp") => None,
         Some(Ok(_)) => Some("the video is no MP4 file".to_owned()),
         Some(Err(e)) => Some(format!("the video cannot be read: {e}")),

@@ -1,0 +1,132 @@
+//! The video plays in a browser: Chromium, without a window, against a server of our own on the loopback address.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, Sender};
+use std::time::Duration;
+
+use provision::{Console, tools};
+
+use super::Context;
+use super::study;
+use super::tally::{Skip, Tally};
+use crate::shell::Log;
+
+/// How long the browser may take to start and play half a second.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Plays the video and tells the server how it went.
+const PAGE: &str = r#"<!doctype html><meta charset="utf-8"><video muted src="/video.mp4"></video><script>
+const video = document.querySelector("video");
+const tell = text => fetch("/told", { method: "POST", body: text });
+let frames = 0;
+const count = () => { frames++; video.requestVideoFrameCallback(count); };
+video.requestVideoFrameCallback(count);
+video.onerror = () => tell(`error ${video.error.code}: ${video.error.message}`);
+video.onended = () => tell(`played ${video.videoWidth}x${video.videoHeight} for ${video.currentTime.toFixed(2)} s, drew ${Math.min(frames, 2)} frames or more`);
+video.play().catch(error => tell(`error: ${error}`));
+</script>"#;
+
+/// What the page tells when all is well: size and length of the short rollout.
+const EXPECTED: &str = "played 256x144 for 0.53 s, drew 2 frames or more";
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let Some(chromium) = tools::chromium(&Console::new()) else {
+        let skip = Skip {
+            name: "the video plays in a browser".to_owned(),
+            reason: "there is no Chromium on the PATH, and apt-get cannot install it here".to_owned(),
+        };
+        return Ok(Tally { skips: vec![skip], ..Tally::default() });
+    };
+    let video = study::rollout_video(context, log)?;
+    let told = play(&chromium, &video, &context.clone.target.join("xtask").join("browser"))?;
+    log.line(&format!("the browser says: {told}"))?;
+    let mut tally = Tally::default();
+    tally.check((told != EXPECTED).then(|| format!("the browser says {told:?}, not {EXPECTED:?}")));
+    Ok(tally)
+}
+
+/// Opens a page with `video` in the browser and waits for what the page tells.
+fn play(chromium: &Path, video: &Path, profile: &Path) -> Result<String, String> {
+    let video = std::fs::read(video).map_err(|e| format!("{}: {e}", video.display()))?;
+    let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| format!("no port on the loopback address: {e}"))?;
+    let address = listener.local_addr().map_err(|e| e.to_string())?;
+    let (tell, told) = mpsc::channel();
+    std::thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let (tell, video) = (tell.clone(), video.clone());
+            // A browser that closes a connection early is no failure: what counts is what the page tells.
+            std::thread::spawn(move || _ = answer(stream, &video, &tell));
+        }
+    });
+    let _browser = Browser::start(chromium, &format!("http://{address}/"), profile)?;
+    told.recv_timeout(PATIENCE).map_err(|_| format!("the browser told nothing for {} s", PATIENCE.as_secs()))
+}
+
+/// Answers one request: the page, the video, or the page's report.
+fn answer(mut stream: TcpStream, video: &[u8], tell: &Sender<String>) -> std::io::Result<()> {
+    let mut reader = BufReader::new(stream.try_clone()?);
+    let (mut request, mut length) = (String::new(), 0);
+    reader.read_line(&mut request)?;
+    loop {
+        let mut header = String::new();
+        reader.read_line(&mut header)?;
+        match header.trim_end().split_once(':') {
+            Some((name, value)) if name.eq_ignore_ascii_case("content-length") => {
+                length = value.trim().parse().unwrap_or(0);
+            }
+            Some(_) => {}
+            None => break,
+        }
+    }
+    let (kind, body): (&str, &[u8]) = if request.starts_with("POST /told ") {
+        let mut text = String::new();
+        reader.take(length).read_to_string(&mut text)?;
+        _ = tell.send(text);
+        ("text/plain", b"")
+    } else if request.starts_with("GET /video.mp4 ") {
+        ("video/mp4", video)
+    } else {
+        ("text/html", PAGE.as_bytes())
+    };
+    write!(
+        stream,
+        "HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\n\r\n",
+        body.len()
+    )?;
+    stream.write_all(body)
+}
+
+/// A running browser; it ends with this value.
+struct Browser(Child);
+
+impl Browser {
+    fn start(chromium: &Path, page: &str, profile: &Path) -> Result<Self, String> {
+        let profile: PathBuf = profile.to_owned();
+        std::fs::create_dir_all(&profile).map_err(|e| format!("{}: {e}", profile.display()))?;
+        Command::new(chromium)
+            .args(["--headless", "--disable-gpu", "--no-first-run", "--mute-audio"])
+            // A test machine runs as root, where the sandbox cannot; nothing but our own page is opened.
+            .arg("--no-sandbox")
+            // Without these it looks for the makers' servers at every start.
+            .args(["--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic"])
+            .arg("--autoplay-policy=no-user-gesture-required")
+            .arg(format!("--user-data-dir={}", profile.display()))
+            .args(["--remote-debugging-port=0", page])
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .map(Self)
+            .map_err(|e| format!("{}: {e}", chromium.display()))
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        _ = self.0.kill();
+        _ = self.0.wait();
+    }
+}
