@@ -8,6 +8,7 @@ mod depth;
 mod latent;
 mod motion;
 pub mod paper;
+pub mod picture_flow;
 pub mod visual;
 
 pub use depth::{DepthEncoding, DepthMap, Projection};

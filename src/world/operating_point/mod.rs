@@ -32,11 +32,15 @@ pub enum CacheMode {
 }
 
 /// Where motion and depth for generated frames come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum GuidanceSource {
     /// The paper's, from a pair of latents (`guidance::paper`).
     Paper,
+    /// Optical flow on a pair of decoded anchors (`guidance::picture_flow`). The source of every point that names
+    /// none and is not one of the paper's presets.
+    #[default]
+    PictureFlow,
 }
 
 /// What is shown.

@@ -44,6 +44,7 @@ impl fmt::Display for GuidanceSource {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Paper => f.write_str("paper"),
+            Self::PictureFlow => f.write_str("picture"),
         }
     }
 }
@@ -51,13 +52,14 @@ impl fmt::Display for GuidanceSource {
 impl FromStr for GuidanceSource {
     type Err = Error;
 
-    /// Reads `paper`.
+    /// Reads `paper` or `picture`.
     fn from_str(text: &str) -> Result<Self> {
         match text {
             "paper" => Ok(Self::Paper),
+            "picture" => Ok(Self::PictureFlow),
             _ => Err(Error::new(ErrorKind::InvalidArgument, format!("{:?} is no source of guidance", clip(text)))
                 .field("guidance")
-                .remedy("Write paper")),
+                .remedy("Write paper or picture")),
         }
     }
 }
@@ -74,7 +76,8 @@ impl fmt::Display for Presentation {
 impl FromStr for Presentation {
     type Err = Error;
 
-    /// Reads `native`, `generated:30` or `generated:30:paper`.
+    /// Reads `native`, `generated:30` or `generated:30:paper`. Without a source of guidance it is the default one;
+    /// [`OperatingPoint`]'s text keeps that of a preset it starts from.
     fn from_str(text: &str) -> Result<Self> {
         let wrong = || {
             Error::new(ErrorKind::InvalidArgument, format!("{:?} is no way to present", clip(text)))
@@ -87,7 +90,7 @@ impl FromStr for Presentation {
         let rest = text.strip_prefix("generated:").ok_or_else(wrong)?;
         let (rate, guidance) = match rest.split_once(':') {
             Some((rate, guidance)) => (rate, guidance.parse()?),
-            None => (rest, GuidanceSource::Paper),
+            None => (rest, GuidanceSource::default()),
         };
         Ok(Self::Generated { rate: rate.parse().map_err(|_| wrong())?, guidance })
     }

@@ -1,0 +1,2 @@
+//! What must hold on made-up pictures.
+
