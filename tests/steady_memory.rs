@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use cairn::Picture;
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
-use cairn::guidance::{Guidance, LatentView, paper};
+use cairn::guidance::{Guidance, LatentView, paper, picture_flow};
 use cairn::present::upscale::{Filter, Upscaler};
 
 struct Counting;
@@ -72,6 +72,14 @@ fn frames_are_made_without_allocating() {
     }
     let mut current = previous.clone();
     current.rgba_mut().rotate_right(8);
+    let mut flow = Guidance::new(128, 72, picture_flow::PROJECTION).expect("guidance");
+    let mut extractor = picture_flow::Extractor::new();
+    assert_eq!(
+        allocations_when_warm(|| extractor.extract(&previous, &current, &mut flow).expect("motion")),
+        0,
+        "motion from pictures"
+    );
+
     let mut out = previous.clone();
     let mut generator = CpuGenerator::new();
     assert_eq!(

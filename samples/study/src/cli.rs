@@ -128,6 +128,10 @@ struct PointArgs {
     /// native, or generated:RATE with the frames presented per second
     #[arg(long, value_name = "HOW")]
     present: Option<String>,
+    /// Where motion and depth of generated frames come from: paper, from latents, or picture, optical flow between
+    /// anchors
+    #[arg(long, value_name = "SOURCE")]
+    guidance: Option<String>,
 }
 
 #[derive(Args)]
@@ -360,7 +364,16 @@ fn operating_point(args: &PointArgs) -> Result<OperatingPoint> {
         point.pictures_per_latent = pictures;
     }
     if let Some(present) = &args.present {
-        point.presentation = present.parse::<Presentation>().map_err(named("--present"))?;
+        point.present(present).map_err(named("--present"))?;
+    }
+    if let Some(text) = &args.guidance {
+        let source = text.parse().map_err(named("--guidance"))?;
+        let Presentation::Generated { guidance, .. } = &mut point.presentation else {
+            return Err(Error::new(ErrorKind::InvalidArgument, "nothing is generated that could be guided")
+                .field("--guidance")
+                .remedy("Use it with --present generated:RATE"));
+        };
+        *guidance = source;
     }
     point.check()?;
     Ok(point)
@@ -416,6 +429,12 @@ mod tests {
         assert_eq!(mine.to_string(), "g256,refined:12,interval:4,latents:15,pictures:4,native");
         let mine = point(&["--anchor-rate", "10", "--pictures", "1", "--present", "generated:60"]).unwrap();
         assert_eq!((mine.latents_per_second, mine.presented_rate()), (10, 60));
+        let shown = |arguments: &[&str]| point(arguments).unwrap().presentation.to_string();
+        assert_eq!(shown(&["--present", "generated:60"]), "generated:60:paper");
+        assert_eq!(shown(&["--guidance", "picture"]), "generated:30:picture");
+        assert_eq!(shown(&["--present", "generated:60:picture"]), "generated:60:picture");
+        let stock = ["--preset", "stock", "--pictures", "1", "--present", "generated:60"];
+        assert_eq!(shown(&stock), "generated:60:picture");
     }
 
     #[test]
@@ -425,6 +444,7 @@ mod tests {
             (["--cache", "sometimes"], "--cache", "interval"),
             (["--context", "all"], "--context", "g384"),
             (["--present", "fast"], "--present", "native"),
+            (["--guidance", "guess"], "--guidance", "picture"),
             (["--schedule", "quick"], "--schedule", "refined"),
         ] {
             let error = point(&arguments).unwrap_err();
@@ -432,6 +452,8 @@ mod tests {
             let text = error.to_string();
             assert!(text.contains(option) && text.contains(remedy), "{text}");
         }
+        let idle = point(&["--preset", "stock", "--guidance", "picture"]).unwrap_err();
+        assert_eq!(idle.offending_field(), Some("--guidance"));
         for text in ["1920", "1920x", "x1080", "-1x5", "99999999999x5"] {
             assert!(size(text).unwrap_err().to_string().contains("1920x1080"));
         }

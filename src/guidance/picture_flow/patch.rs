@@ -123,8 +123,7 @@ impl Template {
             let step = [(yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant];
             let next = [flow[0] - step[0], flow[1] - step[1]];
             let strayed = (next[0] - start[0]).abs().max((next[1] - start[1]).abs()) > SIDE as f32;
-            let Some(comparison) = self.compare(target, next).filter(|c| !strayed && c.residual < best.residual)
-            else {
+            let Some(comparison) = self.compare(target, next).filter(|c| !strayed && c.residual < best.residual) else {
                 break;
             };
             (*flow, *best) = (next, comparison);

@@ -1,2 +1,173 @@
 //! What must hold on made-up pictures.
 
+use super::*;
+
+/// A smooth random texture at any position in pixels, in code values around 128.
+fn texture(x: f32, y: f32) -> f32 {
+    let waves = [(0.11, 0.07, 0.3), (-0.19, 0.23, 1.7), (0.31, 0.13, 4.1), (0.05, -0.29, 2.2), (0.41, -0.37, 5.0)];
+    128.0 + waves.iter().map(|(a, b, phase)| 18.0 * (a * x + b * y + phase).sin()).sum::<f32>()
+}
+
+/// A grey picture of what `value` says at each pixel.
+fn picture(width: u32, height: u32, value: impl Fn(f32, f32) -> f32) -> Picture {
+    let mut picture = Picture::new(width, height).unwrap();
+    for (k, pixel) in (0..).zip(picture.pixels_mut()) {
+        let v = value((k % width) as f32, (k / width) as f32).round().clamp(0.0, 255.0) as u8;
+        *pixel = [v, v, v, 255];
+    }
+    picture
+}
+
+fn flow(previous: &Picture, current: &Picture) -> Guidance {
+    let mut out = Guidance::new(1, 1, PROJECTION).unwrap();
+    extract(previous, current, &mut out).unwrap();
+    assert_eq!(out.size(), current.size());
+    out
+}
+
+fn vector(guidance: &Guidance, x: u32, y: u32) -> [f32; 2] {
+    guidance.motion().vectors()[(y * guidance.size().0 + x) as usize].map(f32::from)
+}
+
+/// The largest error over the pixels at least `margin` inside, against `truth` at each pixel.
+fn worst(guidance: &Guidance, margin: u32, truth: impl Fn(f32, f32) -> [f32; 2]) -> f32 {
+    let (width, height) = guidance.size();
+    let mut worst = 0.0_f32;
+    for y in margin..height - margin {
+        for x in margin..width - margin {
+            let ([u, v], [tu, tv]) = (vector(guidance, x, y), truth(x as f32, y as f32));
+            worst = worst.max((u - tu).hypot(v - tv));
+        }
+    }
+    worst
+}
+
+#[test]
+fn pans_are_found() {
+    let pans = [
+        // Whole pixels; between them the 8 bits and the bilinear picture leave more.
+        ([1.0, 0.0], 0.05),
+        ([0.0, -3.0], 0.05),
+        ([7.0, 4.0], 0.05),
+        ([-12.0, 5.0], 0.05),
+        ([0.5, 0.25], 0.15),
+        ([-2.3, 6.7], 0.15),
+    ];
+    for (shift, most) in pans {
+        let previous = picture(161, 99, texture);
+        // What is at x now was at x + shift.
+        let current = picture(161, 99, |x, y| texture(x + shift[0], y + shift[1]));
+        let error = worst(&flow(&previous, &current), 16, |_, _| shift);
+        assert!(error < most, "{shift:?}: off by {error} px");
+    }
+}
+
+#[test]
+fn a_rotation_is_found() {
+    let (sin, cos) = 0.03_f32.sin_cos();
+    let before = |x: f32, y: f32| {
+        let (dx, dy) = (x - 80.0, y - 50.0);
+        [80.0 + cos * dx - sin * dy, 50.0 + sin * dx + cos * dy]
+    };
+    let current = picture(161, 101, |x, y| {
+        let [px, py] = before(x, y);
+        texture(px, py)
+    });
+    let error = worst(&flow(&picture(161, 101, texture), &current), 12, |x, y| {
+        let [px, py] = before(x, y);
+        [px - x, py - y]
+    });
+    assert!(error < 0.3, "off by {error} px");
+}
+
+#[test]
+fn a_change_of_brightness_is_no_motion() {
+    let previous = picture(128, 96, |x, y| 0.8 * texture(x, y));
+    let current = picture(128, 96, |x, y| 25.0 + 0.76 * texture(x + 3.0, y - 2.0));
+    let error = worst(&flow(&previous, &current), 16, |_, _| [3.0, -2.0]);
+    assert!(error < 0.3, "off by {error} px");
+}
+
+#[test]
+fn a_thing_moves_over_a_resting_ground() {
+    // A dark ground and a light thing: the edge between them is seen.
+    let ground = |x: f32, y: f32| 0.4 * texture(x, y) + 10.0;
+    let held = |x: f32, y: f32| (60.0..100.0).contains(&x) && (40.0..80.0).contains(&y);
+    let other = |x: f32, y: f32| 0.4 * texture(1.3 * y, x) + 140.0;
+    let draw =
+        |shift: f32| picture(160, 120, move |x, y| if held(x + shift, y) { other(x + shift, y) } else { ground(x, y) });
+    // The square moves six pixels to the right.
+    let out = flow(&draw(0.0), &draw(-6.0));
+    let [u, v] = vector(&out, 86, 60);
+    assert!((u + 6.0).abs() < 0.1 && v.abs() < 0.1, "{u} {v}");
+    for (x, y) in [(30, 30), (130, 60), (86, 100), (40, 60)] {
+        let [u, v] = vector(&out, x, y);
+        assert!(u.hypot(v) < 0.1, "({x}, {y}): {u} {v}");
+    }
+    // What the square has just uncovered belongs to the ground.
+    let uncovered = (45..75).filter(|&y| vector(&out, 62, y)[0].abs() < 1.0).count();
+    assert!(uncovered > 20, "{uncovered} of 30 uncovered pixels rest");
+}
+
+#[test]
+fn equal_and_flat_pictures_have_no_motion_at_all() {
+    let still = |previous: &Picture, current: &Picture| {
+        let out = flow(previous, current);
+        assert!(out.motion().vectors().iter().all(|v| v.map(f16::to_bits) == [0, 0]), "{:?}", current.size());
+        assert!(out.depth().depth().iter().all(|d| *d == FLAT_DEPTH));
+    };
+    for (width, height) in [(1, 1), (1, 40), (37, 1), (2, 3), (7, 9), (25, 24), (100, 51)] {
+        let one = picture(width, height, texture);
+        still(&one, &one);
+        still(&picture(width, height, |_, _| 90.0), &picture(width, height, |_, _| 90.0));
+        still(&picture(width, height, |_, _| 10.0), &picture(width, height, |_, _| 250.0));
+    }
+}
+
+#[test]
+fn unrelated_pictures_give_finite_motion_inside_the_picture() {
+    let noise = |seed: u32| {
+        move |x: f32, y: f32| {
+            let k = (x as u32).wrapping_mul(0x9e37_79b9) ^ (y as u32).wrapping_mul(0x85eb_ca6b) ^ seed;
+            let k = (k ^ (k >> 15)).wrapping_mul(0x2c1b_3c6d);
+            (((k ^ (k >> 12)).wrapping_mul(0x297a_2d39) >> 13) & 255) as f32
+        }
+    };
+    for (width, height) in [(1, 1), (3, 2), (5, 64), (97, 61)] {
+        let out = flow(&picture(width, height, noise(1)), &picture(width, height, noise(77)));
+        for [u, v] in out.motion().vectors() {
+            assert!(u.to_f32().abs() <= width as f32 && v.to_f32().abs() <= height as f32, "{u} {v}");
+        }
+    }
+}
+
+#[test]
+fn thread_count_and_earlier_pictures_change_nothing() {
+    let previous = picture(131, 77, texture);
+    let current = picture(131, 77, |x, y| texture(x * 1.02 + 2.0, y * 0.99 - 1.0));
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut extractor = Extractor::new();
+            let mut out = Guidance::new(131, 77, PROJECTION).unwrap();
+            if threads == 3 {
+                // An extractor that has seen a larger picture, and the pair the other way round.
+                let large = picture(200, 150, texture);
+                extractor.extract(&large, &large, &mut out).unwrap();
+                extractor.extract(&current, &previous, &mut out).unwrap();
+            }
+            extractor.extract(&previous, &current, &mut out).unwrap();
+            out
+        })
+    };
+    let one = with(1);
+    assert!(one.motion().peak() > 1.0);
+    assert!(one == with(2) && one == with(3));
+}
+
+#[test]
+fn pictures_of_two_sizes_are_refused() {
+    let mut out = Guidance::new(4, 4, PROJECTION).unwrap();
+    let error = extract(&Picture::new(4, 4).unwrap(), &Picture::new(4, 5).unwrap(), &mut out).unwrap_err();
+    assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("previous")));
+}

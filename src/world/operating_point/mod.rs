@@ -37,8 +37,8 @@ pub enum CacheMode {
 pub enum GuidanceSource {
     /// The paper's, from a pair of latents (`guidance::paper`).
     Paper,
-    /// Optical flow on a pair of decoded anchors (`guidance::picture_flow`). The source of every point that names
-    /// none and is not one of the paper's presets.
+    /// Optical flow on a pair of decoded anchors (`guidance::picture_flow`). The source of a point that names
+    /// none, save the paper's presets.
     #[default]
     PictureFlow,
 }

@@ -76,8 +76,7 @@ impl fmt::Display for Presentation {
 impl FromStr for Presentation {
     type Err = Error;
 
-    /// Reads `native`, `generated:30` or `generated:30:paper`. Without a source of guidance it is the default one;
-    /// [`OperatingPoint`]'s text keeps that of a preset it starts from.
+    /// Reads `native`, `generated:30` or `generated:30:paper`. Without a source of guidance it is the default one.
     fn from_str(text: &str) -> Result<Self> {
         let wrong = || {
             Error::new(ErrorKind::InvalidArgument, format!("{:?} is no way to present", clip(text)))
@@ -93,6 +92,26 @@ impl FromStr for Presentation {
             None => (rest, GuidanceSource::default()),
         };
         Ok(Self::Generated { rate: rate.parse().map_err(|_| wrong())?, guidance })
+    }
+}
+
+impl OperatingPoint {
+    /// Sets what is shown from a text as [`Presentation`] reads it. A text that names no source of guidance keeps the
+    /// one in use; where nothing was generated, it is the default one.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for anything else.
+    pub fn present(&mut self, text: &str) -> Result<()> {
+        let mut read: Presentation = text.parse()?;
+        let names_source = text.matches(':').count() > 1;
+        if let (Presentation::Generated { guidance, .. }, Presentation::Generated { guidance: kept, .. }) =
+            (&mut read, self.presentation)
+            && !names_source
+        {
+            *guidance = kept;
+        }
+        self.presentation = read;
+        Ok(())
     }
 }
 
@@ -125,8 +144,8 @@ impl FromStr for OperatingPoint {
     type Err = Error;
 
     /// Reads items between commas: first a preset's name or nothing (then it starts from `stock`), then what differs:
-    /// `coherence,g256,refined:12,interval:4,latents:15,pictures:1,generated:60`. The result passes
-    /// [`OperatingPoint::check`].
+    /// `coherence,g256,refined:12,interval:4,latents:15,pictures:1,generated:60`; presentation as
+    /// [`OperatingPoint::present`] reads it. The result passes [`OperatingPoint::check`].
     fn from_str(text: &str) -> Result<Self> {
         if text.len() > 4_096 {
             return Err(Error::new(ErrorKind::InvalidArgument, "the text is longer than any operating point")
@@ -147,7 +166,7 @@ impl FromStr for OperatingPoint {
                 // `stock` names a preset when it stands first, and the schedule anywhere else.
                 "stock" | "refined" | "explicit" => point.schedule = item.parse()?,
                 "separate" | "fused" | "interval" => point.cache_mode = item.parse()?,
-                "native" | "generated" => point.presentation = item.parse()?,
+                "native" | "generated" => point.present(item)?,
                 "latents" => point.latents_per_second = number()?,
                 "pictures" => point.pictures_per_latent = number()?,
                 _ if name.starts_with('g') => point.global_window = parse_global_window(item)?,
@@ -186,6 +205,17 @@ mod tests {
         let point: OperatingPoint = "coherence, g256,explicit:1:0.5:0,interval:4,generated:120".parse().unwrap();
         assert_eq!(point.to_string(), "g256,explicit:1:0.5:0,interval:4,latents:15,pictures:1,generated:120:paper");
         assert_eq!(point.to_string().parse::<OperatingPoint>().unwrap(), point);
+        for (text, shown) in [
+            ("coherence,generated:60", "generated:60:paper"),
+            ("coherence,generated:60:picture", "generated:60:picture"),
+            ("coherence,generated:60:picture,generated:45", "generated:45:picture"),
+            ("stock,pictures:1,generated:60", "generated:60:picture"),
+            ("stock,pictures:1,generated:60:paper", "generated:60:paper"),
+        ] {
+            let point: OperatingPoint = text.parse().unwrap();
+            assert_eq!(point.presentation.to_string(), shown, "{text}");
+            assert_eq!(point.to_string().parse::<OperatingPoint>().unwrap(), point);
+        }
         let stock: OperatingPoint = "coherence,stock,native".parse().unwrap();
         assert_eq!((stock.schedule, stock.global_window), (Schedule::Stock, 384));
     }
@@ -214,7 +244,13 @@ mod tests {
                 pictures_per_latent: chance.below(5) as u32,
                 presentation: match chance.below(2) {
                     0 => Presentation::Native,
-                    _ => Presentation::Generated { rate: chance.below(1_100) as u32, guidance: GuidanceSource::Paper },
+                    _ => Presentation::Generated {
+                        rate: chance.below(1_100) as u32,
+                        guidance: match chance.below(2) {
+                            0 => GuidanceSource::Paper,
+                            _ => GuidanceSource::PictureFlow,
+                        },
+                    },
                 },
             };
             let read = point.to_string().parse::<OperatingPoint>();

@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{AnchorPair, FrameGenerator};
-use cairn::guidance::{Guidance, LatentView, paper};
+use cairn::guidance::{Guidance, LatentView, paper, picture_flow};
 use cairn::present::timeline::{Source, Stream as Kind, Timeline};
 use cairn::present::upscale::Upscaler;
-use cairn::world::{OperatingPoint, Presentation, Rollout, WorldTime};
-use cairn::{Error, Picture, Result};
+use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Rollout, WorldTime};
+use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::{Job, impossible, stopped};
 use crate::inputs::Loaded;
@@ -43,7 +43,9 @@ pub(super) struct Stream {
     render: (u32, u32),
     latent_shape: [usize; 3],
     generator: CpuGenerator,
-    extractor: paper::Extractor,
+    /// Both extractors are empty until they are used.
+    paper: paper::Extractor,
+    picture_flow: picture_flow::Extractor,
     guidance: Guidance,
     upscaler: Upscaler,
     recorder: Recorder,
@@ -94,7 +96,8 @@ impl Stream {
             render,
             latent_shape: [shape.channels, shape.height, shape.width].map(|n| n as usize),
             generator: CpuGenerator::new(),
-            extractor: paper::Extractor::new(),
+            paper: paper::Extractor::new(),
+            picture_flow: picture_flow::Extractor::new(),
             guidance: Guidance::new(render.0, render.1, paper::PROJECTION)?,
             upscaler: Upscaler::new(render, size, checked.filter)?,
             recorder,
@@ -174,10 +177,27 @@ impl Stream {
 
     fn make_guidance(&mut self) -> Result<()> {
         let start = Instant::now();
-        let [c, h, w] = self.latent_shape;
-        let before = LatentView::new(c, h, w, &self.previous_latent)?;
-        let now = LatentView::new(c, h, w, &self.latent)?;
-        self.extractor.extract(before, now, self.render, &mut self.guidance)?;
+        // Where nothing is generated, only the contact sheet asks: it shows what the latents say.
+        let source = match self.point.presentation {
+            Presentation::Native => GuidanceSource::Paper,
+            Presentation::Generated { guidance, .. } => guidance,
+        };
+        match source {
+            GuidanceSource::Paper => {
+                let [c, h, w] = self.latent_shape;
+                let before = LatentView::new(c, h, w, &self.previous_latent)?;
+                let now = LatentView::new(c, h, w, &self.latent)?;
+                self.paper.extract(before, now, self.render, &mut self.guidance)?;
+            }
+            GuidanceSource::PictureFlow => {
+                let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
+                self.picture_flow.extract(&self.previous_anchor, anchor, &mut self.guidance)?;
+            }
+            other => {
+                return Err(Error::new(ErrorKind::Unsupported, format!("guidance from {other} cannot be made here"))
+                    .field("guidance"));
+            }
+        }
         self.spend("guidance", start);
         Ok(())
     }
