@@ -13,7 +13,7 @@ const SEEDS: [u64; 3] = [1, 2, 3];
 const SCRIPT: &str = "cairn-controls 1\n0..9 hold W\n2..9 mouse 1680 0\n9 end\n";
 /// Anchors of 15 a second, in the midst of walking straight on and of walking with a turn, and the pixels that at
 /// least half of the picture moves between two.
-const MOVES: [(&str, usize, f32); 2] = [("walking", 24, 0.5), ("turning", 36, 8.0)];
+const MOVES: [(&str, usize, f32); 2] = [("walking", 24, 0.2), ("turning", 36, 8.0)];
 
 /// The moments of anchor `number` and of the one before it.
 fn moments(scene: &Scene, number: usize) -> (Moment, Moment) {

@@ -13,6 +13,9 @@ const FEWEST: f32 = (AREA / 4) as f32;
 const MOST_STEPS: usize = 10;
 /// A step shorter than this, in pixels, ends the search.
 const SETTLED: f32 = 0.02;
+/// By how much another start must be better than what the coarser level says, in squared code values: rounding to 8 bits
+/// alone must not decide it, or a plain sky would rest while all else turns.
+const MARGIN: f32 = 1.0;
 /// Added to the diagonal of H per pixel, in squared code values: what a flat patch has instead of a gradient.
 const DAMPING: f32 = 0.02;
 
@@ -94,7 +97,7 @@ impl Template {
                 continue;
             }
             if let Some(comparison) = self.compare(target, start)
-                && comparison.residual < best.residual
+                && comparison.residual + if best.residual.is_finite() { MARGIN } else { 0.0 } < best.residual
             {
                 (flow, best) = (start, comparison);
             }
