@@ -76,6 +76,9 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
                 .map(|e| e.to_string().lines().next().unwrap_or_default().to_owned()))
         }
         ["cargo", "run", rest @ ..] => run_of_a_package(context, log, rest),
+        ["cargo", "test" | "bench", "-p" | "--package", package, ..] => {
+            Ok((!context.clone.packages.iter().any(|p| p == package)).then(|| format!("there is no package {package}")))
+        }
         [python, "-m", "cairn.build", arguments @ ..] if is_python(python) => {
             let mut help = Command::new(context.python()?);
             help.args(["-m", "cairn.build"]).env("PYTHONPATH", provision::python_path());
