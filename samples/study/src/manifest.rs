@@ -77,6 +77,8 @@ pub struct Counts {
     pub anchors: u64,
     /// Frames generated between anchors.
     pub generated: u64,
+    /// Of these, how many show the nearer anchor unchanged, because a cut lies between the two.
+    pub cut_fallbacks: u64,
     /// Frames presented, all kinds.
     pub presented: u64,
     /// Frames that were asked for.

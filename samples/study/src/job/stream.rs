@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use cairn::framegen::cpu::CpuGenerator;
-use cairn::framegen::{AnchorPair, FrameGenerator};
+use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
 use cairn::guidance::{Guidance, LatentView, paper, picture_flow};
 use cairn::present::timeline::{Source, Stream as Kind, Timeline};
 use cairn::present::upscale::Upscaler;
@@ -225,7 +225,7 @@ impl Stream {
             Some(frame) => frame,
             None => Picture::new(size.0, size.1)?,
         };
-        let mut generated = false;
+        let mut generated = None;
         let picture = match source {
             Source::Native { latent, picture } if latent == number => {
                 self.pictures.get(picture as usize).ok_or_else(|| impossible("the timeline names no picture"))?
@@ -234,10 +234,9 @@ impl Stream {
                 let start = Instant::now();
                 let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
                 let pair = AnchorPair::new(&self.previous_anchor, anchor, &self.guidance)?;
-                self.generator.generate(&pair, t, &mut self.between)?;
+                generated = Some(self.generator.generate(&pair, t, &mut self.between)?.outcome);
                 self.sheet.add_between(number, t, &self.between)?;
                 *self.times.entry("generation").or_default() += start.elapsed();
-                generated = true;
                 &self.between
             }
             _ => return Err(impossible("the timeline asks for a latent that is not the current one")),
@@ -250,7 +249,8 @@ impl Stream {
         self.spend("waiting_for_recorder", start);
         if taken {
             self.counts.presented += 1;
-            self.counts.generated += u64::from(generated);
+            self.counts.generated += u64::from(generated.is_some());
+            self.counts.cut_fallbacks += u64::from(generated == Some(Outcome::CutFallback));
         }
         Ok(taken)
     }
