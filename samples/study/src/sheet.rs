@@ -48,7 +48,7 @@ impl Sheet {
         Self { tile: (TILE, height), stride: 1, columns: Vec::new() }
     }
 
-    /// Whether latent number `latent` gets a column for now.
+    /// Whether latent number `latent` gets a column, of those that may still be thinned out.
     pub(crate) fn wants(&self, latent: u64) -> bool {
         latent == 0 || (latent - 1).is_multiple_of(self.stride)
     }
