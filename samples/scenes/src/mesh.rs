@@ -59,12 +59,6 @@ impl Mesh {
         self.materials.extend_from_slice(&other.materials);
     }
 
-    /// Gives every triangle another variant.
-    pub fn with_variant(mut self, variant: u8) -> Self {
-        self.materials.iter_mut().for_each(|s| s.variant = variant);
-        self
-    }
-
     /// A tube through `spine` (centre, radius), with `sides` sides; radii are roughened by `rough` of themselves.
     pub fn tube(&mut self, spine: &[(Vec3, f32)], sides: u32, rough: f32, seed: u32, surface: Surface) {
         let mut rings: Vec<u32> = Vec::with_capacity(spine.len());
@@ -188,7 +182,7 @@ impl Mesh {
         }
     }
 
-    /// A solid of revolution would be round; this one is a flat bar along `spine` with a lens-shaped section:
+    /// A flat bar along `spine` with a section of four flat faces, as a blade has:
     /// `(centre, half width, half thickness)`, width along `across`.
     pub fn bar(&mut self, spine: &[(Vec3, f32, f32)], across: Vec3, surface: Surface) {
         let along = (spine[spine.len() - 1].0 - spine[0].0).normalize_or(Vec3::Y);

@@ -104,7 +104,7 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
                 depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));
                 motions[x] = painter.motion(hit.as_ref(), at);
                 let light = match &fine {
-                    None => film(painter.light(hit.as_ref(), at, 1.0)),
+                    None => film(painter.light(hit.as_ref(), at)),
                     Some(fine) => painter.mean(fine, x, y, s as usize),
                 };
                 colours[x] = srgb(light);
@@ -216,18 +216,19 @@ impl Painter<'_> {
             for i in 0..s {
                 let id = fine.ids[(y * s + j) * fine.width() + x * s + i];
                 let at = (Vec2::new((x * s + i) as f32, (y * s + j) as f32) + 0.5) / s as f32;
-                sum += film(self.light(self.hit(id, at).as_ref(), at, 1.0));
+                sum += film(self.light(self.hit(id, at).as_ref(), at));
             }
         }
         sum / (s * s) as f32
     }
 
     /// Light that reaches the eye through `at`, exposed.
-    fn light(&self, hit: Option<&Hit<'_>>, at: Vec2, pixel: f32) -> Vec3 {
+    fn light(&self, hit: Option<&Hit<'_>>, at: Vec2) -> Vec3 {
         let weather = &self.scene.weather;
         let ray = self.view.to_world(self.view.ray(at));
         let towards = ray.normalize();
-        let angle = pixel / self.view.focal.max_element();
+        // Textures are made for a whole pixel, however many samples it has: samples smooth edges, not textures.
+        let angle = 1.0 / self.view.focal.max_element();
         let Some(hit) = hit else {
             return weather.sky(towards, angle) * weather.exposure;
         };

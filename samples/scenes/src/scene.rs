@@ -234,9 +234,9 @@ fn hillside(garden: &mut Garden<'_>, dice: &mut Dice) {
         garden.put(pick(&tufts, d), at, turn(d), d.range(0.7, 1.3), 0.02);
         true
     });
-    let flowers = grove(3, dice, |d| objects::mushroom(d.range(0.2, 0.3), d));
+    let caps = grove(3, dice, |d| objects::mushroom(d.range(0.2, 0.3), d));
     Strew { count: 120, clear: 0.2, gather: 1.4, reach: 40.0 }.over(terrain, dice, |at, d| {
-        garden.put(pick(&flowers, d), at, turn(d), d.range(0.5, 0.9), 0.02);
+        garden.put(pick(&caps, d), at, turn(d), d.range(0.5, 0.9), 0.02);
         true
     });
 }

@@ -204,4 +204,12 @@ fn the_sky_turns_with_the_camera_and_does_not_move_with_its_place() {
     let sky: Vec<_> = frame.depth.iter().zip(&frame.motion).filter(|(d, _)| **d >= 1.0).collect();
     assert!(sky.len() > 5000);
     assert!(sky.iter().all(|(_, m)| m.length() < 1e-2));
+
+    // Before, the camera looked farther left: what is seen now was farther right, by the turn's own angle in the middle.
+    before.camera.yaw -= 0.02;
+    let frame = render(&scene, &now, &before, SIZE.0, SIZE.1, Quality { samples: 1 });
+    let focal = now.camera.view(SIZE.0, SIZE.1).focal.x;
+    let turned: Vec<_> =
+        (frame.depth.iter().zip(&frame.motion)).filter(|(d, _)| **d >= 1.0).map(|(_, m)| m.x).collect();
+    assert!(turned.iter().all(|x| *x > focal * 0.015 && *x < focal * 0.06), "the sky does not turn with the camera");
 }
