@@ -38,6 +38,22 @@ fn wrong_usage_ends_with_status_2_and_a_remedy() {
 }
 
 #[test]
+fn a_dry_run_checks_values_and_makes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let with = |more: &[&'static str]| {
+        let common = ["--dry-run", "rollout", "--script", "/nowhere/script.txt", "--out", out.to_str().unwrap()];
+        study(&common.iter().copied().chain(more.iter().copied()).collect::<Vec<_>>())
+    };
+    assert_eq!(with(&["--present", "generated:60", "--guidance", "picture"]), (0, String::new()));
+    for (value, words) in [(["--guidance", "guess"], "--guidance"), (["--size", "0x9"], "--size")] {
+        let (status, text) = with(&value);
+        assert!(status == 2 && text.contains(words), "{value:?}: {text}");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
 fn a_file_that_is_not_there_ends_with_status_1() {
     for (arguments, words) in [
         (&["replay", "/nowhere/manifest.json"][..], "/nowhere/manifest.json"),

@@ -108,7 +108,14 @@ fn run_of_a_package(context: &Context<'_>, log: &mut Log, words: &[&str]) -> Res
     }
     context.build_programs(log)?;
     let arguments = words.iter().position(|word| *word == "--").map_or(&[][..], |at| &words[at + 1..]);
-    knows(log, Command::new(context.clone.program("debug", package)), arguments)
+    let mut program = Command::new(context.clone.program("debug", package));
+    if package == "study" {
+        // It can say more than whether it knows the options: whether their values make sense.
+        let ended = log.run(program.arg("--dry-run").args(arguments))?;
+        let first_line = || ended.output.lines().next().unwrap_or("it is refused").to_owned();
+        return Ok((!ended.success).then(first_line));
+    }
+    knows(log, program, arguments)
 }
 
 /// Whether `program SUBCOMMAND --help` works and mentions every option of `arguments`.

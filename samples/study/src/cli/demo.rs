@@ -1,0 +1,57 @@
+//! `study demo`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use cairn::Result;
+use clap::Args;
+
+use super::rollout::make;
+use super::{Subcommand, size};
+use crate::demo;
+use crate::settings::Settings;
+
+#[derive(Args)]
+pub(super) struct DemoArgs {
+    /// Folder for everything that is made; an earlier demo in it is replaced
+    #[arg(long, value_name = "DIR", default_value = "target/demo")]
+    out: PathBuf,
+    /// World bundle [default: the demo's world, built where it is missing]
+    #[arg(long, value_name = "BUNDLE")]
+    world: Option<PathBuf>,
+    /// World time
+    #[arg(long, default_value = "4")]
+    seconds: String,
+    /// Size of the presented frames
+    #[arg(long, value_name = "WxH", default_value = "1920x1080")]
+    size: String,
+    /// No progress, no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl DemoArgs {
+    /// What the options ask for.
+    fn settings(&self) -> Result<Settings> {
+        Ok(Settings {
+            world: self.world.clone(),
+            seconds: self.seconds.clone(),
+            size: size(&self.size)?,
+            ..Settings::default()
+        })
+    }
+}
+
+impl Subcommand for DemoArgs {
+    fn check(&self) -> Result<()> {
+        self.settings()?.check().map(|_| ())
+    }
+
+    fn run(&self) -> Result<ExitCode> {
+        let settings = self.settings()?;
+        if !self.quiet {
+            println!("{}", demo::WELCOME);
+        }
+        make(&settings, &self.out, true, self.quiet)
+    }
+}
