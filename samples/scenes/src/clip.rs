@@ -7,8 +7,11 @@ use crate::render::{Frame, Moment, Quality, render};
 use crate::scene::Scene;
 use crate::walk::Walker;
 
-/// Steps of the walker in a second of world time.
+/// The walker takes the fewest steps in a second of world time that both this and the rate divide: pictures are drawn
+/// at steps, never between two.
 const STEPS: u32 = 120;
+/// The most pictures per second of world time.
+pub const MAX_RATE: u32 = 960;
 
 /// What is drawn of a walk.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,7 +20,8 @@ pub struct ClipOptions {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Pictures per second of world time; must divide 120.
+    /// Pictures per second of world time, 1 to [`MAX_RATE`]. Walks at rates that divide 120 go through the same places
+    /// to the bit; others take finer steps and go through places a hair beside them.
     pub rate: u32,
     /// Width over height of what is shown; a size of another ratio has pixels that are not square.
     pub aspect: f32,
@@ -39,16 +43,17 @@ pub struct Clip<'a> {
     script: &'a ControlScript,
     options: ClipOptions,
     walker: Walker,
+    /// Steps in a second.
+    pace: u32,
     steps: u64,
     before: Option<Moment>,
 }
 
 impl<'a> Clip<'a> {
-    /// A walk that starts on the path. None when `rate` does not divide 120: times between steps would have to be
-    /// guessed.
+    /// A walk that starts on the path. None when the rate is out of range.
     pub fn new(scene: &'a Scene, script: &'a ControlScript, options: ClipOptions) -> Option<Self> {
-        let fits = options.rate > 0 && STEPS.is_multiple_of(options.rate);
-        fits.then(|| Self { scene, script, options, walker: Walker::new(scene), steps: 0, before: None })
+        let pace = (1..=MAX_RATE).contains(&options.rate).then(|| common_multiple(STEPS, options.rate))?;
+        Some(Self { scene, script, options, walker: Walker::new(scene), pace, steps: 0, before: None })
     }
 
     /// Walks to the next frame's time and says what is seen there, and what was seen in the frame before.
@@ -57,9 +62,9 @@ impl<'a> Clip<'a> {
     /// `InvalidArgument` when the script moves the mouse farther in one step than a step can hold.
     pub fn advance(&mut self) -> Result<(Moment, Moment)> {
         if self.before.is_some() {
-            for _ in 0..STEPS / self.options.rate {
-                let (from, until) = (WorldTime::new(self.steps, STEPS), WorldTime::new(self.steps + 1, STEPS));
-                self.walker.step(self.scene, &self.script.span(from, until)?, 1.0 / f64::from(STEPS));
+            for _ in 0..self.pace / self.options.rate {
+                let (from, until) = (WorldTime::new(self.steps, self.pace), WorldTime::new(self.steps + 1, self.pace));
+                self.walker.step(self.scene, &self.script.span(from, until)?, 1.0 / f64::from(self.pace));
                 self.steps += 1;
             }
         }
@@ -76,5 +81,45 @@ impl<'a> Clip<'a> {
         let (now, before) = self.advance()?;
         let ClipOptions { width, height, quality, .. } = self.options;
         Ok(render(self.scene, &now, &before, width, height, quality))
+    }
+}
+
+/// The least number that both divide.
+fn common_multiple(a: u32, b: u32) -> u32 {
+    let (mut divisor, mut rest) = (a, b);
+    while rest != 0 {
+        (divisor, rest) = (rest, divisor % rest);
+    }
+    a / divisor * b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Family;
+
+    fn walk(rate: u32, seconds: u32) -> Option<Moment> {
+        let script = ControlScript::parse("cairn-controls 1\n0..2 hold W\n0..2 mouse 300 0\n2 end\n").unwrap();
+        let scene = Scene::new(Family::Desert, 1);
+        let mut clip = Clip::new(&scene, &script, ClipOptions { rate, ..ClipOptions::default() })?;
+        (0..=rate * seconds).map(|_| clip.advance().unwrap().0).last()
+    }
+
+    #[test]
+    fn every_rate_walks_the_same_way() {
+        let usual = walk(15, 1).unwrap();
+        for rate in [1, 30, 60, 120] {
+            assert_eq!(walk(rate, 1), Some(usual), "{rate}");
+        }
+        for rate in [45, 75, 90, 105, 180, MAX_RATE] {
+            let other = walk(rate, 1).unwrap();
+            let apart = usual.camera.position.distance(other.camera.position);
+            assert!(apart < 0.02 && (usual.camera.yaw - other.camera.yaw).abs() < 1e-4, "{rate}: {apart} m");
+        }
+    }
+
+    #[test]
+    fn rates_out_of_range_are_refused() {
+        assert!(walk(0, 1).is_none() && walk(MAX_RATE + 1, 1).is_none() && walk(u32::MAX, 1).is_none());
     }
 }

@@ -20,7 +20,7 @@ mod shadow;
 mod terrain;
 mod walk;
 
-pub use clip::{Clip, ClipOptions};
+pub use clip::{Clip, ClipOptions, MAX_RATE};
 pub use family::{FAMILIES, Family, Weather};
 pub use render::{Frame, Moment, Quality, render};
 pub use scene::Scene;

@@ -9,7 +9,7 @@ use std::time::Instant;
 use cairn::Picture;
 use cairn::world::ControlScript;
 use clap::{Args, Parser, Subcommand};
-use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, Quality, Scene};
+use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, MAX_RATE, Quality, Scene};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -53,7 +53,7 @@ struct ClipArguments {
     /// How long, in seconds of world time.
     #[arg(long, default_value_t = 4.0)]
     seconds: f64,
-    /// Pictures per second; must divide 120.
+    /// Pictures per second, 1 to 960.
     #[arg(long, default_value_t = 30)]
     rate: u32,
     /// Pixels, WIDTHxHEIGHT; 16:9 is shown whatever the ratio.
@@ -117,7 +117,7 @@ fn sheet(out: &Path, seed: u64) -> Outcome<()> {
         let script = ControlScript::parse(own_script(family))?;
         let options =
             ClipOptions { width: w, height: h, rate: 30, quality: Quality { samples: 3 }, ..Default::default() };
-        let mut walk = Clip::new(&scene, &script, options).ok_or("a rate of 30 divides 120")?;
+        let mut walk = Clip::new(&scene, &script, options).ok_or("30 pictures a second are in range")?;
         let mut column = 0;
         for n in 0..=240 {
             let (now, before) = walk.advance()?;
@@ -156,8 +156,7 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
         quality: Quality { samples: a.samples },
         ..Default::default()
     };
-    let mut walk =
-        Clip::new(&scene, &script, options).ok_or("--rate must divide 120: use 15, 20, 24, 30, 40, 60 or 120")?;
+    let mut walk = Clip::new(&scene, &script, options).ok_or_else(|| format!("--rate must be from 1 to {MAX_RATE}"))?;
     let mut raw: Option<Box<dyn Write>> = match &a.raw {
         Some(path) if path.as_os_str() == "-" => Some(Box::new(BufWriter::new(std::io::stdout().lock()))),
         Some(path) => {
