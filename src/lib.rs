@@ -29,4 +29,4 @@ mod error;
 mod picture;
 
 pub use error::{Error, ErrorKind, Result};
-pub use picture::{MAX_SIDE, Picture};
+pub use picture::{MAX_SIDE, Picture, PictureF16, Pixel, Raster};

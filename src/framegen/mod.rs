@@ -5,12 +5,14 @@ mod pair;
 
 pub use pair::{Anchor, AnchorPair};
 
-use crate::{Picture, Result};
+use crate::{Pixel, Raster, Result};
 
 /// Makes pictures at phases between two anchors, or beyond the last one.
 ///
+/// `P` is what a pixel of its pictures is: `[u8; 4]` where nothing is said, or `[f16; 4]`.
+///
 /// A generator belongs to one stream and one thread at a time; it may be sent to another thread between calls.
-pub trait FrameGenerator: Send {
+pub trait FrameGenerator<P: Pixel = [u8; 4]>: Send {
     /// A short lower-case name, e.g. `cpu`.
     fn name(&self) -> &str;
 
@@ -23,7 +25,7 @@ pub trait FrameGenerator: Send {
     /// # Errors
     /// `InvalidArgument` when `t` is not inside (0, 1) or not a phase this generator can do, or `out` has not the
     /// pair's size; `OutOfMemory` when working memory cannot be had. After an error `out` holds nothing of use.
-    fn generate(&mut self, pair: &AnchorPair<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport>;
+    fn generate(&mut self, pair: &AnchorPair<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport>;
 
     /// Makes the picture `t` anchor intervals after `anchor`, as if its motion went on: for an anchor that comes late.
     /// Bounded to one interval: later than that, and after a cut, a picture is held and the report says so.
@@ -31,7 +33,7 @@ pub trait FrameGenerator: Send {
     /// # Errors
     /// `InvalidArgument` when `t` is not above 0 and finite, or `out` has not the anchor's size; `OutOfMemory` when
     /// working memory cannot be had. After an error `out` holds nothing of use.
-    fn extrapolate(&mut self, anchor: &Anchor<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport>;
+    fn extrapolate(&mut self, anchor: &Anchor<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport>;
 
     /// Forgets everything that earlier calls left behind, so that the next picture depends on its arguments alone.
     fn reset(&mut self);

@@ -1,23 +1,23 @@
 //! What a generator is given.
 
 use crate::guidance::Guidance;
-use crate::{Error, ErrorKind, Picture, Result};
+use crate::{Error, ErrorKind, Pixel, Raster, Result};
 
 /// Two consecutive anchors and the guidance from the current one back to the previous one, all of one size.
 #[derive(Debug, Clone, Copy)]
-pub struct AnchorPair<'a> {
-    previous: &'a Picture,
-    current: &'a Picture,
+pub struct AnchorPair<'a, P: Pixel = [u8; 4]> {
+    previous: &'a Raster<P>,
+    current: &'a Raster<P>,
     guidance: &'a Guidance,
     cut: bool,
 }
 
-impl<'a> AnchorPair<'a> {
+impl<'a, P: Pixel> AnchorPair<'a, P> {
     /// Puts a pair together.
     ///
     /// # Errors
     /// `InvalidArgument` when the pictures and the guidance are not all of one size.
-    pub fn new(previous: &'a Picture, current: &'a Picture, guidance: &'a Guidance) -> Result<Self> {
+    pub fn new(previous: &'a Raster<P>, current: &'a Raster<P>, guidance: &'a Guidance) -> Result<Self> {
         check_size(previous.size(), current.size(), "previous")?;
         check_size(guidance.size(), current.size(), "guidance")?;
         Ok(Self { previous, current, guidance, cut: false })
@@ -32,12 +32,12 @@ impl<'a> AnchorPair<'a> {
     }
 
     /// The earlier anchor.
-    pub fn previous(&self) -> &'a Picture {
+    pub fn previous(&self) -> &'a Raster<P> {
         self.previous
     }
 
     /// The later anchor.
-    pub fn current(&self) -> &'a Picture {
+    pub fn current(&self) -> &'a Raster<P> {
         self.current
     }
 
@@ -59,18 +59,18 @@ impl<'a> AnchorPair<'a> {
 
 /// One anchor and the guidance that led to it.
 #[derive(Debug, Clone, Copy)]
-pub struct Anchor<'a> {
-    picture: &'a Picture,
+pub struct Anchor<'a, P: Pixel = [u8; 4]> {
+    picture: &'a Raster<P>,
     guidance: &'a Guidance,
     after_cut: bool,
 }
 
-impl<'a> Anchor<'a> {
+impl<'a, P: Pixel> Anchor<'a, P> {
     /// Puts an anchor together.
     ///
     /// # Errors
     /// `InvalidArgument` when the picture and the guidance differ in size.
-    pub fn new(picture: &'a Picture, guidance: &'a Guidance) -> Result<Self> {
+    pub fn new(picture: &'a Raster<P>, guidance: &'a Guidance) -> Result<Self> {
         check_size(guidance.size(), picture.size(), "guidance")?;
         Ok(Self { picture, guidance, after_cut: false })
     }
@@ -83,7 +83,7 @@ impl<'a> Anchor<'a> {
     }
 
     /// The picture.
-    pub fn picture(&self) -> &'a Picture {
+    pub fn picture(&self) -> &'a Raster<P> {
         self.picture
     }
 

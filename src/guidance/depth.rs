@@ -1,6 +1,6 @@
 //! The depth map, and what a host's depth is turned into.
 
-use super::{checked_area, filled};
+use super::{checked_tiles, filled};
 use crate::{Error, ErrorKind, Result};
 
 /// The camera that device depth belongs to.
@@ -71,23 +71,34 @@ pub struct DepthEncoding {
     pub linear: bool,
 }
 
-/// Device depth in [0, 1], 0 near, one to a pixel of the current picture. Rows run top to bottom without padding.
+/// Device depth in [0, 1], 0 near, of the current picture: one value to a pixel, or one to a square tile of 8 or 16
+/// pixels, which holds for all of the tile; the last column and row of tiles may reach beyond the picture. Rows run top
+/// to bottom without padding.
 #[derive(Clone, PartialEq)]
 pub struct DepthMap {
     width: u32,
     height: u32,
+    tile: u32,
     depth: Vec<f32>,
     projection: Projection,
 }
 
 impl DepthMap {
-    /// Everything at the near plane, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
+    /// Everything at the near plane, one value to a pixel, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside that range, `OutOfMemory` when it cannot be allocated.
     pub fn new(width: u32, height: u32, projection: Projection) -> Result<Self> {
-        let len = checked_area(width, height)?;
-        Ok(Self { width, height, depth: filled(len, 0.0)?, projection })
+        Self::tiled(width, height, 1, projection)
+    }
+
+    /// Everything at the near plane, one value to a square of `tile` pixels: 1, 8 or 16.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and `InvalidArgument` for another tile.
+    pub fn tiled(width: u32, height: u32, tile: u32, projection: Projection) -> Result<Self> {
+        let len = checked_tiles(width, height, tile)?;
+        Ok(Self { width, height, tile, depth: filled(len, 0.0)?, projection })
     }
 
     /// Takes a host's `values`, `width * height` of them, and converts them to device depth with 0 near. Values outside
@@ -103,7 +114,7 @@ impl DepthMap {
         encoding: DepthEncoding,
         projection: Projection,
     ) -> Result<Self> {
-        let len = checked_area(width, height)?;
+        let len = checked_tiles(width, height, 1)?;
         if values.len() != len {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
@@ -124,7 +135,7 @@ impl DepthMap {
         for v in &mut values {
             *v = if v.is_nan() { 1.0 } else { convert(*v, &projection) };
         }
-        Ok(Self { width, height, depth: values, projection })
+        Ok(Self { width, height, tile: 1, depth: values, projection })
     }
 
     /// Width in render pixels.
@@ -142,7 +153,22 @@ impl DepthMap {
         (self.width, self.height)
     }
 
-    /// All values, row by row.
+    /// The side of the squares that have one value each, in pixels: 1, 8 or 16.
+    pub fn tile(&self) -> u32 {
+        self.tile
+    }
+
+    /// Values in a row.
+    pub fn columns(&self) -> u32 {
+        self.width.div_ceil(self.tile)
+    }
+
+    /// Rows of values.
+    pub fn rows(&self) -> u32 {
+        self.height.div_ceil(self.tile)
+    }
+
+    /// All values, row by row: [`columns`](Self::columns) times [`rows`](Self::rows).
     pub fn depth(&self) -> &[f32] {
         &self.depth
     }
@@ -165,7 +191,7 @@ impl DepthMap {
 
 impl std::fmt::Debug for DepthMap {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "DepthMap({} x {}, {:?})", self.width, self.height, self.projection)
+        write!(f, "DepthMap({} x {}, tiles of {}, {:?})", self.width, self.height, self.tile, self.projection)
     }
 }
 

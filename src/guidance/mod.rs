@@ -17,7 +17,7 @@ pub use motion::MotionField;
 
 use crate::Result;
 
-/// Motion and depth of one pair of anchors, both of one size.
+/// Motion and depth of one pair of anchors, both of one size. Each may be per pixel or in tiles of its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guidance {
     motion: MotionField,
@@ -25,7 +25,7 @@ pub struct Guidance {
 }
 
 impl Guidance {
-    /// No motion, and everything at the near plane of `projection`: a buffer for an extractor to fill.
+    /// No motion, and everything at the near plane of `projection`, both per pixel: a buffer for an extractor to fill.
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), `OutOfMemory` when it cannot be
@@ -55,6 +55,16 @@ impl Guidance {
         Ok(Self { motion, depth })
     }
 
+    /// Makes room for an extractor that writes every pixel of `width` x `height`: what has another size or is tiled is
+    /// replaced. `projection` is stated in any case; values that stay are left to the caller to overwrite.
+    pub(crate) fn make_per_pixel(&mut self, (width, height): (u32, u32), projection: Projection) -> Result<()> {
+        if self.size() != (width, height) || self.motion.tile() != 1 || self.depth.tile() != 1 {
+            *self = Self::new(width, height, projection)?;
+        }
+        self.depth.set_projection(projection);
+        Ok(())
+    }
+
     /// The motion field.
     pub fn motion(&self) -> &MotionField {
         &self.motion
@@ -81,18 +91,20 @@ impl Guidance {
     }
 }
 
-/// The number of pixels of a picture-sized buffer.
-fn checked_area(width: u32, height: u32) -> Result<usize> {
+/// The number of values of a picture-sized buffer with one to a square of `tile` pixels.
+fn checked_tiles(width: u32, height: u32, tile: u32) -> Result<usize> {
+    let refuse = |cause: String, field: &str, remedy: String| {
+        Err(crate::Error::new(crate::ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
+    };
     let sides = 1..=crate::MAX_SIDE;
     if !sides.contains(&width) || !sides.contains(&height) {
-        return Err(crate::Error::new(
-            crate::ErrorKind::InvalidArgument,
-            format!("guidance of {width} x {height} pixels cannot be made"),
-        )
-        .field("size")
-        .remedy(format!("Use a width and a height from 1 to {}", crate::MAX_SIDE)));
+        let remedy = format!("Use a width and a height from 1 to {}", crate::MAX_SIDE);
+        return refuse(format!("guidance of {width} x {height} pixels cannot be made"), "size", remedy);
     }
-    Ok(width as usize * height as usize)
+    if !matches!(tile, 1 | 8 | 16) {
+        return refuse(format!("guidance in tiles of {tile} pixels"), "tile", "Use tiles of 1, 8 or 16 pixels".into());
+    }
+    Ok(width.div_ceil(tile) as usize * height.div_ceil(tile) as usize)
 }
 
 /// `len` copies of `value`, with refusal instead of an abort where memory is short.
@@ -106,4 +118,23 @@ fn filled<T: Clone>(len: usize, value: T) -> Result<Vec<T>> {
     })?;
     values.resize(len, value);
     Ok(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn guidance_to_write_into_becomes_per_pixel_and_keeps_its_memory_if_it_is() {
+        let tiled = MotionField::tiled(20, 10, 8).unwrap();
+        let depth = DepthMap::new(20, 10, paper::PROJECTION).unwrap();
+        let mut guidance = Guidance::from_parts(tiled, depth).unwrap();
+        guidance.make_per_pixel((20, 10), paper::PROJECTION).unwrap();
+        assert_eq!((guidance.motion().tile(), guidance.motion().vectors().len()), (1, 200));
+        let before = guidance.motion().vectors().as_ptr();
+        guidance.make_per_pixel((20, 10), paper::PROJECTION).unwrap();
+        assert_eq!(guidance.motion().vectors().as_ptr(), before);
+        guidance.make_per_pixel((10, 20), paper::PROJECTION).unwrap();
+        assert_eq!(guidance.size(), (10, 20));
+    }
 }

@@ -2,26 +2,37 @@
 
 use half::f16;
 
-use super::{checked_area, filled};
+use super::{checked_tiles, filled};
 use crate::{Error, ErrorKind, Result};
 
-/// Motion vectors `[x, y]` in render pixels, one to a pixel of the current picture, pointing from the current picture
-/// to the previous one, y down. Rows run top to bottom without padding.
+/// Motion vectors `[x, y]` in render pixels, stored where the current picture's pixels are and pointing from the current
+/// picture to the previous one, y down. There is one to a pixel, or one to a square tile of 8 or 16 pixels, which holds
+/// for all of the tile; the last column and row of tiles may reach beyond the picture. Rows run top to bottom without
+/// padding.
 #[derive(Clone, PartialEq)]
 pub struct MotionField {
     width: u32,
     height: u32,
+    tile: u32,
     vectors: Vec<[f16; 2]>,
 }
 
 impl MotionField {
-    /// A field without motion, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
+    /// A field without motion, one vector to a pixel, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside that range, `OutOfMemory` when it cannot be allocated.
     pub fn new(width: u32, height: u32) -> Result<Self> {
-        let len = checked_area(width, height)?;
-        Ok(Self { width, height, vectors: filled(len, [f16::ZERO; 2])? })
+        Self::tiled(width, height, 1)
+    }
+
+    /// A field without motion, one vector to a square of `tile` pixels: 1, 8 or 16.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and `InvalidArgument` for another tile.
+    pub fn tiled(width: u32, height: u32, tile: u32) -> Result<Self> {
+        let len = checked_tiles(width, height, tile)?;
+        Ok(Self { width, height, tile, vectors: filled(len, [f16::ZERO; 2])? })
     }
 
     /// Takes `vectors`, `width * height` of them.
@@ -29,7 +40,7 @@ impl MotionField {
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE) or a buffer of another length.
     pub fn from_vectors(width: u32, height: u32, vectors: Vec<[f16; 2]>) -> Result<Self> {
-        let len = checked_area(width, height)?;
+        let len = checked_tiles(width, height, 1)?;
         if vectors.len() != len {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
@@ -37,7 +48,7 @@ impl MotionField {
             )
             .field("vectors"));
         }
-        Ok(Self { width, height, vectors })
+        Ok(Self { width, height, tile: 1, vectors })
     }
 
     /// Width in render pixels.
@@ -55,7 +66,31 @@ impl MotionField {
         (self.width, self.height)
     }
 
-    /// All vectors, row by row.
+    /// The side of the squares that have one vector each, in pixels: 1, 8 or 16.
+    pub fn tile(&self) -> u32 {
+        self.tile
+    }
+
+    /// Vectors in a row.
+    pub fn columns(&self) -> u32 {
+        self.width.div_ceil(self.tile)
+    }
+
+    /// Rows of vectors.
+    pub fn rows(&self) -> u32 {
+        self.height.div_ceil(self.tile)
+    }
+
+    /// The vector that holds for pixel (x, y).
+    ///
+    /// # Panics
+    /// When the pixel is outside the field.
+    pub fn at(&self, x: u32, y: u32) -> [f16; 2] {
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) of a field of {} x {}", self.width, self.height);
+        self.vectors[(y / self.tile) as usize * self.columns() as usize + (x / self.tile) as usize]
+    }
+
+    /// All vectors, row by row: [`columns`](Self::columns) times [`rows`](Self::rows).
     pub fn vectors(&self) -> &[[f16; 2]] {
         &self.vectors
     }
@@ -74,6 +109,31 @@ impl MotionField {
 
 impl std::fmt::Debug for MotionField {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "MotionField({} x {})", self.width, self.height)
+        write!(f, "MotionField({} x {}, tiles of {})", self.width, self.height, self.tile)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_has_one_vector() {
+        let mut field = MotionField::tiled(19, 9, 8).unwrap();
+        assert_eq!((field.columns(), field.rows(), field.tile(), field.vectors().len()), (3, 2, 8, 6));
+        field.vectors_mut()[5] = [f16::ONE; 2];
+        assert_eq!(
+            (field.at(18, 8), field.at(15, 8), field.at(18, 7)),
+            ([f16::ONE; 2], [f16::ZERO; 2], [f16::ZERO; 2])
+        );
+        assert_eq!(MotionField::new(19, 9).unwrap().vectors().len(), 19 * 9);
+    }
+
+    #[test]
+    fn other_tiles_and_sizes_are_refused() {
+        for tile in [0, 2, 4, 17, 32] {
+            assert_eq!(MotionField::tiled(64, 64, tile).unwrap_err().offending_field(), Some("tile"));
+        }
+        assert_eq!(MotionField::tiled(0, 64, 8).unwrap_err().offending_field(), Some("size"));
     }
 }

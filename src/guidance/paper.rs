@@ -60,7 +60,7 @@ impl Extractor {
     }
 
     /// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`;
-    /// `out` takes that size if it has another.
+    /// `out` becomes one of that size, per pixel, if it is another.
     ///
     /// # Errors
     /// `InvalidArgument` when the latents differ in shape or the render size is outside 1 to
@@ -79,9 +79,7 @@ impl Extractor {
             )
             .field("z0"));
         }
-        if out.size() != render {
-            *out = Guidance::new(render.0, render.1, PROJECTION)?;
-        }
+        out.make_per_pixel(render, PROJECTION)?;
         out.depth_mut().set_projection(PROJECTION);
 
         self.difference(z0, z1);

@@ -89,9 +89,7 @@ impl Extractor {
             )
             .field("previous"));
         }
-        if out.size() != size {
-            *out = Guidance::new(size.0, size.1, PROJECTION)?;
-        }
+        out.make_per_pixel(size, PROJECTION)?;
         self.current.build(current)?;
         self.previous.build(previous)?;
         self.backward.follow(&self.current, &self.previous)?;
@@ -108,7 +106,6 @@ impl Extractor {
         let limit = [current.width() as f32, current.height() as f32];
         let (flow, trusted) = (&self.backward.dense, &self.trusted);
         let Guidance { motion, depth } = out;
-        depth.set_projection(PROJECTION);
         depth.depth_mut().fill(FLAT_DEPTH);
         motion.vectors_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, vector) in row.iter_mut().enumerate() {

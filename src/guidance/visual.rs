@@ -23,8 +23,12 @@ pub fn motion(field: &MotionField, full_scale: f32, out: &mut Picture) -> Result
             .remedy("Pass a positive number of pixels"));
     }
     check_size(field.size(), out)?;
-    out.pixels_mut().par_iter_mut().zip(field.vectors()).for_each(|(pixel, &[x, y])| {
-        *pixel = wheel_colour(x.to_f32() / full_scale, y.to_f32() / full_scale);
+    let width = field.width() as usize;
+    out.pixels_mut().par_chunks_mut(width).enumerate().for_each(|(row, pixels)| {
+        let vectors = spread(field.vectors(), field.columns(), field.tile(), row);
+        for (pixel, [x, y]) in pixels.iter_mut().zip(vectors) {
+            *pixel = wheel_colour(x.to_f32() / full_scale, y.to_f32() / full_scale);
+        }
     });
     Ok(())
 }
@@ -35,10 +39,12 @@ pub fn motion(field: &MotionField, full_scale: f32, out: &mut Picture) -> Result
 /// `InvalidArgument` when the sizes differ.
 pub fn depth(map: &DepthMap, out: &mut Picture) -> Result<()> {
     check_size(map.size(), out)?;
-    for (pixel, &depth) in out.pixels_mut().iter_mut().zip(map.depth()) {
-        let depth = if depth.is_nan() { 1.0 } else { depth.clamp(0.0, 1.0) };
-        let grey = level(1.0 - depth);
-        *pixel = [grey, grey, grey, 255];
+    for (row, pixels) in out.pixels_mut().chunks_mut(map.width() as usize).enumerate() {
+        for (pixel, depth) in pixels.iter_mut().zip(spread(map.depth(), map.columns(), map.tile(), row)) {
+            let depth = if depth.is_nan() { 1.0 } else { depth.clamp(0.0, 1.0) };
+            let grey = level(1.0 - depth);
+            *pixel = [grey, grey, grey, 255];
+        }
     }
     Ok(())
 }
@@ -57,6 +63,12 @@ pub fn wheel(side: u32) -> Result<Picture> {
         *pixel = if x.hypot(y) <= 1.0 { wheel_colour(x, y) } else { [0; 4] };
     }
     Ok(picture)
+}
+
+/// The values of pixel row `row`, of which there is one to a tile.
+fn spread<T: Copy>(values: &[T], columns: u32, tile: u32, row: usize) -> impl Iterator<Item = T> {
+    let (columns, tile) = (columns as usize, tile as usize);
+    values[row / tile * columns..][..columns].iter().flat_map(move |&value| std::iter::repeat_n(value, tile))
 }
 
 fn check_size(size: (u32, u32), out: &Picture) -> Result<()> {
@@ -118,6 +130,22 @@ mod tests {
             for (have, want) in pixel.iter().zip(colour) {
                 assert!(have.abs_diff(want) <= 1, "{vector:?}: {pixel:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_tile_is_drawn_whole() {
+        let mut field = MotionField::tiled(19, 9, 8).unwrap();
+        field.vectors_mut().iter_mut().zip(1..).for_each(|(v, i)| *v = [f16::from_f32(i as f32), f16::ZERO]);
+        let mut map = DepthMap::tiled(19, 9, 8, paper::PROJECTION).unwrap();
+        map.depth_mut().iter_mut().zip(1..).for_each(|(v, i)| *v = i as f32 / 8.0);
+        let (mut moved, mut deep) = (Picture::new(19, 9).unwrap(), Picture::new(19, 9).unwrap());
+        motion(&field, 8.0, &mut moved).unwrap();
+        depth(&map, &mut deep).unwrap();
+        for place in 0..19 * 9 {
+            let tile = (place / 19 / 8 * 3 + place % 19 / 8 + 1) as f32;
+            assert_eq!(moved.pixels()[place], wheel_colour(tile / 8.0, 0.0));
+            assert_eq!(deep.pixels()[place][0], level(1.0 - tile / 8.0));
         }
     }
 

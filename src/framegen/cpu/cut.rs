@@ -90,7 +90,7 @@ impl CutDetector {
 fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize; 2] {
     let column = (x * factor).min(motion.width() as usize - 1);
     let row = (y * factor).min(motion.height() as usize - 1);
-    let vector = motion.vectors()[row * motion.width() as usize + column];
+    let vector = motion.at(column as u32, row as u32);
     if vector.iter().all(|v| v.is_finite()) {
         vector.map(|v| (v.to_f32() / factor as f32).round() as isize)
     } else {

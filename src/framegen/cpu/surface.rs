@@ -103,12 +103,22 @@ impl Surfaces {
     pub(super) fn prepare_anchor(&mut self, guidance: &Guidance) -> Result<()> {
         let (motion, depth): (&MotionField, &DepthMap) = (guidance.motion(), guidance.depth());
         let limit = [motion.width() as f32, motion.height() as f32];
-        sized(&mut self.vectors, motion.vectors().len(), [0.0; 2])?;
-        sized(&mut self.ranks, motion.vectors().len(), 0)?;
-        self.vectors.par_iter_mut().zip(motion.vectors()).for_each(|(vector, &given)| *vector = bounded(given, limit));
-        self.ranks.par_iter_mut().zip(depth.depth()).for_each(|(rank, &depth)| {
-            let depth = if depth.is_nan() { 1.0 } else { depth.clamp(0.0, 1.0) };
-            *rank = ((f64::from(depth) * 16_777_215.0) as u32) << 8;
+        let (width, height) = (motion.width() as usize, motion.height() as usize);
+        sized(&mut self.vectors, width * height, [0.0; 2])?;
+        sized(&mut self.ranks, width * height, 0)?;
+        let (columns, tile) = (motion.columns() as usize, motion.tile() as usize);
+        self.vectors.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let given = &motion.vectors()[y / tile * columns..][..columns];
+            row.iter_mut().enumerate().for_each(|(x, vector)| *vector = bounded(given[x / tile], limit));
+        });
+        let (columns, tile) = (depth.columns() as usize, depth.tile() as usize);
+        self.ranks.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let given = &depth.depth()[y / tile * columns..][..columns];
+            for (x, rank) in row.iter_mut().enumerate() {
+                let depth = given[x / tile];
+                let depth = if depth.is_nan() { 1.0 } else { depth.clamp(0.0, 1.0) };
+                *rank = ((f64::from(depth) * 16_777_215.0) as u32) << 8;
+            }
         });
         Ok(())
     }
