@@ -16,6 +16,7 @@ mod latents;
 mod machine;
 mod manifest;
 pub mod media;
+pub mod metrics;
 mod output;
 mod picture;
 mod progress;

@@ -2,5 +2,6 @@
 #![allow(dead_code, unreachable_pub)]
 
 pub mod decoder;
+pub mod pairs;
 pub mod small_disk;
 pub mod worlds;

@@ -1,0 +1,36 @@
+//! How near a picture is to the true one.
+//!
+//! | measure | range, better towards | what it is |
+//! |---|---|---|
+//! | [`psnr`] | 0 to infinity dB, up | peak signal-to-noise ratio over R, G and B, peak 255 |
+//! | [`ssim`] | -1 to 1, up | structural similarity, Gaussian window of 11x11, mean of R, G and B |
+//!
+//! All of them read the three colour bytes as they are (display-referred sRGB) and leave alpha out. Both pictures must
+//! have the same size. Every function may be called from any thread; the number of threads does not change a result.
+
+mod psnr;
+mod ssim;
+
+use cairn::{Error, ErrorKind, Picture, Result};
+
+pub use psnr::{mean_squared_error, psnr};
+pub use ssim::{WINDOW as SSIM_WINDOW, ssim, ssim_rgb};
+
+/// `InvalidArgument` unless both pictures have the same size.
+fn same_size(truth: &Picture, picture: &Picture) -> Result<()> {
+    if truth.size() == picture.size() {
+        return Ok(());
+    }
+    Err(Error::new(
+        ErrorKind::InvalidArgument,
+        format!(
+            "a picture of {} x {} pixels cannot be compared with a true one of {} x {}",
+            picture.width(),
+            picture.height(),
+            truth.width(),
+            truth.height()
+        ),
+    )
+    .field("size")
+    .remedy("Make both at the same size; scaling one of them would be measured as well"))
+}

@@ -1,0 +1,69 @@
+//! The metrics equal the programs they are named after, on pictures of our own.
+
+mod common;
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use common::pairs::{Pair, pairs};
+use study::media::encode_png;
+use study::metrics::{psnr, ssim};
+use study::sha256;
+
+static PAIRS: LazyLock<Vec<Pair>> = LazyLock::new(|| {
+    let pairs = pairs();
+    write(&pairs, Path::new(env!("CARGO_TARGET_TMPDIR")).join("metric-pairs").as_path());
+    pairs
+});
+
+/// The table that samples/study/tests/goldens/metrics.py makes.
+const TABLE: &str = include_str!("goldens/metrics.csv");
+
+/// Leaves the pairs as files for the script.
+fn write(pairs: &[Pair], folder: &Path) {
+    std::fs::create_dir_all(folder).unwrap();
+    for Pair { name, truth, candidate } in pairs {
+        for (role, picture) in [("truth", truth), ("candidate", candidate)] {
+            std::fs::write(folder.join(format!("{name}.{role}.png")), encode_png(picture).unwrap()).unwrap();
+        }
+    }
+}
+
+/// Names the bytes of a pair.
+fn sum(pair: &Pair) -> String {
+    let rgb = |pixels: &[[u8; 4]]| pixels.iter().flat_map(|px| [px[0], px[1], px[2]]).collect::<Vec<u8>>();
+    let all = [rgb(pair.truth.pixels()), rgb(pair.candidate.pixels())].concat();
+    sha256(&all)[..16].to_owned()
+}
+
+/// Compares what `measure` makes of every pair with a column of the table.
+fn compare(column: &str, tolerance: f64, measure: impl Fn(&Pair) -> f64) {
+    // Made first, so that the script finds them whatever the table holds.
+    let pairs = &*PAIRS;
+    let mut lines = TABLE.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().expect("a head").split(';').collect();
+    let place = |name: &str| names.iter().position(|n| *n == name).unwrap_or_else(|| panic!("no column {name}"));
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(';').collect()).collect();
+    assert_eq!(rows.len(), pairs.len(), "the table has a line for every pair");
+    let mut wrong = Vec::new();
+    for pair in pairs {
+        let row = rows.iter().find(|row| row[place("pair")] == pair.name);
+        let row = row.unwrap_or_else(|| panic!("the table has no line for {}", pair.name));
+        let (found, golden) = (measure(pair), row[place(column)].parse::<f64>().expect("a number"));
+        if (found - golden).abs() > tolerance || !found.is_finite() {
+            let same = if sum(pair) == row[place("sum")] { "" } else { "; and the pictures are other ones" };
+            wrong.push(format!("{}: {found}, the table has {golden}{same}", pair.name));
+        }
+    }
+    assert!(wrong.is_empty(), "{column}:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn psnr_is_that_of_scikit_image() {
+    compare("psnr", 1e-8, |pair| psnr(&pair.truth, &pair.candidate).unwrap());
+}
+
+#[test]
+fn ssim_is_that_of_scikit_image() {
+    compare("ssim", 1e-8, |pair| ssim(&pair.truth, &pair.candidate).unwrap());
+}
