@@ -18,6 +18,8 @@ mod bars;
 mod blend;
 mod cut;
 mod fill;
+#[doc(hidden)]
+pub mod kernels;
 mod sample;
 mod splat;
 mod surface;

@@ -1,0 +1,186 @@
+//! Pictures of bytes.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+
+use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
+use super::scalar::{self, taps};
+use super::weights::{CUBIC, ONE, PHASES};
+use super::{Level, Set, Source};
+
+type Pixel = [u8; 4];
+
+impl Sampled for Pixel {
+    #[inline]
+    fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self {
+        let (taps, [across, down]) = taps(&source, at, [0; 4]);
+        let weighted = |values: [[i32; 4]; 4], weights: [i16; 4]| -> [i32; 4] {
+            std::array::from_fn(|c| (0..4).map(|tap| values[tap][c] * i32::from(weights[tap])).sum())
+        };
+        let rows = taps.map(|row| weighted(row.map(|pixel| pixel.map(i32::from)), across));
+        weighted(rows, down).map(|sum| ((sum + (1 << 13)) >> 14).clamp(0, 255) as u8)
+    }
+
+    #[inline]
+    fn merge(before: Self, after: Self, rule: &Rule) -> (Self, bool) {
+        let difference = (0..4).map(|c| before[c].abs_diff(after[c])).max().unwrap_or(0);
+        let (nearer, share) = (if rule.nearer_is_current { after } else { before }, u16::from(rule.share()));
+        let mixed = |c: usize| ((u16::from(before[c]) * (128 - share) + u16::from(after[c]) * share + 64) >> 7) as u8;
+        let merged = if difference <= rule.agree { nearer } else { std::array::from_fn(mixed) };
+        (merged, difference > rule.careful)
+    }
+
+    fn tile(
+        level: Level,
+        previous: Source<'_, Self>,
+        a: [i32; 2],
+        current: Source<'_, Self>,
+        b: [i32; 2],
+        rule: &Rule,
+        out: &mut [Self],
+        stride: usize,
+    ) -> u64 {
+        match level.0 {
+            Set::Scalar => scalar::tile(previous, a, current, b, rule, out, stride),
+            Set::Portable => portable::tile(previous, a, current, b, rule, out, stride),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::tile(previous, a, current, b, rule, out, stride) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            Set::Avx512 => unsafe { avx512::tile(previous, a, current, b, rule, out, stride) },
+        }
+    }
+
+    fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
+        match level.0 {
+            Set::Scalar => scalar::tile_of_one(source, at, out, stride),
+            Set::Portable => portable::tile_of_one(source, at, out, stride),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::tile_of_one(source, at, out, stride) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            Set::Avx512 => unsafe { avx512::tile_of_one(source, at, out, stride) },
+        }
+    }
+
+    fn pixels(
+        level: Level,
+        previous: Source<'_, Self>,
+        a: &Positions,
+        current: Source<'_, Self>,
+        b: &Positions,
+        rule: &Rule,
+        out: &mut Block<Self>,
+    ) -> u64 {
+        match level.0 {
+            Set::Scalar | Set::Portable => scalar::pixels(previous, a, current, b, rule, out),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::pixels(previous, a, current, b, rule, out) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            Set::Avx512 => unsafe { avx512::pixels(previous, a, current, b, rule, out) },
+        }
+    }
+
+    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]) {
+        match level.0 {
+            Set::Scalar | Set::Portable => scalar::pixels_of_one(source, at, out),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::pixels_of_one(source, at, out) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            Set::Avx512 => unsafe { avx512::pixels_of_one(source, at, out) },
+        }
+    }
+}
+
+/// Rows of a picture that a tile is made from, and columns.
+const TAPS: usize = TILE + 3;
+/// Pixels of each of those rows that can be read: a whole vector.
+const PATCH_WIDTH: usize = 16;
+/// Bytes of a row of a tile.
+const ROW: usize = 4 * TILE;
+
+/// Room for a patch that reaches over the edge.
+type Room = [[Pixel; PATCH_WIDTH]; TAPS];
+const ROOM: Room = [[[0; 4]; PATCH_WIDTH]; TAPS];
+
+/// Eleven rows of a picture around a tile, each with sixteen pixels to read, and the phases of its position.
+#[derive(Clone, Copy)]
+struct Patch<'a> {
+    pixels: &'a [Pixel],
+    stride: usize,
+    phases: [usize; 2],
+}
+
+impl<'a> Patch<'a> {
+    /// The patch for the tile at a position.
+    #[inline(always)]
+    fn new(source: &Source<'a, Pixel>, at: [i32; 2], room: &'a mut Room) -> Self {
+        let ([x, y], phases) = (at.map(|v| (v >> 6) - 1), at.map(|v| (v & 63) as usize));
+        let is_inside = x >= 0 && y >= 0 && x as usize + TAPS <= source.width && y as usize + TAPS <= source.height;
+        if is_inside {
+            let start = y as usize * source.width + x as usize;
+            // Rows are read beyond their end, into the next one; below the picture's last there is none.
+            let end = start + (TAPS - 1) * source.width + PATCH_WIDTH;
+            if let Some(pixels) = source.pixels.get(start..end) {
+                return Self { pixels, stride: source.width, phases };
+            }
+        }
+        source.clamped([x, y], room);
+        Self { pixels: room.as_flattened(), stride: PATCH_WIDTH, phases }
+    }
+
+    /// `N` pixels of a row from its pixel `from` on.
+    #[inline(always)]
+    fn row<const N: usize>(&self, row: usize, from: usize) -> &[Pixel; N] {
+        self.pixels[row * self.stride + from..].first_chunk().expect("a patch has sixteen pixels in each row")
+    }
+
+    /// Whether the tile lies on the pixels themselves.
+    #[inline(always)]
+    fn is_whole(&self) -> bool {
+        self.phases == [0, 0]
+    }
+}
+
+/// Minus the weights, as signed bytes: so the 128 fits.
+static NEGATIVE: [[i8; 4]; PHASES] = {
+    let mut table = [[0; 4]; PHASES];
+    let mut phase = 0;
+    while phase < PHASES {
+        let mut tap = 0;
+        while tap < 4 {
+            table[phase][tap] = -CUBIC[phase][tap] as i8;
+            tap += 1;
+        }
+        phase += 1;
+    }
+    table
+};
+
+/// Added to minus the sum of four weighted bytes, this leaves minus the sum that the same bytes less 128 would give,
+/// which fits 16 bits; and as weights add up to 128, the 64 are the half that rounds the final sum.
+const BIAS: i16 = 128 * ONE - 64;
+
+/// The 4 x 4 pixels around a position.
+#[inline(always)]
+fn around(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[Pixel; 4]; 4] {
+    let [x, y] = at.map(|v| (v >> 6) - 1);
+    let is_inside = x >= 0 && y >= 0 && x as usize + 4 <= source.width && y as usize + 4 <= source.height;
+    if is_inside && let Some(pixels) = source.pixels.get(y as usize * source.width + x as usize..) {
+        let rows: [Option<&[Pixel; 4]>; 4] =
+            std::array::from_fn(|j| pixels.get(j * source.width..).and_then(|row| row.first_chunk()));
+        if let [Some(a), Some(b), Some(c), Some(d)] = rows {
+            return [*a, *b, *c, *d];
+        }
+    }
+    taps(source, at, [0; 4]).0
+}

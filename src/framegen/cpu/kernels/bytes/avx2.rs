@@ -1,0 +1,178 @@
+//! AVX2: a row of eight pixels is two vectors of 16-bit channels, the first holding pixels 0, 1, 4, 5 and the second
+//! 2, 3, 6, 7, as unpacking within lanes leaves them; packing puts them in order again.
+
+use std::arch::x86_64::*;
+
+use bytemuck::{must_cast, must_cast_ref};
+
+use super::{BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, ROOM, Rule, Source, TAPS, TILE, around};
+
+/// See [`super::Sampled::tile`].
+#[target_feature(enable = "avx2")]
+pub(super) fn tile(
+    previous: Source<'_, Pixel>,
+    a: [i32; 2],
+    current: Source<'_, Pixel>,
+    b: [i32; 2],
+    rule: &Rule,
+    out: &mut [Pixel],
+    stride: usize,
+) -> u64 {
+    let (mut room_a, mut room_b) = (ROOM, ROOM);
+    let before = sampled(&Patch::new(&previous, a, &mut room_a));
+    let after = sampled(&Patch::new(&current, b, &mut room_b));
+    let merge = Merge::new(rule);
+    let mut mask = 0;
+    for j in 0..TILE {
+        let (row, is_reported) = merge.eight(before[j], after[j]);
+        store(&mut out[j * stride..], row);
+        mask |= u64::from(is_reported) << (TILE * j);
+    }
+    mask
+}
+
+/// See [`super::Sampled::tile_of_one`].
+#[target_feature(enable = "avx2")]
+pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+    let mut room = ROOM;
+    for (j, row) in sampled(&Patch::new(&source, at, &mut room)).into_iter().enumerate() {
+        store(&mut out[j * stride..], row);
+    }
+}
+
+/// See [`super::Sampled::pixels`].
+#[target_feature(enable = "avx2")]
+pub(super) fn pixels(
+    previous: Source<'_, Pixel>,
+    a: &Positions,
+    current: Source<'_, Pixel>,
+    b: &Positions,
+    rule: &Rule,
+    out: &mut Block<Pixel>,
+) -> u64 {
+    pixels_of_one(previous, a, &mut out.before);
+    pixels_of_one(current, b, &mut out.after);
+    let merge = Merge::new(rule);
+    let rows = |block| -> &[[Pixel; TILE]; TILE] { must_cast_ref::<[Pixel; BLOCK], _>(block) };
+    let (before, after) = (rows(&out.before), rows(&out.after));
+    let mut mask = 0;
+    for j in 0..TILE {
+        let (row, is_reported) = merge.eight(must_cast(before[j]), must_cast(after[j]));
+        store(&mut out.merged[j * TILE..], row);
+        mask |= u64::from(is_reported) << (TILE * j);
+    }
+    mask
+}
+
+/// See [`super::Sampled::pixels_of_one`].
+#[target_feature(enable = "avx2")]
+pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
+    // Within a row of four pixels: the bytes of each channel behind each other.
+    let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
+    let (ones, bias) = (_mm256_set1_epi16(1), _mm256_set1_epi32(BIAS.into()));
+    for (i, four) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+        let sums: [__m128i; 4] = std::array::from_fn(|lane| {
+            let at = [at.x[4 * i + lane], at.y[4 * i + lane]];
+            let taps: [[u8; 32]; 2] = must_cast(around(&source, at));
+            let [fx, fy] = at.map(|v| (v & 63) as usize);
+            let across = _mm256_set1_epi32(must_cast(NEGATIVE[fx]));
+            let [upper, lower] = taps.map(|rows| {
+                let pairs = _mm256_maddubs_epi16(_mm256_shuffle_epi8(must_cast(rows), by_channel), across);
+                _mm256_add_epi32(_mm256_madd_epi16(pairs, ones), bias)
+            });
+            // The rows 0 and 2, and the rows 1 and 3.
+            let rows = _mm256_packs_epi32(upper, lower);
+            let (even, odd) = (_mm256_castsi256_si128(rows), _mm256_extracti128_si256(rows, 1));
+            let down = _mm_set1_epi64x(must_cast(CUBIC[fy].map(|w| -w)));
+            let (first, second) = (_mm_shuffle_epi32(down, 0b00_00_00_00), _mm_shuffle_epi32(down, 0b01_01_01_01));
+            _mm_add_epi32(
+                _mm_madd_epi16(_mm_unpacklo_epi16(even, odd), first),
+                _mm_madd_epi16(_mm_unpackhi_epi16(even, odd), second),
+            )
+        });
+        let [a, b, c, d] = sums.map(|sum| _mm_srai_epi32(sum, 14));
+        let levels = _mm_packs_epi16(_mm_packs_epi32(a, b), _mm_packs_epi32(c, d));
+        *four = must_cast(_mm_xor_si128(levels, _mm_set1_epi8(-128)));
+    }
+}
+
+/// The tile as levels, row by row.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn sampled(patch: &Patch<'_>) -> [__m256i; TILE] {
+    if patch.is_whole() {
+        return std::array::from_fn(|j| must_cast(*patch.row::<TILE>(j + 1, 1)));
+    }
+    let [a, b, c, d] = NEGATIVE[patch.phases[0]].map(|w| i16::from(w as u8));
+    let (first, second) = (_mm256_set1_epi16(a | b << 8), _mm256_set1_epi16(c | d << 8));
+    let bias = _mm256_set1_epi16(BIAS);
+    let mut rows = [[_mm256_setzero_si256(); 2]; TAPS];
+    for (j, row) in rows.iter_mut().enumerate() {
+        let [p, q, r, s]: [__m256i; 4] = [0, 1, 2, 3].map(|from| must_cast(*patch.row::<TILE>(j, from)));
+        let sum = |pq, rs| {
+            let pairs = _mm256_add_epi16(_mm256_maddubs_epi16(pq, first), _mm256_maddubs_epi16(rs, second));
+            _mm256_add_epi16(pairs, bias)
+        };
+        *row = [
+            sum(_mm256_unpacklo_epi8(p, q), _mm256_unpacklo_epi8(r, s)),
+            sum(_mm256_unpackhi_epi8(p, q), _mm256_unpackhi_epi8(r, s)),
+        ];
+    }
+    let [a, b, c, d] = CUBIC[patch.phases[1]].map(|w| -w);
+    let (first, second) = (_mm256_set1_epi32(must_cast([a, b])), _mm256_set1_epi32(must_cast([c, d])));
+    let mut levels = [_mm256_setzero_si256(); TILE];
+    for (j, levels) in levels.iter_mut().enumerate() {
+        let half = |h: usize| {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|tap| rows[j + tap][h]);
+            let sum = |ab, cd| {
+                _mm256_srai_epi32(_mm256_add_epi32(_mm256_madd_epi16(ab, first), _mm256_madd_epi16(cd, second)), 14)
+            };
+            _mm256_packs_epi32(
+                sum(_mm256_unpacklo_epi16(a, b), _mm256_unpacklo_epi16(c, d)),
+                sum(_mm256_unpackhi_epi16(a, b), _mm256_unpackhi_epi16(c, d)),
+            )
+        };
+        *levels = _mm256_xor_si256(_mm256_packs_epi16(half(0), half(1)), _mm256_set1_epi8(-128));
+    }
+    levels
+}
+
+/// A [`Rule`] in vectors.
+struct Merge {
+    shares: __m256i,
+    agree: __m256i,
+    careful: __m256i,
+    nearer_is_current: bool,
+}
+
+impl Merge {
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn new(rule: &Rule) -> Self {
+        let share = i16::from(rule.share());
+        Self {
+            shares: _mm256_set1_epi16((128 - share) | share << 8),
+            agree: _mm256_set1_epi8(rule.agree as i8),
+            careful: _mm256_set1_epi8(rule.careful as i8),
+            nearer_is_current: rule.nearer_is_current,
+        }
+    }
+
+    /// Eight pixels, and the bits of those to report.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn eight(&self, b: __m256i, a: __m256i) -> (__m256i, u8) {
+        let apart = _mm256_or_si256(_mm256_subs_epu8(b, a), _mm256_subs_epu8(a, b));
+        let is_within = |limit| _mm256_cmpeq_epi32(_mm256_subs_epu8(apart, limit), _mm256_setzero_si256());
+        let weighted = |pairs| _mm256_mulhrs_epi16(_mm256_maddubs_epi16(pairs, self.shares), _mm256_set1_epi16(256));
+        let mixed = _mm256_packus_epi16(weighted(_mm256_unpacklo_epi8(b, a)), weighted(_mm256_unpackhi_epi8(b, a)));
+        let nearer = if self.nearer_is_current { a } else { b };
+        let is_reported = !_mm256_movemask_ps(_mm256_castsi256_ps(is_within(self.careful)));
+        (_mm256_blendv_epi8(mixed, nearer, is_within(self.agree)), is_reported as u8)
+    }
+}
+
+#[inline(always)]
+fn store(out: &mut [Pixel], row: __m256i) {
+    *out.first_chunk_mut::<TILE>().expect("a tile fits") = must_cast(row);
+}

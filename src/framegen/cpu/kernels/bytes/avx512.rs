@@ -1,0 +1,281 @@
+//! AVX-512: a row of eight pixels is one vector of 32 channels of 16 bits, two rows one of 64 bytes.
+
+use std::arch::x86_64::*;
+
+use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
+
+use super::{BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, ROOM, Rule, Source, TAPS, TILE, around};
+
+/// Pixels of a vector.
+const PIXELS: usize = 16;
+
+/// See [`super::Sampled::tile`].
+#[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+pub(super) fn tile(
+    previous: Source<'_, Pixel>,
+    a: [i32; 2],
+    current: Source<'_, Pixel>,
+    b: [i32; 2],
+    rule: &Rule,
+    out: &mut [Pixel],
+    stride: usize,
+) -> u64 {
+    let (mut room_a, mut room_b) = (ROOM, ROOM);
+    let before = sampled(&Patch::new(&previous, a, &mut room_a));
+    let after = sampled(&Patch::new(&current, b, &mut room_b));
+    let merge = Merge::new(rule);
+    let mut mask = 0;
+    for pair in 0..TILE / 2 {
+        let (rows, is_reported) = merge.sixteen(before[pair], after[pair]);
+        store(out, 2 * pair, stride, rows);
+        mask |= u64::from(is_reported) << (PIXELS * pair);
+    }
+    mask
+}
+
+/// See [`super::Sampled::tile_of_one`].
+#[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+    let mut room = ROOM;
+    for (pair, rows) in sampled(&Patch::new(&source, at, &mut room)).into_iter().enumerate() {
+        store(out, 2 * pair, stride, rows);
+    }
+}
+
+/// See [`super::Sampled::pixels`].
+#[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+pub(super) fn pixels(
+    previous: Source<'_, Pixel>,
+    a: &Positions,
+    current: Source<'_, Pixel>,
+    b: &Positions,
+    rule: &Rule,
+    out: &mut Block<Pixel>,
+) -> u64 {
+    pixels_of_one(previous, a, &mut out.before);
+    pixels_of_one(current, b, &mut out.after);
+    let merge = Merge::new(rule);
+    let before: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&out.before);
+    let after: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&out.after);
+    let merged: &mut [[Pixel; PIXELS]; 4] = must_cast_mut::<[Pixel; BLOCK], _>(&mut out.merged);
+    let mut mask = 0;
+    for i in 0..4 {
+        let (pixels, is_reported) = merge.sixteen(must_cast(before[i]), must_cast(after[i]));
+        merged[i] = must_cast(pixels);
+        mask |= u64::from(is_reported) << (PIXELS * i);
+    }
+    mask
+}
+
+/// See [`super::Sampled::pixels_of_one`].
+#[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
+    let (taps, levels): (__m512i, __m512i) = (must_cast(TAPS_BY_CHANNEL), must_cast(LEVELS_BY_PIXEL));
+    let bias = _mm512_set1_epi32(BIAS.into());
+    let ways: &[[[i32; PIXELS]; 4]; 2] = &[must_cast(at.x), must_cast(at.y)];
+    let out: &mut [[Pixel; PIXELS]; 4] = must_cast_mut(out);
+    for (i, out) in out.iter_mut().enumerate() {
+        let places = Places::new(&source, must_cast(ways[0][i]), must_cast(ways[1][i]));
+        // Minus the weighted rows of a pixel, a lane to a channel and a number to a row.
+        let rows = |pixel: usize| {
+            let bytes = places.around(&source, [ways[0][i][pixel], ways[1][i][pixel]], pixel);
+            let across = _mm512_set1_epi32(must_cast(NEGATIVE[places.phases_x[pixel] as usize % 64]));
+            _mm512_dpbusd_epi32(bias, _mm512_permutexvar_epi8(taps, bytes), across)
+        };
+        let down = |pixel: usize| DOWN[places.phases_y[pixel] as usize % 64];
+        // Two pixels, their sums where the even numbers are and again where the odd ones are.
+        let two = |pixel: usize| {
+            let rows = _mm512_packs_epi32(rows(pixel), rows(pixel + 1));
+            let down = _mm512_broadcast_i32x4(must_cast([down(pixel), down(pixel + 1)]));
+            let sums = _mm512_madd_epi16(rows, down);
+            _mm512_add_epi32(sums, _mm512_shuffle_epi32(sums, 0b10_11_00_01))
+        };
+        let four = |pixel: usize| _mm512_srai_epi32(_mm512_mask_blend_epi32(0xaaaa, two(pixel), two(pixel + 2)), 14);
+        let eight = |pixel: usize| _mm512_packs_epi32(four(pixel), four(pixel + 4));
+        let sixteen = _mm512_packs_epi16(eight(0), eight(8));
+        let pixels = _mm512_permutexvar_epi8(levels, _mm512_xor_si512(sixteen, _mm512_set1_epi8(-128)));
+        *out = must_cast(pixels);
+    }
+}
+
+/// Minus the weights down, as one number.
+static DOWN: [u64; 64] = {
+    let mut table = [0; 64];
+    let mut phase = 0;
+    while phase < 64 {
+        let mut tap = 4;
+        while tap > 0 {
+            tap -= 1;
+            table[phase] = table[phase] << 16 | (-CUBIC[phase][tap]) as u16 as u64;
+        }
+        phase += 1;
+    }
+    table
+};
+
+/// Where the taps of sixteen pixels begin, and their phases.
+struct Places {
+    starts: [u32; PIXELS],
+    is_inside: u16,
+    phases_x: [u32; PIXELS],
+    phases_y: [u32; PIXELS],
+}
+
+impl Places {
+    #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+    #[inline]
+    fn new(source: &Source<'_, Pixel>, x: __m512i, y: __m512i) -> Self {
+        let (one, phases) = (_mm512_set1_epi32(1), _mm512_set1_epi32(63));
+        let [left, top] = [x, y].map(|v| _mm512_sub_epi32(_mm512_srai_epi32(v, 6), one));
+        // As unsigned numbers, what is negative is far beyond.
+        let fits = |v, len: usize| _mm512_cmplt_epu32_mask(v, _mm512_set1_epi32((len as i32 - 3).max(0)));
+        let width = _mm512_set1_epi32(source.width as i32);
+        Self {
+            starts: must_cast(_mm512_add_epi32(_mm512_mullo_epi32(top, width), left)),
+            is_inside: fits(left, source.width) & fits(top, source.height),
+            phases_x: must_cast(_mm512_and_si512(x, phases)),
+            phases_y: must_cast(_mm512_and_si512(y, phases)),
+        }
+    }
+
+    /// The 4 x 4 pixels around the position `at` of a pixel.
+    #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+    #[inline]
+    fn around(&self, source: &Source<'_, Pixel>, at: [i32; 2], pixel: usize) -> __m512i {
+        let row = |j: usize| -> Option<&[Pixel; 4]> {
+            source.pixels.get(self.starts[pixel] as usize + j * source.width..)?.first_chunk()
+        };
+        if self.is_inside >> pixel & 1 != 0
+            && let [Some(a), Some(b), Some(c), Some(d)] = [row(0), row(1), row(2), row(3)]
+        {
+            let upper = _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*a)), must_cast(*b), 1);
+            let lower = _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*c)), must_cast(*d), 1);
+            return _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1);
+        }
+        must_cast(around(source, at))
+    }
+}
+
+/// From 4 x 4 pixels: a lane to a channel, in it a number to a row, in that a byte to a tap.
+static TAPS_BY_CHANNEL: [u8; 64] = {
+    let mut order = [0; 64];
+    let mut i = 0;
+    while i < 64 {
+        let (channel, row, tap) = (i / 16, i / 4 % 4, i % 4);
+        order[i] = (16 * row + 4 * tap + channel) as u8;
+        i += 1;
+    }
+    order
+};
+
+/// From a lane to a channel, with the pixels in the order in which they were packed, to pixels.
+static LEVELS_BY_PIXEL: [u8; 64] = {
+    let mut order = [0; 64];
+    let mut i = 0;
+    while i < 64 {
+        let (pixel, channel) = (i / 4, i % 4);
+        // Of four pixels, blending put the third between the first two.
+        let in_four = [0, 2, 1, 3][pixel % 4];
+        order[i] = (16 * channel + pixel / 4 * 4 + in_four) as u8;
+        i += 1;
+    }
+    order
+};
+
+/// The bytes of a row that meet a pixel's first tap and its second, in turn.
+static PAIRS: [u8; 64] = {
+    let mut pairs = [0; 64];
+    let mut i = 0;
+    while i < 64 {
+        pairs[i] = (i / 2 + i % 2 * 4) as u8;
+        i += 1;
+    }
+    pairs
+};
+
+/// The tile as levels, two rows to a vector.
+#[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+#[inline]
+fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
+    if patch.is_whole() {
+        return std::array::from_fn(|pair| {
+            let [upper, lower] = [1, 2].map(|j| must_cast(*patch.row::<TILE>(2 * pair + j, 1)));
+            _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1)
+        });
+    }
+    let [a, b, c, d] = NEGATIVE[patch.phases[0]].map(|w| i16::from(w as u8));
+    let (first, second) = (_mm512_set1_epi16(a | b << 8), _mm512_set1_epi16(c | d << 8));
+    let first_pairs: __m512i = must_cast(PAIRS);
+    let second_pairs = _mm512_add_epi8(first_pairs, _mm512_set1_epi8(8));
+    let bias = _mm512_set1_epi16(BIAS);
+    let mut rows = [_mm512_setzero_si512(); TAPS];
+    for (j, row) in rows.iter_mut().enumerate() {
+        let bytes: __m512i = must_cast(*patch.row::<PIXELS>(j, 0));
+        let pairs = _mm512_add_epi16(
+            _mm512_maddubs_epi16(_mm512_permutexvar_epi8(first_pairs, bytes), first),
+            _mm512_maddubs_epi16(_mm512_permutexvar_epi8(second_pairs, bytes), second),
+        );
+        *row = _mm512_add_epi16(pairs, bias);
+    }
+    let [a, b, c, d] = CUBIC[patch.phases[1]].map(|w| -w);
+    let (first, second) = (_mm512_set1_epi32(must_cast([a, b])), _mm512_set1_epi32(must_cast([c, d])));
+    let row = |j: usize| {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|tap| rows[j + tap]);
+        let sum = |ab, cd| _mm512_srai_epi32(_mm512_dpwssd_epi32(_mm512_madd_epi16(ab, first), cd, second), 14);
+        _mm512_packs_epi32(
+            sum(_mm512_unpacklo_epi16(a, b), _mm512_unpacklo_epi16(c, d)),
+            sum(_mm512_unpackhi_epi16(a, b), _mm512_unpackhi_epi16(c, d)),
+        )
+    };
+    // Packing goes lane by lane; this puts the rows behind each other.
+    let in_order = _mm512_setr_epi64(0, 2, 4, 6, 1, 3, 5, 7);
+    std::array::from_fn(|pair| {
+        let levels = _mm512_xor_si512(_mm512_packs_epi16(row(2 * pair), row(2 * pair + 1)), _mm512_set1_epi8(-128));
+        _mm512_permutexvar_epi64(in_order, levels)
+    })
+}
+
+/// A [`Rule`] in vectors.
+struct Merge {
+    shares: __m512i,
+    agree: __m512i,
+    careful: __m512i,
+    nearer_is_current: bool,
+}
+
+impl Merge {
+    #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+    #[inline]
+    fn new(rule: &Rule) -> Self {
+        let share = i16::from(rule.share());
+        Self {
+            shares: _mm512_set1_epi16((128 - share) | share << 8),
+            agree: _mm512_set1_epi8(rule.agree as i8),
+            careful: _mm512_set1_epi8(rule.careful as i8),
+            nearer_is_current: rule.nearer_is_current,
+        }
+    }
+
+    /// Sixteen pixels, and the bits of those to report.
+    #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+    #[inline]
+    fn sixteen(&self, b: __m512i, a: __m512i) -> (__m512i, u16) {
+        let apart = _mm512_or_si512(_mm512_subs_epu8(b, a), _mm512_subs_epu8(a, b));
+        let is_beyond = |limit| {
+            let rest = _mm512_subs_epu8(apart, limit);
+            _mm512_test_epi32_mask(rest, rest)
+        };
+        let weighted = |pairs| _mm512_mulhrs_epi16(_mm512_maddubs_epi16(pairs, self.shares), _mm512_set1_epi16(256));
+        let mixed = _mm512_packus_epi16(weighted(_mm512_unpacklo_epi8(b, a)), weighted(_mm512_unpackhi_epi8(b, a)));
+        let nearer = if self.nearer_is_current { a } else { b };
+        (_mm512_mask_blend_epi32(is_beyond(self.agree), nearer, mixed), is_beyond(self.careful))
+    }
+}
+
+/// Two rows of a tile, from its row `j` on.
+#[inline(always)]
+fn store(out: &mut [Pixel], j: usize, stride: usize, rows: __m512i) {
+    let [upper, lower]: [[Pixel; TILE]; 2] = must_cast(rows);
+    *out[j * stride..].first_chunk_mut::<TILE>().expect("a tile fits") = upper;
+    *out[(j + 1) * stride..].first_chunk_mut::<TILE>().expect("a tile fits") = lower;
+}

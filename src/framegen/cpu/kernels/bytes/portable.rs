@@ -1,0 +1,61 @@
+//! The form over arrays: a row of eight pixels is one vector of 32 channels.
+
+use super::{BIAS, CUBIC, NEGATIVE, Patch, Pixel, ROOM, ROW, Rule, Sampled, Source, TAPS, TILE};
+
+/// See [`Sampled::tile`].
+pub(super) fn tile(
+    previous: Source<'_, Pixel>,
+    a: [i32; 2],
+    current: Source<'_, Pixel>,
+    b: [i32; 2],
+    rule: &Rule,
+    out: &mut [Pixel],
+    stride: usize,
+) -> u64 {
+    let (mut room_a, mut room_b) = (ROOM, ROOM);
+    let before = sampled(&Patch::new(&previous, a, &mut room_a));
+    let after = sampled(&Patch::new(&current, b, &mut room_b));
+    let mut mask = 0;
+    for j in 0..TILE {
+        let (before, after) = (before[j].as_chunks::<4>().0, after[j].as_chunks::<4>().0);
+        for (i, out) in out[j * stride..][..TILE].iter_mut().enumerate() {
+            let (merged, is_reported) = Pixel::merge(before[i], after[i], rule);
+            *out = merged;
+            mask |= u64::from(is_reported) << (TILE * j + i);
+        }
+    }
+    mask
+}
+
+/// See [`Sampled::tile_of_one`].
+pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+    let mut room = ROOM;
+    for (j, row) in sampled(&Patch::new(&source, at, &mut room)).iter().enumerate() {
+        out[j * stride..][..TILE].as_flattened_mut().copy_from_slice(row);
+    }
+}
+
+/// The tile, row by row.
+fn sampled(patch: &Patch<'_>) -> [[u8; ROW]; TILE] {
+    if patch.is_whole() {
+        return std::array::from_fn(|j| *bytes(patch.row(j + 1, 1)));
+    }
+    let [across, down] = [NEGATIVE[patch.phases[0]].map(i16::from), CUBIC[patch.phases[1]]];
+    let rows: [[i16; ROW]; TAPS] = std::array::from_fn(|j| {
+        let taps: [&[u8; ROW]; 4] = std::array::from_fn(|i| bytes(patch.row(j, i)));
+        std::array::from_fn(|i| {
+            let weighted = |tap: usize| i16::from(taps[tap][i]).wrapping_mul(across[tap]);
+            (0..4).fold(BIAS, |sum, tap| sum.wrapping_add(weighted(tap)))
+        })
+    });
+    std::array::from_fn(|j| {
+        std::array::from_fn(|i| {
+            let sum: i32 = (0..4).map(|tap| i32::from(rows[j + tap][i]) * -i32::from(down[tap])).sum();
+            ((sum >> 14).clamp(-128, 127) + 128) as u8
+        })
+    })
+}
+
+fn bytes(pixels: &[Pixel; TILE]) -> &[u8; ROW] {
+    bytemuck::must_cast_ref(pixels)
+}

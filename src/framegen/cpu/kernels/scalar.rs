@@ -1,0 +1,72 @@
+//! The plainly written twins, pixel by pixel.
+
+use super::Source;
+use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
+use super::weights::CUBIC;
+
+/// See [`Sampled::tile`].
+pub(super) fn tile<P: Sampled>(
+    previous: Source<'_, P>,
+    a: [i32; 2],
+    current: Source<'_, P>,
+    b: [i32; 2],
+    rule: &Rule,
+    out: &mut [P],
+    stride: usize,
+) -> u64 {
+    let mut mask = 0;
+    for (j, i) in (0..TILE).flat_map(|j| (0..TILE).map(move |i| (j, i))) {
+        let (before, after) = (P::sample(previous, moved(a, i, j)), P::sample(current, moved(b, i, j)));
+        let (merged, is_reported) = P::merge(before, after, rule);
+        out[j * stride + i] = merged;
+        mask |= u64::from(is_reported) << (TILE * j + i);
+    }
+    mask
+}
+
+/// See [`Sampled::tile_of_one`].
+pub(super) fn tile_of_one<P: Sampled>(source: Source<'_, P>, at: [i32; 2], out: &mut [P], stride: usize) {
+    for (j, i) in (0..TILE).flat_map(|j| (0..TILE).map(move |i| (j, i))) {
+        out[j * stride + i] = P::sample(source, moved(at, i, j));
+    }
+}
+
+/// See [`Sampled::pixels`].
+pub(super) fn pixels<P: Sampled>(
+    previous: Source<'_, P>,
+    a: &Positions,
+    current: Source<'_, P>,
+    b: &Positions,
+    rule: &Rule,
+    out: &mut Block<P>,
+) -> u64 {
+    pixels_of_one(previous, a, &mut out.before);
+    pixels_of_one(current, b, &mut out.after);
+    let mut mask = 0;
+    for i in 0..BLOCK {
+        let (merged, is_reported) = P::merge(out.before[i], out.after[i], rule);
+        out.merged[i] = merged;
+        mask |= u64::from(is_reported) << i;
+    }
+    mask
+}
+
+/// See [`Sampled::pixels_of_one`].
+pub(super) fn pixels_of_one<P: Sampled>(source: Source<'_, P>, at: &Positions, out: &mut [P; BLOCK]) {
+    for (i, pixel) in out.iter_mut().enumerate() {
+        *pixel = P::sample(source, [at.x[i], at.y[i]]);
+    }
+}
+
+/// The position of the pixel (i, j) of a tile at `at`.
+fn moved(at: [i32; 2], i: usize, j: usize) -> [i32; 2] {
+    [at[0].saturating_add(64 * i as i32), at[1].saturating_add(64 * j as i32)]
+}
+
+/// The 4 x 4 pixels around a position, and their weights across and down.
+#[inline(always)]
+pub(super) fn taps<P: Copy>(source: &Source<'_, P>, at: [i32; 2], zero: P) -> ([[P; 4]; 4], [[i16; 4]; 2]) {
+    let mut taps = [[zero; 4]; 4];
+    source.clamped(at.map(|v| (v >> 6) - 1), &mut taps);
+    (taps, at.map(|v| CUBIC[(v & 63) as usize]))
+}

@@ -1,0 +1,186 @@
+//! Samples, tiles and blocks of pixels.
+
+use half::f16;
+
+use super::super::scalar;
+use super::*;
+
+/// Pixels that a test can make.
+trait Painted: Sampled {
+    fn painted(random: &mut Random, kind: u64, place: usize) -> Self;
+    fn beside(self, random: &mut Random) -> Self;
+    /// What a kernel never writes here.
+    const GUARD: Self;
+}
+
+impl Painted for [u8; 4] {
+    fn painted(random: &mut Random, kind: u64, place: usize) -> Self {
+        match kind {
+            0 => random.bits().to_le_bytes()[..4].try_into().unwrap(),
+            1 => [1, 2, 3, 5].map(|v| (place as u64 * v + random.below(3)) as u8),
+            _ => std::array::from_fn(|_| 255 * random.below(2) as u8),
+        }
+    }
+
+    fn beside(self, random: &mut Random) -> Self {
+        self.map(|v| v.saturating_add(random.below(4) as u8))
+    }
+
+    const GUARD: Self = [0xa5; 4];
+}
+
+impl Painted for [f16; 4] {
+    fn painted(random: &mut Random, kind: u64, place: usize) -> Self {
+        match kind {
+            0 => std::array::from_fn(|_| f16::from_bits(random.bits() as u16)),
+            1 => [0.01, 0.2, 3.0, 1.0].map(|v| f16::from_f32(place as f32 * v + random.below(100) as f32 / 64.0)),
+            _ => std::array::from_fn(|_| {
+                [f16::ZERO, f16::MAX, f16::MIN, f16::INFINITY, f16::NAN, f16::from_bits(1)][random.below(6) as usize]
+            }),
+        }
+    }
+
+    fn beside(self, random: &mut Random) -> Self {
+        self.map(|v| f16::from_f32(v.to_f32() * (1.0 + random.below(8) as f32 / 512.0)))
+    }
+
+    const GUARD: Self = [f16::from_bits(0x1234); 4];
+}
+
+/// Two pictures of one size, the second like the first in part.
+struct Pictures<P> {
+    width: usize,
+    height: usize,
+    previous: Vec<P>,
+    current: Vec<P>,
+}
+
+impl<P: Painted> Pictures<P> {
+    fn new(random: &mut Random, width: usize, height: usize) -> Self {
+        let kind = random.below(3);
+        let previous: Vec<P> = (0..width * height).map(|i| P::painted(random, kind, i)).collect();
+        let current = previous
+            .iter()
+            .enumerate()
+            .map(|(i, &pixel)| match random.below(3) {
+                0 => P::painted(random, kind, i),
+                1 => pixel.beside(random),
+                _ => pixel,
+            })
+            .collect();
+        Self { width, height, previous, current }
+    }
+
+    fn sources(&self) -> [Source<'_, P>; 2] {
+        [&self.previous, &self.current].map(|pixels| Source { pixels, width: self.width, height: self.height })
+    }
+}
+
+const SIZES: [(usize, usize); 12] =
+    [(1, 1), (7, 3), (3, 40), (8, 8), (11, 11), (16, 12), (19, 27), (27, 40), (45, 29), (64, 33), (131, 21), (200, 90)];
+
+/// A position in a picture of that size, mostly; at times a whole one, or far beyond.
+fn position(random: &mut Random, (width, height): (usize, usize)) -> [i32; 2] {
+    let mut on_axis = |len: usize| match random.below(12) {
+        0 => random.bits() as i32,
+        1 => [i32::MIN, i32::MAX, -64, 0][random.below(4) as usize],
+        2 | 3 => 64 * random.below(len as u64) as i32,
+        _ => random.below(64 * (len as u64 + 12)) as i32 - 64 * 8,
+    };
+    [on_axis(width), on_axis(height)]
+}
+
+fn rule(random: &mut Random) -> Rule {
+    Rule {
+        weight: random.below(256) as u8,
+        nearer_is_current: random.below(2) == 0,
+        agree: random.below(8) as u8,
+        careful: [0, 3, 20, 255][random.below(4) as usize],
+    }
+}
+
+/// The bits of what may hold numbers that are none.
+fn bits<P: Painted>(pixels: &[P]) -> String {
+    format!("{pixels:?}")
+}
+
+fn all_levels_make_the_same_tiles<P: Painted>() {
+    let mut random = Random(1);
+    for size in SIZES.into_iter().cycle().take(20 * SIZES.len()) {
+        let pictures = Pictures::<P>::new(&mut random, size.0, size.1);
+        let [previous, current] = pictures.sources();
+        for _ in 0..20 {
+            let (a, b, rule) = (position(&mut random, size), position(&mut random, size), rule(&mut random));
+            let stride = TILE + random.below(4) as usize;
+            let make = |level: Option<Level>| {
+                // The last row ends with the tile: not a pixel more may be needed or written.
+                let mut out = [P::GUARD; 3 * 8 * 12];
+                let len = 7 * stride + TILE;
+                let (merged, rest) = out.split_at_mut(len);
+                let mask = match level {
+                    Some(level) => P::tile(level, previous, a, current, b, &rule, merged, stride),
+                    None => scalar::tile(previous, a, current, b, &rule, merged, stride),
+                };
+                match level {
+                    Some(level) => P::tile_of_one(level, current, b, &mut rest[..len], stride),
+                    None => scalar::tile_of_one(current, b, &mut rest[..len], stride),
+                }
+                (mask, bits(&out))
+            };
+            let expected = make(None);
+            for level in Level::available() {
+                assert!(make(Some(level)) == expected, "{} at {a:?} {b:?} in {size:?}, {rule:?}", level.name());
+            }
+        }
+    }
+}
+
+fn all_levels_make_the_same_pixels<P: Painted>() {
+    let mut random = Random(2);
+    for size in SIZES.into_iter().cycle().take(8 * SIZES.len()) {
+        let pictures = Pictures::<P>::new(&mut random, size.0, size.1);
+        let [previous, current] = pictures.sources();
+        let positions = |random: &mut Random| {
+            let all: [[i32; 2]; BLOCK] = std::array::from_fn(|_| position(random, size));
+            Positions { x: all.map(|at| at[0]), y: all.map(|at| at[1]) }
+        };
+        let (a, b, rule) = (positions(&mut random), positions(&mut random), rule(&mut random));
+        let make = |level: Option<Level>| {
+            let mut out = Block { before: [P::GUARD; BLOCK], after: [P::GUARD; BLOCK], merged: [P::GUARD; BLOCK] };
+            let mut one = [P::GUARD; BLOCK];
+            let mask = match level {
+                Some(level) => P::pixels(level, previous, &a, current, &b, &rule, &mut out),
+                None => scalar::pixels(previous, &a, current, &b, &rule, &mut out),
+            };
+            match level {
+                Some(level) => P::pixels_of_one(level, previous, &b, &mut one),
+                None => scalar::pixels_of_one(previous, &b, &mut one),
+            }
+            (mask, bits(&out.before), bits(&out.after), bits(&out.merged), bits(&one))
+        };
+        let expected = make(None);
+        for level in Level::available() {
+            assert!(make(Some(level)) == expected, "{} in {size:?}, {rule:?}", level.name());
+        }
+    }
+}
+
+#[test]
+fn all_levels_make_the_same_tiles_of_bytes() {
+    all_levels_make_the_same_tiles::<[u8; 4]>();
+}
+
+#[test]
+fn all_levels_make_the_same_pixels_of_bytes() {
+    all_levels_make_the_same_pixels::<[u8; 4]>();
+}
+
+#[test]
+fn all_levels_make_the_same_tiles_of_half_floats() {
+    all_levels_make_the_same_tiles::<[f16; 4]>();
+}
+
+#[test]
+fn all_levels_make_the_same_pixels_of_half_floats() {
+    all_levels_make_the_same_pixels::<[f16; 4]>();
+}
