@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand as Subcommands};
 use crate::progress::Progress;
 
 mod demo;
+mod quality;
 mod replay;
 mod rollout;
 mod seed_picture;
@@ -55,6 +56,9 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Four seconds at 1920x1080 on the demo's world
     Demo(demo::DemoArgs),
+    /// Generated frames against true ones, beside other ways to make them
+    #[command(after_help = quality::EXAMPLES)]
+    Quality(quality::QualityArgs),
     /// Writes the built-in seed picture, to paint over or to compare with
     SeedPicture(seed_picture::SeedPictureArgs),
 }
@@ -75,6 +79,7 @@ impl Command {
             Self::Rollout(args) => args.as_ref(),
             Self::Replay(args) => args,
             Self::Demo(args) => args,
+            Self::Quality(args) => args,
             Self::SeedPicture(args) => args,
         }
     }

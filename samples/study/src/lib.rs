@@ -20,6 +20,7 @@ pub mod metrics;
 mod output;
 mod picture;
 mod progress;
+mod quality;
 mod replay;
 mod settings;
 mod sheet;

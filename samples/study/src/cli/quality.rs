@@ -1,0 +1,98 @@
+//! `study quality`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use cairn::Result;
+use clap::Args;
+
+use super::{Subcommand, progress, stop_on_interrupt};
+use crate::quality::{self, Settings};
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  study quality --smoke
+      Everything small and alone, in a minute: does the whole path work?
+
+  study quality --seeds 4 --clips forest,snow --rows built-in
+      While the generator is worked on. Seed 4 is there for that; 5 to 7 are kept for the table.
+
+  study quality --publish
+      The table of docs/quality.md, from the clips and seeds it is made of.
+
+What was made and scored once is kept in the user's cache and not made again while nothing it depends on changes, so a run
+that was ended goes on where it stopped. The folder --out gets quality.md, quality.csv, quality-frames.csv with every frame,
+and quality.png, the same place as every row shows it.
+
+Exit status: 0 well, 1 failed or, with --check, a claim missed, 2 wrong usage, 130 interrupted.";
+
+#[derive(Args)]
+pub(super) struct QualityArgs {
+    /// Ways to make the frames: all, built-in, or a list of repeat, blend, cairn-flow, cairn-truth
+    #[arg(long, value_name = "LIST", default_value = "all")]
+    rows: String,
+    /// What they are made from: all, scenes, or a list of forest, sword, desert, snow
+    #[arg(long, value_name = "LIST", default_value = "all")]
+    clips: String,
+    /// Seeds of the scenes
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values_t = [5, 6, 7])]
+    seeds: Vec<u64>,
+    /// One scene at a small size and what needs no other program, to see that everything works
+    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "publish"])]
+    smoke: bool,
+    /// Hold the table against what is claimed, and fail where it does not bear a claim out
+    #[arg(long)]
+    check: bool,
+    /// Score everything again, and let other programs make their pictures again
+    #[arg(long)]
+    fresh: bool,
+    /// Write docs/quality.md, its table and its figure as well
+    #[arg(long)]
+    publish: bool,
+    /// Folder for report, tables and figure; an earlier report in it is replaced
+    #[arg(long, value_name = "DIR", default_value = "target/quality")]
+    out: PathBuf,
+    /// No progress, no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl QualityArgs {
+    fn settings(&self) -> Settings {
+        let (rows, clips, seeds) = if self.smoke {
+            ("built-in".into(), "forest".into(), vec![4])
+        } else {
+            (self.rows.clone(), self.clips.clone(), self.seeds.clone())
+        };
+        let Self { smoke, fresh, publish, .. } = *self;
+        Settings { rows, clips, seeds, smoke, fresh, publish, out: self.out.clone() }
+    }
+}
+
+impl Subcommand for QualityArgs {
+    fn check(&self) -> Result<()> {
+        self.settings().check()
+    }
+
+    fn run(&self) -> Result<ExitCode> {
+        let outcome = quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?)?;
+        for left_out in &outcome.left_out {
+            eprintln!("left out: {left_out}");
+        }
+        if !self.quiet {
+            println!("{} scores computed, {} kept from earlier runs", outcome.computed, outcome.kept);
+            for file in &outcome.files {
+                println!("  {}", file.display());
+            }
+        }
+        if self.check {
+            outcome.claims.iter().for_each(|claim| println!("{claim}"));
+            println!("{} of {} claims held", outcome.claims.len() - outcome.missed, outcome.claims.len());
+        }
+        if outcome.interrupted {
+            eprintln!("interrupted: the same command goes on from here");
+            return Ok(ExitCode::from(130));
+        }
+        Ok(ExitCode::from(u8::from(self.check && outcome.missed > 0)))
+    }
+}

@@ -1,0 +1,101 @@
+//! What Cairn claims about its pictures, held against the table.
+
+use std::fmt;
+
+use super::rows::Kind;
+use super::table::{Table, is_better, measures};
+
+/// The measures as they are named to people.
+pub(super) const MEASURES: [&str; 3] = ["PSNR", "SSIM", "LPIPS"];
+
+/// A claim about one row on one group of clips, and whether the table bears it out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Claim {
+    pub(super) what: String,
+    pub(super) held: bool,
+    /// The figures that decide it.
+    pub(super) figures: String,
+}
+
+impl fmt::Display for Claim {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = if self.held { "held  " } else { "MISSED" };
+        write!(f, "{verdict}  {}: {}", self.what, self.figures)
+    }
+}
+
+/// All claims that the table can decide, at twice the anchors' rate: with true motion and depth the generator is better
+/// than every other row in every measure; with `picture_flow` it is better than what needs no neural network in every
+/// measure, and than RIFE in PSNR.
+pub(super) fn judge(table: &Table) -> Vec<Claim> {
+    let mut claims = Vec::new();
+    for group in table.groups(2) {
+        let others: Vec<Kind> = table.rows(2).into_iter().filter(|row| *row != Kind::Truth).collect();
+        claims.extend(better(table, &group, Kind::Truth, &others, &[0, 1, 2]));
+        let plain: Vec<Kind> = others.iter().copied().filter(|row| !matches!(row, Kind::Flow)).collect();
+        claims.extend(better(table, &group, Kind::Flow, &plain, &[0, 1, 2]));
+    }
+    claims
+}
+
+/// The claim that `row` beats each of `others` on `group` in each of `which` measures; none where there is nothing to
+/// compare.
+fn better(table: &Table, group: &str, row: Kind, others: &[Kind], which: &[usize]) -> Option<Claim> {
+    let own = measures(&table.group(2, group, row)?.score);
+    let rivals: Vec<_> =
+        others.iter().filter_map(|kind| Some((*kind, measures(&table.group(2, group, *kind)?.score)))).collect();
+    let mut figures = Vec::new();
+    let mut held = true;
+    for &i in which {
+        let Some(own) = own[i] else { continue };
+        let of = |(kind, scores): &(Kind, [Option<f64>; 3])| Some((*kind, scores[i]?));
+        let nearest = rivals.iter().filter_map(of).reduce(|a, b| if is_better(i, a.1, b.1) { a } else { b });
+        let Some((kind, rival)) = nearest else { continue };
+        let wins = is_better(i, own, rival);
+        held &= wins;
+        let sign = if wins { "" } else { "not " };
+        let digits = if i == 0 { 2 } else { 4 };
+        figures.push(format!("{} {own:.digits$}, {sign}better than {rival:.digits$} of {}", MEASURES[i], kind.name()));
+    }
+    let names: Vec<&str> = rivals.iter().map(|(kind, _)| kind.name()).collect();
+    let claimed: Vec<&str> = which.iter().map(|i| MEASURES[*i]).collect();
+    let what = format!("{group}: {} beats {} in {}", row.name(), names.join(", "), claimed.join(", "));
+    (!figures.is_empty()).then(|| Claim { what, held, figures: figures.join("; ") })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::tests::record;
+    use super::*;
+
+    #[test]
+    fn a_miss_is_told_with_the_figures_that_decide_it() {
+        let table = Table::new(&[
+            record("snow-5", Kind::Truth, 40.0, Some(0.01)),
+            record("snow-5", Kind::Flow, 30.0, Some(0.02)),
+            record("snow-5", Kind::Blend, 25.0, Some(0.015)),
+        ]);
+        let claims = judge(&table);
+        let told: Vec<(bool, &str)> = claims.iter().map(|c| (c.held, c.what.as_str())).collect();
+        assert_eq!(
+            told,
+            [
+                (true, "snow: cairn-truth beats blend, cairn-flow in PSNR, SSIM, LPIPS"),
+                (false, "snow: cairn-flow beats blend in PSNR, SSIM, LPIPS"),
+            ]
+        );
+        assert!(claims[0].figures.contains("LPIPS 0.0100, better than 0.0150 of blend"), "{}", claims[0]);
+        assert!(claims[1].to_string().starts_with("MISSED"), "{}", claims[1]);
+    }
+
+    #[test]
+    fn nothing_is_claimed_where_nothing_can_be_compared() {
+        assert_eq!(judge(&Table::new(&[record("snow-5", Kind::Truth, 40.0, None)])), []);
+        assert_eq!(judge(&Table::new(&[record("snow-5", Kind::Blend, 40.0, None)])), []);
+        // The measure that is missing is left out, the others are judged.
+        let table =
+            Table::new(&[record("snow-5", Kind::Flow, 40.0, None), record("snow-5", Kind::Blend, 30.0, Some(0.1))]);
+        let claims = judge(&table);
+        assert!(claims.len() == 1 && claims[0].held && !claims[0].figures.contains("LPIPS"), "{claims:?}");
+    }
+}

@@ -1,0 +1,201 @@
+//! What is compared on: scenes with a known truth, and captures of real pictures of which every other one is held back.
+
+mod scene;
+
+use std::fmt;
+
+use cairn::guidance::Guidance;
+use cairn::{Error, ErrorKind, Picture, Result};
+use provision::Progress;
+use scenes::FAMILIES;
+
+use super::store::Store;
+pub(super) use scene::SceneClip;
+
+/// A moment between two anchors, as a fraction of the interval in lowest terms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct Phase {
+    part: u32,
+    of: u32,
+}
+
+impl Phase {
+    /// The middle of the interval.
+    pub(super) const HALF: Self = Self { part: 1, of: 2 };
+
+    /// All phases that take a stream to `multiplier` times its rate, in order of time.
+    pub(super) fn all(multiplier: u32) -> impl Iterator<Item = Self> {
+        (1..multiplier).map(move |part| {
+            let divisor =
+                (1..=part).rev().find(|d| part.is_multiple_of(*d) && multiplier.is_multiple_of(*d)).unwrap_or(1);
+            Self { part: part / divisor, of: multiplier / divisor }
+        })
+    }
+
+    /// Whether a stream at `multiplier` times its rate shows this phase.
+    pub(super) fn belongs_to(self, multiplier: u32) -> bool {
+        multiplier.is_multiple_of(self.of)
+    }
+
+    /// As a number inside (0, 1).
+    pub(super) fn value(self) -> f32 {
+        self.part as f32 / self.of as f32
+    }
+
+    /// The number of this phase among `steps` equal steps of an interval.
+    ///
+    /// `None` where it lies between two of them.
+    pub(super) fn step(self, steps: u32) -> Option<u32> {
+        self.belongs_to(steps).then(|| self.part * (steps / self.of))
+    }
+}
+
+impl fmt::Display for Phase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.part, self.of)
+    }
+}
+
+/// An interval whose frames are generated and scored.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Target {
+    /// Number of the anchor that ends it.
+    pub(super) anchor: usize,
+    /// Multiples of the anchors' rate that are scored on it, 2 first.
+    pub(super) multipliers: Vec<u32>,
+}
+
+impl Target {
+    /// Its phases, each once, in order of time.
+    pub(super) fn phases(&self) -> Vec<Phase> {
+        let mut all: Vec<Phase> = self.multipliers.iter().flat_map(|m| Phase::all(*m)).collect();
+        all.sort_by(|a, b| a.value().total_cmp(&b.value()));
+        all.dedup();
+        all
+    }
+}
+
+/// Anchors with the pictures between them, some of which are scored.
+pub(super) trait Clip {
+    /// Short name, such as `forest-5`.
+    fn name(&self) -> &str;
+
+    /// What it is averaged with: the kind of place, or its own name.
+    fn group(&self) -> &str;
+
+    /// The intervals that are scored.
+    fn targets(&self) -> &[Target];
+
+    /// How many anchors there are, numbered from 0.
+    fn anchors(&self) -> usize;
+
+    /// An anchor.
+    fn anchor(&mut self, number: usize, store: &Store) -> Result<Picture>;
+
+    /// The true picture at `phase` between anchor `number - 1` and anchor `number`.
+    fn truth(&mut self, number: usize, phase: Phase, store: &Store) -> Result<Picture>;
+
+    /// True motion from anchor `number` to the one before it, and its depth; none where nobody knows them.
+    fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>>;
+
+    /// Which pixels of the true picture at `phase` count, row by row; all where none is given.
+    fn scored(&mut self, _number: usize, _phase: Phase, _store: &Store) -> Result<Option<Vec<bool>>> {
+        Ok(None)
+    }
+}
+
+/// What `--clips` names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Scene(scenes::Family),
+}
+
+/// Every kind, in the order of the tables.
+pub(super) fn kinds() -> Vec<Kind> {
+    FAMILIES.into_iter().map(Kind::Scene).collect()
+}
+
+impl Kind {
+    /// As it is written in `--clips`.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Scene(family) => family.name(),
+        }
+    }
+
+    /// Its clips, one to a seed where it has seeds.
+    ///
+    /// # Errors
+    /// What it is made from cannot be had; says why and what to do.
+    pub(super) fn open(self, seeds: &[u64], size: Scale, _progress: &dyn Progress) -> Result<Vec<Box<dyn Clip>>> {
+        match self {
+            Self::Scene(family) => {
+                seeds.iter().map(|seed| Ok(Box::new(SceneClip::new(family, *seed, size)?) as Box<dyn Clip>)).collect()
+            }
+        }
+    }
+}
+
+/// How much of a clip is scored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scale {
+    /// What the tables are made from.
+    Full,
+    /// Small pictures and two intervals: to see that everything works.
+    Smoke,
+}
+
+/// Reads a list such as `forest,snow`; `all` and `scenes` are short for several.
+///
+/// # Errors
+/// `InvalidArgument` for a name that is none of them.
+pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
+    let mut chosen = Vec::new();
+    for name in list.split(',').map(str::trim) {
+        let found: Vec<Kind> = match name {
+            "all" => kinds(),
+            "scenes" => FAMILIES.into_iter().map(Kind::Scene).collect(),
+            name => kinds().into_iter().filter(|kind| kind.name() == name).collect(),
+        };
+        if found.is_empty() {
+            let names: Vec<&str> = kinds().iter().map(|kind| kind.name()).collect();
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("there is no clip {name:?}"))
+                .field("--clips")
+                .remedy(format!("Use all, scenes, or any of {}, with commas between", names.join(", "))));
+        }
+        for kind in found {
+            if !chosen.contains(&kind) {
+                chosen.push(kind);
+            }
+        }
+    }
+    Ok(chosen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn phases_are_in_lowest_terms_and_in_order() {
+        let shown = |m| Phase::all(m).map(|p| p.to_string()).collect::<Vec<_>>().join(" ");
+        assert_eq!((shown(2), shown(4), shown(6)), ("1/2".into(), "1/4 1/2 3/4".into(), "1/6 1/3 1/2 2/3 5/6".into()));
+        let all = Target { anchor: 1, multipliers: vec![2, 4, 6] }.phases();
+        let values: Vec<String> = all.iter().map(ToString::to_string).collect();
+        assert_eq!(values.join(" "), "1/6 1/4 1/3 1/2 2/3 3/4 5/6");
+        assert_eq!(all.iter().filter(|p| p.belongs_to(4)).count(), 3);
+        assert_eq!((Phase::HALF.step(12), Phase::HALF.step(3)), (Some(6), None));
+    }
+
+    #[test]
+    fn lists_of_clips_are_read_once_each_and_slips_are_named() {
+        assert_eq!(
+            parse("snow, forest,snow").unwrap().iter().map(|k| k.name()).collect::<Vec<_>>(),
+            ["snow", "forest"]
+        );
+        assert_eq!(parse("all").unwrap(), kinds());
+        let error = parse("forrest").unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        assert!(error.to_string().contains("forest"), "{error}");
+    }
+}

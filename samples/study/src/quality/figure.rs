@@ -1,0 +1,189 @@
+//! The comparison picture: one place of one frame, as every row shows it.
+//!
+//! Nobody chooses the frame or the place by eye: the frame is the one of median difficulty, the place the one where all
+//! rows together err most.
+
+use cairn::{Picture, Result};
+
+use super::clips::Phase;
+use super::measure::{Measured, Record};
+use super::rows;
+use super::store::Store;
+use super::table::mean;
+use crate::picture::shrink;
+use crate::text::{SMALL, fit, write};
+
+/// Columns of the figure.
+const COLUMNS: u32 = 4;
+/// Pixels of the picture that a tile shows, and how many times it is enlarged.
+const PLACE: (u32, u32) = (140, 105);
+const ENLARGED: u32 = 2;
+const LABEL: u32 = 24;
+const GAP: u32 = 6;
+const GROUND: [u8; 3] = [24, 26, 30];
+const BRIGHT: [u8; 3] = [235, 235, 230];
+const FRAME: [u8; 3] = [250, 210, 60];
+
+/// The picture, and what it shows.
+pub(super) struct Figure {
+    pub(super) picture: Picture,
+    pub(super) caption: String,
+}
+
+/// Draws the figure; none where the clips are too small or no frame was scored.
+pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figure>> {
+    let Some(chosen) = median(&measured.records).cloned() else { return Ok(None) };
+    let shown = measured.show(&chosen.clip, chosen.anchor, Phase::HALF, store)?;
+    let Some((_, truth)) = shown.first() else { return Ok(None) };
+    if truth.width() < PLACE.0 || truth.height() < PLACE.1 || shown.len() < 2 {
+        return Ok(None);
+    }
+    let at = worst_place(truth, shown[1..].iter().map(|(_, picture)| picture));
+    let mut tiles = vec![("where it is".to_owned(), overview(truth, at)?)];
+    for (kind, picture) in &shown {
+        // Between two anchors a repeated one shows nothing that they do not show.
+        if *kind != Some(rows::Kind::Repeat) {
+            let label = kind.map_or_else(|| "truth".to_owned(), |kind| kind.label().replace(['*', '`'], ""));
+            tiles.push((label, enlarge(picture, at)?));
+        }
+    }
+    let caption = format!(
+        "{}, the frame between anchors {} and {}: of all scored frames of the scenes at twice the anchors' rate, the one of \
+         median difficulty (the mean over all rows), at the place where all rows together err most.",
+        chosen.clip,
+        chosen.anchor - 1,
+        chosen.anchor
+    );
+    Ok(Some(Figure { picture: arrange(&tiles)?, caption }))
+}
+
+/// The frame of median difficulty at half phase: of scenes where there are any.
+fn median(records: &[Record]) -> Option<&Record> {
+    let is_scene = |r: &&Record| scenes::FAMILIES.iter().any(|family| family.name() == r.group);
+    let of_scenes = records.iter().any(|r| is_scene(&r));
+    let mut frames: Vec<(f64, &Record)> = Vec::new();
+    for record in records.iter().filter(|r| r.phase == Phase::HALF && (!of_scenes || is_scene(r))) {
+        if frames.iter().all(|(_, r)| (&r.clip, r.anchor) != (&record.clip, record.anchor)) {
+            let same =
+                records.iter().filter(|r| (&r.clip, r.anchor, r.phase) == (&record.clip, record.anchor, record.phase));
+            let score = mean(&same.map(|r| r.score).collect::<Vec<_>>())?;
+            frames.push((score.lpips.unwrap_or(-score.psnr), record));
+        }
+    }
+    frames.sort_by(|a, b| a.0.total_cmp(&b.0));
+    frames.get(frames.len().checked_sub(1)? / 2).map(|(_, record)| *record)
+}
+
+/// The upper left corner of the place where the absolute errors of `pictures` have the greatest sum.
+fn worst_place<'a>(truth: &Picture, pictures: impl Iterator<Item = &'a Picture>) -> (u32, u32) {
+    let (width, height) = (truth.width() as usize, truth.height() as usize);
+    let mut error = vec![0u64; width * height];
+    for picture in pictures {
+        for ((sum, a), b) in error.iter_mut().zip(truth.pixels()).zip(picture.pixels()) {
+            *sum += a[..3].iter().zip(&b[..3]).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>();
+        }
+    }
+    // Sums over everything above and to the left, with a row and a column of zeros in front.
+    let mut above = vec![0u64; (width + 1) * (height + 1)];
+    for y in 0..height {
+        let mut row = 0;
+        for x in 0..width {
+            row += error[y * width + x];
+            above[(y + 1) * (width + 1) + x + 1] = above[y * (width + 1) + x + 1] + row;
+        }
+    }
+    let (w, h) = (PLACE.0 as usize, PLACE.1 as usize);
+    let mut worst = (0, (0, 0));
+    for y in 0..=height - h {
+        for x in 0..=width - w {
+            let at = |x: usize, y: usize| above[y * (width + 1) + x];
+            let sum = at(x + w, y + h) + at(x, y) - at(x + w, y) - at(x, y + h);
+            if sum > worst.0 {
+                worst = (sum, (x as u32, y as u32));
+            }
+        }
+    }
+    worst.1
+}
+
+/// The place at `at`, its pixels as squares.
+fn enlarge(picture: &Picture, at: (u32, u32)) -> Result<Picture> {
+    let mut tile = Picture::new(PLACE.0 * ENLARGED, PLACE.1 * ENLARGED)?;
+    let (tile_width, width) = (tile.width() as usize, picture.width() as usize);
+    for (i, pixel) in tile.pixels_mut().iter_mut().enumerate() {
+        let (x, y) = ((i % tile_width) as u32 / ENLARGED, (i / tile_width) as u32 / ENLARGED);
+        *pixel = picture.pixels()[(at.1 + y) as usize * width + (at.0 + x) as usize];
+    }
+    Ok(tile)
+}
+
+/// The whole picture with a frame around the place.
+fn overview(picture: &Picture, at: (u32, u32)) -> Result<Picture> {
+    let room = (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED);
+    let scale = (f64::from(room.0) / f64::from(picture.width())).min(f64::from(room.1) / f64::from(picture.height()));
+    let scaled = |v: u32| ((f64::from(v) * scale) as u32).max(1);
+    let mut small = shrink(picture, (scaled(picture.width()), scaled(picture.height())))?;
+    let (width, height) = small.size();
+    let (left, top) = (scaled(at.0) - 1, scaled(at.1) - 1);
+    let (right, bottom) = (scaled(at.0 + PLACE.0).min(width) - 1, scaled(at.1 + PLACE.1).min(height) - 1);
+    for y in top..=bottom {
+        for x in left..=right {
+            if x == left || x == right || y == top || y == bottom {
+                small.pixels_mut()[(y * width + x) as usize][..3].copy_from_slice(&FRAME);
+            }
+        }
+    }
+    Ok(small)
+}
+
+/// Puts the tiles in rows with their labels above them.
+fn arrange(tiles: &[(String, Picture)]) -> Result<Picture> {
+    let tile = (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED);
+    let lines = (tiles.len() as u32).div_ceil(COLUMNS);
+    let mut out = Picture::new(COLUMNS * (tile.0 + GAP) + GAP, lines * (tile.1 + LABEL + GAP) + GAP)?;
+    out.pixels_mut().fill([GROUND[0], GROUND[1], GROUND[2], 255]);
+    let width = out.width() as usize;
+    for (i, (label, picture)) in tiles.iter().enumerate() {
+        let (column, line) = (i as u32 % COLUMNS, i as u32 / COLUMNS);
+        let (left, top) = (GAP + column * (tile.0 + GAP), GAP + line * (tile.1 + LABEL + GAP));
+        write(&mut out, &fit(label, tile.0, SMALL), (left, top + 4), SMALL, BRIGHT);
+        for (y, pixels) in picture.pixels().chunks_exact(picture.width() as usize).enumerate() {
+            let start = ((top + LABEL) as usize + y) * width + left as usize;
+            out.pixels_mut()[start..start + pixels.len()].copy_from_slice(pixels);
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::tests::record;
+    use super::*;
+
+    #[test]
+    fn the_frame_of_median_difficulty_is_chosen() {
+        let kind = rows::Kind::Blend;
+        let records: Vec<Record> = [30.0, 10.0, 20.0]
+            .iter()
+            .zip(["snow-5", "snow-6", "snow-7"])
+            .map(|(p, c)| record(c, kind, *p, None))
+            .collect();
+        assert_eq!(median(&records).unwrap().clip, "snow-7");
+        // Frames of scenes come before others.
+        let with_film = [record("film", kind, 20.0, None), record("snow-6", kind, 10.0, None)];
+        assert_eq!(median(&with_film).unwrap().clip, "snow-6");
+        assert!(median(&[]).is_none());
+    }
+
+    #[test]
+    fn the_place_is_where_the_errors_are() {
+        let truth = Picture::new(320, 240).unwrap();
+        let mut other = truth.clone();
+        other.pixels_mut()[200 * 320 + 300] = [255, 255, 255, 255];
+        let (x, y) = worst_place(&truth, [&other].into_iter());
+        assert!((x..x + PLACE.0).contains(&300) && (y..y + PLACE.1).contains(&200), "{x} {y}");
+        assert_eq!(worst_place(&truth, [&truth].into_iter()), (0, 0));
+        assert_eq!(enlarge(&other, (x, y)).unwrap().size(), (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED));
+        overview(&other, (x, y)).unwrap();
+    }
+}

@@ -1,0 +1,162 @@
+//! The quality table: generated frames against the true ones, beside other ways to make them.
+//!
+//! ```text
+//! clips (anchors, truth, guidance) -> rows (pictures at a phase) -> measure (scores) -> table -> report, figure, claims
+//!                 |                            |                        |
+//!                 +----------------------- store -----------------------+
+//! ```
+//!
+//! The unit of statistics is the clip: frames of one clip resemble each other, so they are averaged first, and
+//! differences between rows are taken clip by clip.
+
+mod claims;
+mod clips;
+mod figure;
+mod measure;
+mod report;
+mod rows;
+mod store;
+mod table;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use cairn::{Error, ErrorKind, Result};
+
+use crate::media::{RealDisk, describe_io, encode_png, write_whole};
+use crate::progress::Progress;
+use clips::Scale;
+use measure::Measured;
+use store::Store;
+use table::Table;
+
+/// The table for people.
+const REPORT: &str = "quality.md";
+/// The table for programs.
+const SUMMARY: &str = "quality.csv";
+/// Every frame's scores.
+const FRAMES: &str = "quality-frames.csv";
+/// The same place as every row shows it.
+const FIGURE: &str = "quality.png";
+
+/// What is to be measured. Texts are those of the command line.
+#[derive(Debug, Clone)]
+pub(crate) struct Settings {
+    pub(crate) rows: String,
+    pub(crate) clips: String,
+    pub(crate) seeds: Vec<u64>,
+    /// Everything small, and only what this program can do alone.
+    pub(crate) smoke: bool,
+    /// Make again what other programs made earlier, and score everything again.
+    pub(crate) fresh: bool,
+    /// Write the report into the clone's docs as well.
+    pub(crate) publish: bool,
+    pub(crate) out: PathBuf,
+}
+
+impl Settings {
+    /// Refuses what makes no sense; needs no file.
+    pub(crate) fn check(&self) -> Result<()> {
+        rows::parse(&self.rows)?;
+        clips::parse(&self.clips)?;
+        if self.seeds.is_empty() {
+            return Err(Error::new(ErrorKind::InvalidArgument, "no seed is given")
+                .field("--seeds")
+                .remedy("List one or more numbers, such as 5,6,7"));
+        }
+        Ok(())
+    }
+}
+
+/// What came of it.
+pub(crate) struct Outcome {
+    /// Files that were written, the report first.
+    pub(crate) files: Vec<PathBuf>,
+    /// What the table says of the claims, one line each.
+    pub(crate) claims: Vec<String>,
+    /// How many claims it does not bear out.
+    pub(crate) missed: usize,
+    /// Scores that were computed now, and those that were there already.
+    pub(crate) computed: usize,
+    pub(crate) kept: usize,
+    /// Rows and clips that could not be had, with reason and remedy.
+    pub(crate) left_out: Vec<String>,
+    pub(crate) interrupted: bool,
+}
+
+/// Measures, and writes table, report and figure.
+///
+/// # Errors
+/// Settings that make no sense, a clip that cannot be made, a full disk. A row whose program cannot be had is no error.
+pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+    settings.check()?;
+    let cache = provision::cache_dir()
+        .map_err(|e| Error::new(ErrorKind::Io, e.cause.clone()).field(e.wanted.clone()).remedy(e.remedy.clone()))?;
+    let store = Store::new(cache.join("quality"), !settings.fresh);
+    let scale = if settings.smoke { Scale::Smoke } else { Scale::Full };
+    let chosen = (rows::parse(&settings.rows)?, clips::parse(&settings.clips)?);
+    let mut measured = measure::run(&chosen.0, &chosen.1, &settings.seeds, scale, &store, progress, stop)?;
+    let table = Table::new(&measured.records);
+    let claims = claims::judge(&table);
+
+    fs::create_dir_all(&settings.out).map_err(|e| describe_io("cannot be made", &settings.out, &e))?;
+    let mut files = write(&settings.out, settings, &mut measured, &table, &claims, &store)?;
+    if settings.publish && !measured.interrupted {
+        files.extend(publish(&settings.out)?);
+    }
+    Ok(Outcome {
+        files,
+        missed: claims.iter().filter(|claim| !claim.held).count(),
+        claims: claims.iter().map(ToString::to_string).collect(),
+        computed: measured.computed,
+        kept: measured.kept,
+        left_out: measured.left_out.iter().map(ToString::to_string).collect(),
+        interrupted: measured.interrupted,
+    })
+}
+
+fn write(
+    out: &Path,
+    settings: &Settings,
+    measured: &mut Measured,
+    table: &Table,
+    claims: &[claims::Claim],
+    store: &Store,
+) -> Result<Vec<PathBuf>> {
+    let mut files = vec![out.join(REPORT), out.join(SUMMARY), out.join(FRAMES)];
+    let figure = figure::draw(measured, store)?;
+    if let Some(figure) = &figure {
+        let path = out.join(FIGURE);
+        write_whole(&RealDisk, &path, &encode_png(&figure.picture)?)?;
+        files.push(path);
+    }
+    let text = report::text(settings, measured, table, claims, figure.as_ref().map(|f| f.caption.as_str()));
+    write_whole(&RealDisk, &files[0], text.as_bytes())?;
+    write_whole(&RealDisk, &files[1], table.csv().as_bytes())?;
+    write_whole(&RealDisk, &files[2], measure::csv(&measured.records).as_bytes())?;
+    Ok(files)
+}
+
+/// Copies report, table and figure into the clone's docs. The figure lies in a folder of its own there.
+fn publish(out: &Path) -> Result<Vec<PathBuf>> {
+    let docs = provision::repository().join("docs");
+    let mut files = Vec::new();
+    for (name, place) in
+        [(SUMMARY, docs.join(SUMMARY)), (FIGURE, docs.join("images").join(FIGURE)), (REPORT, docs.join(REPORT))]
+    {
+        let from = out.join(name);
+        if !from.is_file() {
+            continue;
+        }
+        let mut bytes = fs::read(&from).map_err(|e| describe_io("cannot be read", &from, &e))?;
+        if name == REPORT {
+            bytes = String::from_utf8_lossy(&bytes)
+                .replace(&format!("]({FIGURE})"), &format!("](images/{FIGURE})"))
+                .into_bytes();
+        }
+        write_whole(&RealDisk, &place, &bytes)?;
+        files.push(place);
+    }
+    Ok(files)
+}

@@ -1,0 +1,160 @@
+//! What is compared: ways to make pictures between two anchors.
+
+mod ours;
+mod simple;
+
+use cairn::guidance::Guidance;
+use cairn::{Error, ErrorKind, Picture, Result};
+use provision::Progress;
+
+use super::clips::Phase;
+
+/// A way to make pictures, by its place in the tables.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) enum Kind {
+    Repeat,
+    Blend,
+    Flow,
+    Truth,
+}
+
+/// All of them, in the order of the tables.
+pub(super) const KINDS: [Kind; 4] = [Kind::Repeat, Kind::Blend, Kind::Flow, Kind::Truth];
+
+impl Kind {
+    /// As it is written in `--rows` and in the CSV files.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Repeat => "repeat",
+            Self::Blend => "blend",
+            Self::Flow => "cairn-flow",
+            Self::Truth => "cairn-truth",
+        }
+    }
+
+    /// As it is written in tables for people.
+    pub(super) fn label(self) -> &'static str {
+        match self {
+            Self::Repeat => "repeat",
+            Self::Blend => "blend",
+            Self::Flow => "**Cairn**, `picture_flow`",
+            Self::Truth => "**Cairn**, true motion and depth",
+        }
+    }
+
+    /// How it makes its pictures, one sentence.
+    pub(super) fn description(self) -> &'static str {
+        match self {
+            Self::Repeat => "The nearer anchor once more; the earlier one in the middle.",
+            Self::Blend => "The mean of both anchors, weighted by the phase.",
+            Self::Flow => "The `cpu` generator with motion found by `picture_flow` in the two anchors, and no depth.",
+            Self::Truth => "The `cpu` generator with the clip's own motion and depth.",
+        }
+    }
+
+    /// Whether it needs nothing but this program.
+    pub(super) fn is_built_in(self) -> bool {
+        matches!(self, Self::Repeat | Self::Blend | Self::Flow | Self::Truth)
+    }
+
+    /// Whether it can make a picture at `phase`.
+    pub(super) fn can_do(self, _phase: Phase) -> bool {
+        true
+    }
+
+    /// Whether it needs the true motion and depth of a clip.
+    pub(super) fn needs_guidance(self) -> bool {
+        self == Self::Truth
+    }
+
+    /// How many anchors before and behind the interval it looks at.
+    pub(super) fn margin(self) -> usize {
+        0
+    }
+
+    /// Makes it ready.
+    ///
+    /// # Errors
+    /// What it needs cannot be had here; says why and what to do.
+    pub(super) fn open(self, _progress: &dyn Progress) -> Result<Box<dyn Row>> {
+        match self {
+            Self::Repeat => Ok(Box::new(simple::Repeat)),
+            Self::Blend => Ok(Box::new(simple::Blend)),
+            Self::Flow => Ok(Box::new(ours::Flow::new()?)),
+            Self::Truth => Ok(Box::new(ours::Truth::new()?)),
+        }
+    }
+}
+
+/// Reads a list such as `blend,cairn-flow`; `all` and `built-in` are short for several.
+///
+/// # Errors
+/// `InvalidArgument` for a name that is none of them.
+pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
+    let mut chosen = Vec::new();
+    for name in list.split(',').map(str::trim) {
+        let found: Vec<Kind> = match name {
+            "all" => KINDS.to_vec(),
+            "built-in" => KINDS.into_iter().filter(|kind| kind.is_built_in()).collect(),
+            name => KINDS.into_iter().filter(|kind| kind.name() == name).collect(),
+        };
+        if found.is_empty() {
+            let names = KINDS.map(Kind::name).join(", ");
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("there is no row {name:?}"))
+                .field("--rows")
+                .remedy(format!("Use all, built-in, or any of {names}, with commas between")));
+        }
+        chosen.extend(found);
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    Ok(chosen)
+}
+
+/// An interval with what lies around it.
+pub(super) struct Interval<'a> {
+    /// Consecutive anchors.
+    pub(super) anchors: &'a [Picture],
+    /// The interval lies between `anchors[at]` and `anchors[at + 1]`.
+    pub(super) at: usize,
+    /// True motion and depth of the later one.
+    pub(super) guidance: Option<&'a Guidance>,
+}
+
+impl Interval<'_> {
+    /// The anchor before the interval.
+    pub(super) fn previous(&self) -> &Picture {
+        &self.anchors[self.at]
+    }
+
+    /// The anchor behind it.
+    pub(super) fn current(&self) -> &Picture {
+        &self.anchors[self.at + 1]
+    }
+}
+
+/// A way to make pictures, ready for work.
+pub(super) trait Row {
+    /// Everything that decides about its pictures besides the anchors: program, version, settings.
+    fn version(&self) -> String;
+
+    /// The pictures at `phases` of an interval, in that order.
+    ///
+    /// # Errors
+    /// The program behind it failed, or gave something else than pictures of the anchors' size.
+    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_rows_follow_the_tables_order_and_slips_are_named() {
+        assert_eq!(parse("cairn-flow, blend,cairn-flow").unwrap(), [Kind::Blend, Kind::Flow]);
+        assert_eq!(parse("all").unwrap(), KINDS);
+        assert!(parse("built-in").unwrap().iter().all(|kind| kind.is_built_in()));
+        let error = parse("blend,best").unwrap_err();
+        assert!(error.to_string().contains("cairn-truth"), "{error}");
+    }
+}
