@@ -1,9 +1,9 @@
 //! What the inner loops of the `cpu` generator cost at each instruction set, beside the plain average of two pictures:
-//! `cargo bench --bench kernels`.
+//! `cargo bench --bench kernels`, or `cargo bench --bench kernels -- WORD` for the lines whose name has that word.
 //!
 //! Every line does the work of a whole picture, is measured in the same run, its turns interleaved with the others',
-//! and the ratio of the medians is what counts. Without `--bench`, as under `cargo test`, everything runs once at a tiny
-//! size and nothing is measured.
+//! and the ratio of the least times is what counts. Without `--bench`, as under `cargo test`, everything runs once at a
+//! tiny size and nothing is measured.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -38,11 +38,16 @@ fn main() {
     let depth: Vec<f32> = (0..width * height).map(|i| 0.9 + 0.1 * (i as f32 * 0.001).sin()).collect();
 
     let mut lines = vec![average(&previous, &current)];
-    for level in Level::available() {
+    // The scalar twins are there to be right.
+    for level in Level::available().filter(|&level| level != Level::SCALAR || !is_measured) {
         pictures(&mut lines, level, "bytes", [&previous, &current], width);
         pictures(&mut lines, level, "halves", [&previous_half, &current_half], width);
         ranges(&mut lines, level, &motion, &depth, width);
     }
+    let words: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
+    let average = lines.remove(0);
+    lines.retain(|line| words.iter().all(|word| line.name.contains(word)));
+    lines.insert(0, average);
     for turn in 0..=turns {
         for line in &mut lines {
             let start = Instant::now();
@@ -54,11 +59,10 @@ fn main() {
         }
     }
     if is_measured {
-        println!("{width} x {height}, {} threads, median of {turns}", rayon::current_num_threads());
-        let average = lines[0].median();
-        for line in &mut lines {
-            let median = line.median();
-            println!("{:36} {:8.2} ms {:8.2} x", line.name, median * 1e3, median / average);
+        println!("{width} x {height}, {} threads, least of {turns}", rayon::current_num_threads());
+        let average = lines[0].least();
+        for line in &lines {
+            println!("{:36} {:8.2} ms {:8.2} x", line.name, line.least() * 1e3, line.least() / average);
         }
     }
 }
@@ -76,9 +80,8 @@ impl<'a> Line<'a> {
     }
 
     /// In seconds.
-    fn median(&mut self) -> f64 {
-        self.times.sort_unstable();
-        self.times[self.times.len() / 2].as_secs_f64()
+    fn least(&self) -> f64 {
+        self.times.iter().min().map_or(0.0, Duration::as_secs_f64)
     }
 }
 

@@ -110,7 +110,6 @@ const ROW: usize = 4 * TILE;
 
 /// Room for a patch that reaches over the edge.
 type Room = [[Pixel; PATCH_WIDTH]; TAPS];
-const ROOM: Room = [[[0; 4]; PATCH_WIDTH]; TAPS];
 
 /// Eleven rows of a picture around a tile, each with sixteen pixels to read, and the phases of its position.
 #[derive(Clone, Copy)]
@@ -123,7 +122,7 @@ struct Patch<'a> {
 impl<'a> Patch<'a> {
     /// The patch for the tile at a position.
     #[inline(always)]
-    fn new(source: &Source<'a, Pixel>, at: [i32; 2], room: &'a mut Room) -> Self {
+    fn new(source: &Source<'a, Pixel>, at: [i32; 2], room: &'a mut Option<Room>) -> Self {
         let ([x, y], phases) = (at.map(|v| (v >> 6) - 1), at.map(|v| (v & 63) as usize));
         let is_inside = x >= 0 && y >= 0 && x as usize + TAPS <= source.width && y as usize + TAPS <= source.height;
         if is_inside {
@@ -134,6 +133,7 @@ impl<'a> Patch<'a> {
                 return Self { pixels, stride: source.width, phases };
             }
         }
+        let room = room.insert([[[0; 4]; PATCH_WIDTH]; TAPS]);
         source.clamped([x, y], room);
         Self { pixels: room.as_flattened(), stride: PATCH_WIDTH, phases }
     }
@@ -170,17 +170,30 @@ static NEGATIVE: [[i8; 4]; PHASES] = {
 /// which fits 16 bits; and as weights add up to 128, the 64 are the half that rounds the final sum.
 const BIAS: i16 = 128 * ONE - 64;
 
-/// The 4 x 4 pixels around a position.
+/// Where the 4 x 4 pixels around each position of a block begin in the picture, or [`BEYOND`] where some are outside.
 #[inline(always)]
-fn around(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[Pixel; 4]; 4] {
-    let [x, y] = at.map(|v| (v >> 6) - 1);
-    let is_inside = x >= 0 && y >= 0 && x as usize + 4 <= source.width && y as usize + 4 <= source.height;
-    if is_inside && let Some(pixels) = source.pixels.get(y as usize * source.width + x as usize..) {
-        let rows: [Option<&[Pixel; 4]>; 4] =
-            std::array::from_fn(|j| pixels.get(j * source.width..).and_then(|row| row.first_chunk()));
-        if let [Some(a), Some(b), Some(c), Some(d)] = rows {
-            return [*a, *b, *c, *d];
-        }
-    }
+fn starts(source: &Source<'_, Pixel>, at: &Positions) -> [u32; BLOCK] {
+    let [width, height] = [source.width, source.height].map(|len| len as u32);
+    std::array::from_fn(|i| {
+        // As unsigned numbers, what is negative is far beyond.
+        let [x, y] = [at.x[i], at.y[i]].map(|v| ((v >> 6) - 1) as u32);
+        let is_inside = (x < width.saturating_sub(3)) & (y < height.saturating_sub(3));
+        if is_inside { y.wrapping_mul(width).wrapping_add(x) } else { BEYOND }
+    })
+}
+
+const BEYOND: u32 = u32::MAX;
+
+/// The rows of the 4 x 4 pixels from `start` on; none where that says nothing.
+#[inline(always)]
+fn rows<'a>(source: &Source<'a, Pixel>, start: u32) -> Option<[&'a [Pixel; 4]; 4]> {
+    let row = |j: usize| source.pixels.get(start as usize + j * source.width..).and_then(|row| row.first_chunk());
+    Some([row(0)?, row(1)?, row(2)?, row(3)?])
+}
+
+/// The 4 x 4 pixels around a position, wherever it is.
+#[cold]
+#[inline(never)]
+fn clamped(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[Pixel; 4]; 4] {
     taps(source, at, [0; 4]).0
 }

@@ -38,19 +38,25 @@ pub struct Landing {
 /// A vector in 1/64 px, rounded to the nearest (ties to even) and kept within `limit` (at most 8191 px) each way; what
 /// is not finite in both components is no motion.
 #[inline(always)]
-pub(super) fn vector(motion: [f16; 2], limit: [i32; 2]) -> [i32; 2] {
+fn vector(motion: [f16; 2], limit: [i32; 2]) -> [i32; 2] {
     if !(motion[0].is_finite() && motion[1].is_finite()) {
         return [0; 2];
     }
     std::array::from_fn(|c| ((motion[c].to_f32() * 64.0).round_ties_even() as i32).clamp(-limit[c], limit[c]))
 }
 
+/// A depth kept within 0 and 1; what is no number is 1.
+#[inline(always)]
+fn bounded(depth: f32) -> f32 {
+    let depth = if depth < 1.0 { depth } else { 1.0 };
+    if depth > 0.0 { depth } else { 0.0 }
+}
+
 /// A depth as a rank, finer the farther away: 0 is nearest. The logarithm of the distance to the far plane in steps of
 /// 1/2048 octave, over 24 octaves; what is no number is farthest.
 #[inline(always)]
-pub(super) fn rank(depth: f32) -> u16 {
-    let depth = if depth < 1.0 { depth } else { 1.0 };
-    let to_far = 1.0 - if depth > 0.0 { depth } else { 0.0 };
+fn rank(depth: f32) -> u16 {
+    let to_far = 1.0 - bounded(depth);
     let least = (1.0 / 16_777_216.0_f32).to_bits() as i32;
     u16::MAX - ((to_far.to_bits() as i32 - least).max(0) >> 12) as u16
 }
@@ -59,53 +65,166 @@ at_every_level! {
     /// For each tile of a row of tiles, the range of its vectors. `motion` holds up to eight rows of `width` vectors,
     /// `out` as many tiles as they begin; the last may be narrower.
     pub fn motion_ranges(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange])
-        = motion_ranges_scalar | motion_ranges_scalar
+        = scalar::motion_ranges | motion_ranges_in_vectors
 }
 
 at_every_level! {
     /// For each tile of a row of tiles, the range of its ranks. `depth` holds up to eight rows of `width` depths, `out`
     /// as many tiles as they begin; the last may be narrower.
-    pub fn depth_ranges(depth: &[f32], width: usize, out: &mut [RankRange]) = depth_ranges_scalar | depth_ranges_scalar
+    pub fn depth_ranges(depth: &[f32], width: usize, out: &mut [RankRange]) = scalar::depth_ranges | depth_ranges_in_vectors
 }
 
 at_every_level! {
     /// Where a run of up to eight pixels from `at` on lands when it goes `reach` / 1024 of its vectors, which are kept
     /// within `limit`. Numbers beyond the run keep what they were.
     pub fn land(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32, limit: [i32; 2], out: &mut Landing)
-        = land_scalar | land_scalar
+        = scalar::land | land_in_vectors
 }
 
-fn motion_ranges_scalar(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
+/// Numbers of a row of a tile of vectors.
+const ROW: usize = 2 * TILE;
+
+/// Half floats as whole numbers of the same order, and back: what is negative counts down.
+#[inline(always)]
+fn in_order(bits: i16) -> i16 {
+    bits ^ ((bits >> 15) & 0x7fff)
+}
+
+#[inline(always)]
+fn motion_ranges_in_vectors(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
+    // Rounding and limits keep the order, so that the range of the numbers as they are decides.
     for (i, range) in out.iter_mut().enumerate() {
-        *range = VectorRange { low: [i32::MAX; 2], high: [i32::MIN; 2] };
+        let mut low = [i16::MAX; ROW];
+        let mut high = [i16::MIN; ROW];
         for row in motion.chunks(width) {
-            for &motion in &row[i * TILE..width.min((i + 1) * TILE)] {
-                let vector = vector(motion, limit);
-                range.low = std::array::from_fn(|c| range.low[c].min(vector[c]));
-                range.high = std::array::from_fn(|c| range.high[c].max(vector[c]));
+            let row = &row[i * TILE..width.min((i + 1) * TILE)];
+            let mut bits = [0_i16; ROW];
+            match row.first_chunk::<TILE>() {
+                Some(row) => bits = bytemuck::must_cast(*row),
+                // Where the last tile is narrower, its first vectors are counted again.
+                None => (0..TILE).for_each(|x| {
+                    bits[2 * x..][..2].copy_from_slice(&row[x % row.len()].map(|v| v.to_bits() as i16));
+                }),
+            }
+            let is_finite: [i16; ROW] = std::array::from_fn(|k| -i16::from(bits[k] & 0x7c00 != 0x7c00));
+            for k in 0..ROW {
+                let ordered = in_order(bits[k]) & is_finite[k] & is_finite[k ^ 1];
+                low[k] = low[k].min(ordered);
+                high[k] = high[k].max(ordered);
             }
         }
+        let of = |ends: [i16; ROW], better: fn(i16, i16) -> i16| {
+            let [x, y] = [0, 1].map(|c| (1..TILE).fold(ends[c], |end, x| better(end, ends[2 * x + c])));
+            vector([x, y].map(|end| f16::from_bits(in_order(end) as u16)), limit)
+        };
+        *range = VectorRange { low: of(low, i16::min), high: of(high, i16::max) };
     }
 }
 
-fn depth_ranges_scalar(depth: &[f32], width: usize, out: &mut [RankRange]) {
+#[inline(always)]
+fn depth_ranges_in_vectors(depth: &[f32], width: usize, out: &mut [RankRange]) {
     for (i, range) in out.iter_mut().enumerate() {
-        *range = RankRange { near: u16::MAX, far: 0 };
+        let (mut near, mut far) = ([1.0_f32; TILE], [0.0_f32; TILE]);
         for row in depth.chunks(width) {
-            for &depth in &row[i * TILE..width.min((i + 1) * TILE)] {
-                let rank = rank(depth);
-                *range = RankRange { near: range.near.min(rank), far: range.far.max(rank) };
+            let row = &row[i * TILE..width.min((i + 1) * TILE)];
+            let depths = match row.first_chunk::<TILE>() {
+                Some(row) => *row,
+                // Where the last tile is narrower, its first depths are counted again.
+                None => std::array::from_fn(|x| row[x % row.len()]),
+            };
+            for x in 0..TILE {
+                let depth = bounded(depths[x]);
+                near[x] = if depth < near[x] { depth } else { near[x] };
+                far[x] = if depth > far[x] { depth } else { far[x] };
             }
         }
+        *range = RankRange {
+            near: rank(near.into_iter().fold(1.0, f32::min)),
+            far: rank(far.into_iter().fold(0.0, f32::max)),
+        };
     }
 }
 
-fn land_scalar(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32, limit: [i32; 2], out: &mut Landing) {
-    for (i, (&motion, &depth)) in motion.iter().zip(depth).enumerate().take(TILE) {
-        let vector = vector(motion, limit);
-        let landed = |c: usize, from: i32| (64 * from + ((vector[c] * reach + 512) >> 10) + 32) >> 6;
-        (out.x[i], out.y[i]) = (landed(0, at[0] + i as i32), landed(1, at[1]));
-        let [x, y] = vector.map(|v| (v + (1 << 19)) as u64);
-        out.keys[i] = u64::from(rank(depth)) << 48 | x << 20 | y;
+#[inline(always)]
+fn land_in_vectors(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32, limit: [i32; 2], out: &mut Landing) {
+    let (Some(motion), Some(depth)) = (motion.first_chunk::<TILE>(), depth.first_chunk::<TILE>()) else {
+        return scalar::land(motion, depth, at, reach, limit, out);
+    };
+    let [x, y]: [[i32; TILE]; 2] = std::array::from_fn(|c| {
+        std::array::from_fn(|i| {
+            let is_finite = motion[i].iter().all(|v| v.to_bits() & 0x7c00 != 0x7c00);
+            let sixty_fourths = widened(motion[i][c].to_bits()) * 64.0;
+            let rounded = rounded_even(sixty_fourths).clamp(-limit[c], limit[c]);
+            if is_finite { rounded } else { 0 }
+        })
+    });
+    for i in 0..TILE {
+        let landed = |vector: i32, from: i32| (64 * from + ((vector * reach + 512) >> 10) + 32) >> 6;
+        (out.x[i], out.y[i]) = (landed(x[i], at[0] + i as i32), landed(y[i], at[1]));
+        let [x, y] = [x[i], y[i]].map(|v| (v + (1 << 19)) as u64);
+        out.keys[i] = u64::from(rank(depth[i])) << 48 | x << 20 | y;
+    }
+}
+
+/// A finite half float as a single one; exact.
+#[inline(always)]
+fn widened(bits: u16) -> f32 {
+    // The exponents' biases differ by 112; multiplying also brings numbers below the least normal one into place.
+    let magnitude = f32::from_bits(u32::from(bits & 0x7fff) << 13) * f32::from_bits((254 - 15) << 23);
+    f32::from_bits(magnitude.to_bits() | u32::from(bits & 0x8000) << 16)
+}
+
+/// To the nearest whole number, ties to even, for at most 2^22 either way.
+#[inline(always)]
+fn rounded_even(value: f32) -> i32 {
+    // Where singles are whole numbers, adding rounds; the number is in the lower bits.
+    const WHOLE: f32 = 12_582_912.0;
+    (value + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
+}
+
+/// The plainly written twins.
+mod scalar {
+    use super::*;
+
+    pub(super) fn motion_ranges(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
+        for (i, range) in out.iter_mut().enumerate() {
+            *range = VectorRange { low: [i32::MAX; 2], high: [i32::MIN; 2] };
+            for row in motion.chunks(width) {
+                for &motion in &row[i * TILE..width.min((i + 1) * TILE)] {
+                    let vector = vector(motion, limit);
+                    range.low = std::array::from_fn(|c| range.low[c].min(vector[c]));
+                    range.high = std::array::from_fn(|c| range.high[c].max(vector[c]));
+                }
+            }
+        }
+    }
+
+    pub(super) fn depth_ranges(depth: &[f32], width: usize, out: &mut [RankRange]) {
+        for (i, range) in out.iter_mut().enumerate() {
+            *range = RankRange { near: u16::MAX, far: 0 };
+            for row in depth.chunks(width) {
+                for &depth in &row[i * TILE..width.min((i + 1) * TILE)] {
+                    let rank = rank(depth);
+                    *range = RankRange { near: range.near.min(rank), far: range.far.max(rank) };
+                }
+            }
+        }
+    }
+
+    pub(super) fn land(
+        motion: &[[f16; 2]],
+        depth: &[f32],
+        at: [i32; 2],
+        reach: i32,
+        limit: [i32; 2],
+        out: &mut Landing,
+    ) {
+        for (i, (&motion, &depth)) in motion.iter().zip(depth).enumerate().take(TILE) {
+            let vector = vector(motion, limit);
+            let landed = |c: usize, from: i32| (64 * from + ((vector[c] * reach + 512) >> 10) + 32) >> 6;
+            (out.x[i], out.y[i]) = (landed(0, at[0] + i as i32), landed(1, at[1]));
+            let [x, y] = vector.map(|v| (v + (1 << 19)) as u64);
+            out.keys[i] = u64::from(rank(depth)) << 48 | x << 20 | y;
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Every level against the scalar twins, and the twins against what they promise.
 
 mod pictures;
+mod ranges;
 
 use super::*;
 

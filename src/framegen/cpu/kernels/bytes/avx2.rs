@@ -5,7 +5,9 @@ use std::arch::x86_64::*;
 
 use bytemuck::{must_cast, must_cast_ref};
 
-use super::{BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, ROOM, Rule, Source, TAPS, TILE, around};
+use super::{
+    BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, Rule, Source, TAPS, TILE, clamped, rows, starts,
+};
 
 /// See [`super::Sampled::tile`].
 #[target_feature(enable = "avx2")]
@@ -18,7 +20,7 @@ pub(super) fn tile(
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (ROOM, ROOM);
+    let (mut room_a, mut room_b) = (None, None);
     let before = sampled(&Patch::new(&previous, a, &mut room_a));
     let after = sampled(&Patch::new(&current, b, &mut room_b));
     let merge = Merge::new(rule);
@@ -34,7 +36,7 @@ pub(super) fn tile(
 /// See [`super::Sampled::tile_of_one`].
 #[target_feature(enable = "avx2")]
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = ROOM;
+    let mut room = None;
     for (j, row) in sampled(&Patch::new(&source, at, &mut room)).into_iter().enumerate() {
         store(&mut out[j * stride..], row);
     }
@@ -70,14 +72,20 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
     // Within a row of four pixels: the bytes of each channel behind each other.
     let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
     let (ones, bias) = (_mm256_set1_epi16(1), _mm256_set1_epi32(BIAS.into()));
+    let starts = starts(&source, at);
     for (i, four) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
         let sums: [__m128i; 4] = std::array::from_fn(|lane| {
             let at = [at.x[4 * i + lane], at.y[4 * i + lane]];
-            let taps: [[u8; 32]; 2] = must_cast(around(&source, at));
+            let taps: [__m256i; 2] = match rows(&source, starts[4 * i + lane]) {
+                Some([a, b, c, d]) => [[a, b], [c, d]].map(|[upper, lower]| {
+                    _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*upper)), must_cast(*lower), 1)
+                }),
+                None => must_cast(clamped(&source, at)),
+            };
             let [fx, fy] = at.map(|v| (v & 63) as usize);
             let across = _mm256_set1_epi32(must_cast(NEGATIVE[fx]));
             let [upper, lower] = taps.map(|rows| {
-                let pairs = _mm256_maddubs_epi16(_mm256_shuffle_epi8(must_cast(rows), by_channel), across);
+                let pairs = _mm256_maddubs_epi16(_mm256_shuffle_epi8(rows, by_channel), across);
                 _mm256_add_epi32(_mm256_madd_epi16(pairs, ones), bias)
             });
             // The rows 0 and 2, and the rows 1 and 3.

@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 
 use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
 
-use super::{BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, ROOM, Rule, Source, TAPS, TILE, around};
+use super::{BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, Rule, Source, TAPS, TILE, clamped, starts};
 
 /// Pixels of a vector.
 const PIXELS: usize = 16;
@@ -20,7 +20,7 @@ pub(super) fn tile(
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (ROOM, ROOM);
+    let (mut room_a, mut room_b) = (None, None);
     let before = sampled(&Patch::new(&previous, a, &mut room_a));
     let after = sampled(&Patch::new(&current, b, &mut room_b));
     let merge = Merge::new(rule);
@@ -36,7 +36,7 @@ pub(super) fn tile(
 /// See [`super::Sampled::tile_of_one`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = ROOM;
+    let mut room = None;
     for (pair, rows) in sampled(&Patch::new(&source, at, &mut room)).into_iter().enumerate() {
         store(out, 2 * pair, stride, rows);
     }
@@ -72,27 +72,39 @@ pub(super) fn pixels(
 pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
     let (taps, levels): (__m512i, __m512i) = (must_cast(TAPS_BY_CHANNEL), must_cast(LEVELS_BY_PIXEL));
     let bias = _mm512_set1_epi32(BIAS.into());
-    let ways: &[[[i32; PIXELS]; 4]; 2] = &[must_cast(at.x), must_cast(at.y)];
-    let out: &mut [[Pixel; PIXELS]; 4] = must_cast_mut(out);
-    for (i, out) in out.iter_mut().enumerate() {
-        let places = Places::new(&source, must_cast(ways[0][i]), must_cast(ways[1][i]));
-        // Minus the weighted rows of a pixel, a lane to a channel and a number to a row.
-        let rows = |pixel: usize| {
-            let bytes = places.around(&source, [ways[0][i][pixel], ways[1][i][pixel]], pixel);
-            let across = _mm512_set1_epi32(must_cast(NEGATIVE[places.phases_x[pixel] as usize % 64]));
-            _mm512_dpbusd_epi32(bias, _mm512_permutexvar_epi8(taps, bytes), across)
-        };
-        let down = |pixel: usize| DOWN[places.phases_y[pixel] as usize % 64];
+    let starts = starts(&source, at);
+    for (i, out) in must_cast_mut::<_, [[Pixel; PIXELS]; 4]>(out).iter_mut().enumerate() {
+        // Minus the weighted rows of each pixel, a lane to a channel and a number to a row; and minus their weights.
+        let mut rows = [_mm512_setzero_si512(); PIXELS];
+        let mut down = [0; PIXELS];
+        for pixel in 0..PIXELS {
+            let at = [at.x[PIXELS * i + pixel], at.y[PIXELS * i + pixel]];
+            let [fx, fy] = at.map(|v| (v & 63) as usize);
+            let bytes = match super::rows(&source, starts[PIXELS * i + pixel]) {
+                Some([a, b, c, d]) => {
+                    let [upper, lower] = [[a, b], [c, d]].map(|[upper, lower]| {
+                        _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*upper)), must_cast(*lower), 1)
+                    });
+                    _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1)
+                }
+                None => must_cast(clamped(&source, at)),
+            };
+            let across = _mm512_set1_epi32(must_cast(NEGATIVE[fx]));
+            rows[pixel] = _mm512_dpbusd_epi32(bias, _mm512_permutexvar_epi8(taps, bytes), across);
+            down[pixel] = DOWN[fy];
+        }
         // Two pixels, their sums where the even numbers are and again where the odd ones are.
-        let two = |pixel: usize| {
-            let rows = _mm512_packs_epi32(rows(pixel), rows(pixel + 1));
-            let down = _mm512_broadcast_i32x4(must_cast([down(pixel), down(pixel + 1)]));
-            let sums = _mm512_madd_epi16(rows, down);
-            _mm512_add_epi32(sums, _mm512_shuffle_epi32(sums, 0b10_11_00_01))
-        };
-        let four = |pixel: usize| _mm512_srai_epi32(_mm512_mask_blend_epi32(0xaaaa, two(pixel), two(pixel + 2)), 14);
-        let eight = |pixel: usize| _mm512_packs_epi32(four(pixel), four(pixel + 4));
-        let sixteen = _mm512_packs_epi16(eight(0), eight(8));
+        let mut sums = [_mm512_setzero_si512(); PIXELS / 2];
+        for (pair, sums) in sums.iter_mut().enumerate() {
+            let rows = _mm512_packs_epi32(rows[2 * pair], rows[2 * pair + 1]);
+            let down = _mm512_broadcast_i32x4(must_cast([down[2 * pair], down[2 * pair + 1]]));
+            let halves = _mm512_madd_epi16(rows, down);
+            *sums = _mm512_add_epi32(halves, _mm512_shuffle_epi32(halves, 0b10_11_00_01));
+        }
+        let [a, b, c, d, e, f, g, h] = sums;
+        let four = |a, b| _mm512_srai_epi32(_mm512_mask_blend_epi32(0xaaaa, a, b), 14);
+        let eight = |a, b, c, d| _mm512_packs_epi32(four(a, b), four(c, d));
+        let sixteen = _mm512_packs_epi16(eight(a, b, c, d), eight(e, f, g, h));
         let pixels = _mm512_permutexvar_epi8(levels, _mm512_xor_si512(sixteen, _mm512_set1_epi8(-128)));
         *out = must_cast(pixels);
     }
@@ -112,49 +124,6 @@ static DOWN: [u64; 64] = {
     }
     table
 };
-
-/// Where the taps of sixteen pixels begin, and their phases.
-struct Places {
-    starts: [u32; PIXELS],
-    is_inside: u16,
-    phases_x: [u32; PIXELS],
-    phases_y: [u32; PIXELS],
-}
-
-impl Places {
-    #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-    #[inline]
-    fn new(source: &Source<'_, Pixel>, x: __m512i, y: __m512i) -> Self {
-        let (one, phases) = (_mm512_set1_epi32(1), _mm512_set1_epi32(63));
-        let [left, top] = [x, y].map(|v| _mm512_sub_epi32(_mm512_srai_epi32(v, 6), one));
-        // As unsigned numbers, what is negative is far beyond.
-        let fits = |v, len: usize| _mm512_cmplt_epu32_mask(v, _mm512_set1_epi32((len as i32 - 3).max(0)));
-        let width = _mm512_set1_epi32(source.width as i32);
-        Self {
-            starts: must_cast(_mm512_add_epi32(_mm512_mullo_epi32(top, width), left)),
-            is_inside: fits(left, source.width) & fits(top, source.height),
-            phases_x: must_cast(_mm512_and_si512(x, phases)),
-            phases_y: must_cast(_mm512_and_si512(y, phases)),
-        }
-    }
-
-    /// The 4 x 4 pixels around the position `at` of a pixel.
-    #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-    #[inline]
-    fn around(&self, source: &Source<'_, Pixel>, at: [i32; 2], pixel: usize) -> __m512i {
-        let row = |j: usize| -> Option<&[Pixel; 4]> {
-            source.pixels.get(self.starts[pixel] as usize + j * source.width..)?.first_chunk()
-        };
-        if self.is_inside >> pixel & 1 != 0
-            && let [Some(a), Some(b), Some(c), Some(d)] = [row(0), row(1), row(2), row(3)]
-        {
-            let upper = _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*a)), must_cast(*b), 1);
-            let lower = _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*c)), must_cast(*d), 1);
-            return _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1);
-        }
-        must_cast(around(source, at))
-    }
-}
 
 /// From 4 x 4 pixels: a lane to a channel, in it a number to a row, in that a byte to a tap.
 static TAPS_BY_CHANNEL: [u8; 64] = {

@@ -1,6 +1,6 @@
 //! The form over arrays: a row of eight pixels is one vector of 32 channels.
 
-use super::{BIAS, CUBIC, NEGATIVE, Patch, Pixel, ROOM, ROW, Rule, Sampled, Source, TAPS, TILE};
+use super::{BIAS, CUBIC, NEGATIVE, Patch, Pixel, ROW, Rule, Sampled, Source, TAPS, TILE};
 
 /// See [`Sampled::tile`].
 pub(super) fn tile(
@@ -12,7 +12,7 @@ pub(super) fn tile(
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (ROOM, ROOM);
+    let (mut room_a, mut room_b) = (None, None);
     let before = sampled(&Patch::new(&previous, a, &mut room_a));
     let after = sampled(&Patch::new(&current, b, &mut room_b));
     let mut mask = 0;
@@ -29,7 +29,7 @@ pub(super) fn tile(
 
 /// See [`Sampled::tile_of_one`].
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = ROOM;
+    let mut room = None;
     for (j, row) in sampled(&Patch::new(&source, at, &mut room)).iter().enumerate() {
         out[j * stride..][..TILE].as_flattened_mut().copy_from_slice(row);
     }
