@@ -42,7 +42,7 @@ fn vector(motion: [f16; 2], limit: [i32; 2]) -> [i32; 2] {
     if !(motion[0].is_finite() && motion[1].is_finite()) {
         return [0; 2];
     }
-    std::array::from_fn(|c| ((motion[c].to_f32() * 64.0).round_ties_even() as i32).clamp(-limit[c], limit[c]))
+    std::array::from_fn(|c| ((motion[c].to_f32() * 64.0).round_ties_even() as i32).min(limit[c]).max(-limit[c]))
 }
 
 /// A depth kept within 0 and 1; what is no number is 1.
@@ -93,56 +93,66 @@ fn in_order(bits: i16) -> i16 {
 #[inline(always)]
 fn motion_ranges_in_vectors(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
     // Rounding and limits keep the order, so that the range of the numbers as they are decides.
-    for (i, range) in out.iter_mut().enumerate() {
+    for i in 0..out.len() {
         let mut low = [i16::MAX; ROW];
         let mut high = [i16::MIN; ROW];
         for row in motion.chunks(width) {
-            let row = &row[i * TILE..width.min((i + 1) * TILE)];
-            let mut bits = [0_i16; ROW];
-            match row.first_chunk::<TILE>() {
-                Some(row) => bits = bytemuck::must_cast(*row),
-                // Where the last tile is narrower, its first vectors are counted again.
-                None => (0..TILE).for_each(|x| {
-                    bits[2 * x..][..2].copy_from_slice(&row[x % row.len()].map(|v| v.to_bits() as i16));
-                }),
-            }
-            let is_finite: [i16; ROW] = std::array::from_fn(|k| -i16::from(bits[k] & 0x7c00 != 0x7c00));
-            for k in 0..ROW {
-                let ordered = in_order(bits[k]) & is_finite[k] & is_finite[k ^ 1];
-                low[k] = low[k].min(ordered);
-                high[k] = high[k].max(ordered);
-            }
+            let Some(row) = row.get(i * TILE..).and_then(|row| row.first_chunk::<TILE>()) else {
+                return scalar::motion_ranges_from(i, motion, width, limit, out);
+            };
+            let bits: [u32; TILE] = bytemuck::must_cast(*row);
+            let finite = bits.map(|v| {
+                let is_finite = (v & 0x7c00 != 0x7c00) & (v & 0x7c00_0000 != 0x7c00_0000);
+                if is_finite { v } else { 0 }
+            });
+            let ordered = bytemuck::must_cast::<_, [i16; ROW]>(finite).map(in_order);
+            low = std::array::from_fn(|k| low[k].min(ordered[k]));
+            high = std::array::from_fn(|k| high[k].max(ordered[k]));
         }
-        let of = |ends: [i16; ROW], better: fn(i16, i16) -> i16| {
-            let [x, y] = [0, 1].map(|c| (1..TILE).fold(ends[c], |end, x| better(end, ends[2 * x + c])));
-            vector([x, y].map(|end| f16::from_bits(in_order(end) as u16)), limit)
+        let of = |ends: [i16; ROW], better: fn(i16, i16) -> i16| -> [i32; 2] {
+            let half: [i16; 8] = std::array::from_fn(|k| better(ends[k], ends[k + 8]));
+            let quarter: [i16; 4] = std::array::from_fn(|k| better(half[k], half[k + 4]));
+            std::array::from_fn(|c| {
+                let end = in_order(better(quarter[c], quarter[c + 2])) as u16;
+                rounded_even(widened(end) * 64.0).min(limit[c]).max(-limit[c])
+            })
         };
-        *range = VectorRange { low: of(low, i16::min), high: of(high, i16::max) };
+        out[i] = VectorRange { low: of(low, i16::min), high: of(high, i16::max) };
     }
 }
 
 #[inline(always)]
 fn depth_ranges_in_vectors(depth: &[f32], width: usize, out: &mut [RankRange]) {
-    for (i, range) in out.iter_mut().enumerate() {
+    for i in 0..out.len() {
         let (mut near, mut far) = ([1.0_f32; TILE], [0.0_f32; TILE]);
         for row in depth.chunks(width) {
-            let row = &row[i * TILE..width.min((i + 1) * TILE)];
-            let depths = match row.first_chunk::<TILE>() {
-                Some(row) => *row,
-                // Where the last tile is narrower, its first depths are counted again.
-                None => std::array::from_fn(|x| row[x % row.len()]),
+            let Some(depths) = row.get(i * TILE..).and_then(|row| row.first_chunk::<TILE>()) else {
+                return scalar::depth_ranges_from(i, depth, width, out);
             };
             for x in 0..TILE {
                 let depth = bounded(depths[x]);
-                near[x] = if depth < near[x] { depth } else { near[x] };
-                far[x] = if depth > far[x] { depth } else { far[x] };
+                near[x] = smaller(near[x], depth);
+                far[x] = larger(far[x], depth);
             }
         }
-        *range = RankRange {
-            near: rank(near.into_iter().fold(1.0, f32::min)),
-            far: rank(far.into_iter().fold(0.0, f32::max)),
+        let of = |ends: [f32; TILE], better: fn(f32, f32) -> f32| {
+            let half: [f32; 4] = std::array::from_fn(|x| better(ends[x], ends[x + 4]));
+            rank(better(better(half[0], half[1]), better(half[2], half[3])))
         };
+        out[i] = RankRange { near: of(near, smaller), far: of(far, larger) };
     }
+}
+
+/// Of two that are numbers.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Of two that are numbers.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 #[inline(always)]
@@ -154,7 +164,7 @@ fn land_in_vectors(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32,
         std::array::from_fn(|i| {
             let is_finite = motion[i].iter().all(|v| v.to_bits() & 0x7c00 != 0x7c00);
             let sixty_fourths = widened(motion[i][c].to_bits()) * 64.0;
-            let rounded = rounded_even(sixty_fourths).clamp(-limit[c], limit[c]);
+            let rounded = rounded_even(sixty_fourths).min(limit[c]).max(-limit[c]);
             if is_finite { rounded } else { 0 }
         })
     });
@@ -187,7 +197,18 @@ mod scalar {
     use super::*;
 
     pub(super) fn motion_ranges(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
-        for (i, range) in out.iter_mut().enumerate() {
+        motion_ranges_from(0, motion, width, limit, out);
+    }
+
+    /// The same from the tile `first` on.
+    pub(super) fn motion_ranges_from(
+        first: usize,
+        motion: &[[f16; 2]],
+        width: usize,
+        limit: [i32; 2],
+        out: &mut [VectorRange],
+    ) {
+        for (i, range) in out.iter_mut().enumerate().skip(first) {
             *range = VectorRange { low: [i32::MAX; 2], high: [i32::MIN; 2] };
             for row in motion.chunks(width) {
                 for &motion in &row[i * TILE..width.min((i + 1) * TILE)] {
@@ -200,7 +221,12 @@ mod scalar {
     }
 
     pub(super) fn depth_ranges(depth: &[f32], width: usize, out: &mut [RankRange]) {
-        for (i, range) in out.iter_mut().enumerate() {
+        depth_ranges_from(0, depth, width, out);
+    }
+
+    /// The same from the tile `first` on.
+    pub(super) fn depth_ranges_from(first: usize, depth: &[f32], width: usize, out: &mut [RankRange]) {
+        for (i, range) in out.iter_mut().enumerate().skip(first) {
             *range = RankRange { near: u16::MAX, far: 0 };
             for row in depth.chunks(width) {
                 for &depth in &row[i * TILE..width.min((i + 1) * TILE)] {
