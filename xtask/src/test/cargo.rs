@@ -70,6 +70,7 @@ pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally
 pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut command = context.clone.cargo(["test", "--workspace", "--no-fail-fast"]);
     context.provide_worlds(&mut command)?;
+    context.provide_lpips(&mut command)?;
     let ended = log.run(&mut command)?;
     Ok(count(&ended))
 }

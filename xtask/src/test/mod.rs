@@ -61,14 +61,16 @@ struct Context<'a> {
     clone: &'a Clone,
     library: OnceCell<Result<PathBuf, String>>,
     bundles: OnceCell<Result<PathBuf, String>>,
+    lpips: OnceCell<Result<PathBuf, String>>,
     python: OnceCell<Result<PathBuf, String>>,
     built: OnceCell<Result<(), String>>,
 }
 
 impl<'a> Context<'a> {
     fn new(clone: &'a Clone) -> Self {
-        let (library, bundles, python, built) = (OnceCell::new(), OnceCell::new(), OnceCell::new(), OnceCell::new());
-        Self { clone, library, bundles, python, built }
+        let (library, bundles, lpips) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
+        let (python, built) = (OnceCell::new(), OnceCell::new());
+        Self { clone, library, bundles, lpips, python, built }
     }
 
     /// Provides something once; a failure is remembered too, so that an unreachable index is asked once.
@@ -93,6 +95,12 @@ impl<'a> Context<'a> {
     fn provide_worlds(&self, command: &mut Command) -> Result<(), String> {
         command.env("CAIRN_ONNXRUNTIME", Self::provide(&self.library, provision::onnxruntime)?);
         command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
+        Ok(())
+    }
+
+    /// Tells a command where the weights of LPIPS are.
+    fn provide_lpips(&self, command: &mut Command) -> Result<(), String> {
+        command.env("CAIRN_LPIPS", Self::provide(&self.lpips, provision::lpips_weights)?);
         Ok(())
     }
 

@@ -4,4 +4,5 @@
 pub mod decoder;
 pub mod pairs;
 pub mod small_disk;
+pub mod weights;
 pub mod worlds;
