@@ -2,8 +2,15 @@
 
 use std::ops::Range;
 
+use super::kernels::{Level, Sampled, Source};
+
 /// Levels within which a line of a bar is even, and the same in both anchors.
 const EVEN: u8 = 3;
+/// Pixels whose luma is found at a time.
+const RUN: usize = 64;
+/// Columns that are looked at together, and the rows after which those looks may end.
+const COLUMNS: usize = 16;
+const ROWS: usize = 8;
 
 /// What lies between the bars of a pair of pictures. A bar is made of whole rows or columns from an edge on that are
 /// even and the same in both. It stands still and in front, whatever its vectors say.
@@ -14,14 +21,23 @@ pub(super) struct Inside {
 }
 
 impl Inside {
-    /// Finds the bars in two luma planes of one size.
-    pub(super) fn find(previous: &[u8], current: &[u8], width: usize) -> Self {
-        let height = current.len() / width;
-        let row = |y: usize| y * width..(y + 1) * width;
-        let column = |x: usize| (x..current.len()).step_by(width);
-        let rows = between(height, |y| is_even(row(y), previous, current));
-        let columns = between(width, |x| is_even(column(x), previous, current));
-        Self { columns, rows }
+    /// Finds the bars in two pictures of one size. Reads no farther than the first lines that are no bars.
+    pub(super) fn find<P: Sampled>(level: Level, previous: Source<'_, P>, current: Source<'_, P>) -> Self {
+        let pair = Pair { level, previous, current };
+        let (width, height) = (current.width, current.height);
+        let (top, bottom) = rayon::join(
+            || (0..height).take_while(|&y| pair.is_row_even(y)).count(),
+            || (0..height).rev().take_while(|&y| pair.is_row_even(y)).count(),
+        );
+        let (left, right) = rayon::join(
+            || pair.even_columns((0..width).step_by(COLUMNS).map(|x| x..width.min(x + COLUMNS)), |x| x),
+            || {
+                let from_right = (1..=width).rev().step_by(COLUMNS).map(|x| x.saturating_sub(COLUMNS)..x);
+                pair.even_columns(from_right, |x| width - 1 - x)
+            },
+        );
+        // Where all lines are bars, they are counted from both sides.
+        Self { columns: left..(width - right).max(left), rows: top..(height - bottom).max(top) }
     }
 
     pub(super) fn contains(&self, x: usize, y: usize) -> bool {
@@ -29,32 +45,102 @@ impl Inside {
     }
 }
 
-/// What remains of `0..len` without the lines at both ends that are bars.
-fn between(len: usize, is_bar: impl Fn(usize) -> bool) -> Range<usize> {
-    let start = (0..len).find(|&i| !is_bar(i)).unwrap_or(len);
-    let end = (start..len).rev().find(|&i| !is_bar(i)).map_or(start, |i| i + 1);
-    start..end
+/// Levels from the least to the largest that was seen.
+#[derive(Clone, Copy)]
+struct Span {
+    low: u8,
+    high: u8,
 }
 
-fn is_even(line: impl Iterator<Item = usize>, previous: &[u8], current: &[u8]) -> bool {
-    let (mut low, mut high) = (u8::MAX, u8::MIN);
-    for i in line {
-        low = low.min(previous[i]).min(current[i]);
-        high = high.max(previous[i]).max(current[i]);
-        if high - low > EVEN {
-            return false;
-        }
+impl Span {
+    const NOTHING: Self = Self { low: u8::MAX, high: u8::MIN };
+
+    fn with(self, value: u8) -> Self {
+        Self { low: self.low.min(value), high: self.high.max(value) }
     }
-    true
+
+    fn is_even(self) -> bool {
+        self.high.saturating_sub(self.low) <= EVEN
+    }
+}
+
+/// The two anchors.
+struct Pair<'a, P> {
+    level: Level,
+    previous: Source<'a, P>,
+    current: Source<'a, P>,
+}
+
+impl<P: Sampled> Pair<'_, P> {
+    fn is_row_even(&self, y: usize) -> bool {
+        let mut span = Span::NOTHING;
+        let [previous, current] = [self.previous, self.current].map(|source| {
+            let row = &source.pixels[y * source.width..][..source.width];
+            row.chunks(RUN)
+        });
+        for (previous, current) in previous.zip(current) {
+            for run in [previous, current] {
+                let mut lumas = [0; RUN];
+                P::lumas(self.level, run, &mut lumas);
+                span = lumas[..run.len()].iter().fold(span, |span, &luma| span.with(luma));
+            }
+            if !span.is_even() {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Columns from an edge on that are even, group by group; `distance` is that of a column from the edge.
+    fn even_columns(&self, groups: impl Iterator<Item = Range<usize>>, distance: impl Fn(usize) -> usize) -> usize {
+        let mut even = 0;
+        for columns in groups {
+            let spans = self.spans_of_columns(columns.clone());
+            let uneven = columns.clone().zip(spans).filter(|(_, span)| !span.is_even());
+            match uneven.map(|(x, _)| distance(x)).min() {
+                Some(first) => return first,
+                None => even += columns.len(),
+            }
+        }
+        even
+    }
+
+    /// What up to sixteen columns hold, or enough of it to know that none of them is even.
+    fn spans_of_columns(&self, columns: Range<usize>) -> [Span; COLUMNS] {
+        let mut spans = [Span::NOTHING; COLUMNS];
+        for y in 0..self.current.height {
+            for source in [self.previous, self.current] {
+                let run = &source.pixels[y * source.width..][..source.width][columns.clone()];
+                let mut lumas = [0; COLUMNS];
+                P::lumas(self.level, run, &mut lumas);
+                for (span, luma) in spans.iter_mut().zip(lumas) {
+                    *span = span.with(luma);
+                }
+            }
+            if y % ROWS == ROWS - 1 && spans[..columns.len()].iter().all(|span| !span.is_even()) {
+                break;
+            }
+        }
+        spans
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// The inside of two pictures of these lumas, which all levels agree on.
     fn inside(previous: &[u8], current: &[u8], width: usize) -> (Range<usize>, Range<usize>) {
-        let Inside { columns, rows } = Inside::find(previous, current, width);
-        (columns, rows)
+        let [previous, current] = [previous, current].map(|lumas| lumas.iter().map(|&v| [v; 4]).collect::<Vec<_>>());
+        let source = |pixels| Source { pixels, width, height: previous.len() / width };
+        let found: Vec<_> = Level::available()
+            .map(|level| {
+                let Inside { columns, rows } = Inside::find(level, source(&previous), source(&current));
+                (columns, rows)
+            })
+            .collect();
+        assert!(found.iter().all(|ranges| *ranges == found[0]));
+        found[0].clone()
     }
 
     #[test]
@@ -67,6 +153,23 @@ mod tests {
     }
 
     #[test]
+    fn bars_may_be_of_any_width() {
+        let (width, height) = (150, 40);
+        for (left, right) in
+            (0..60).zip((0..60).rev()).chain([(15, 16), (16, 17), (17, 47), (0, 0), (149, 0), (0, 149)])
+        {
+            for (top, bottom) in [(0, 0), (7, 3), (20, 19)] {
+                let mut before = vec![16; width * height];
+                let mut after = before.clone();
+                // Single pixels at the corners of the inside, each in one of the two.
+                before[top * width + left] = 20;
+                after[(height - 1 - bottom) * width + width - 1 - right] = 12;
+                assert_eq!(inside(&before, &after, width), (left..width - right, top..height - bottom));
+            }
+        }
+    }
+
+    #[test]
     fn a_line_that_changes_is_no_bar() {
         let before = vec![10; 4 * 4];
         let after = vec![20; 4 * 4];
@@ -74,8 +177,17 @@ mod tests {
     }
 
     #[test]
+    fn bars_differ_from_line_to_line_but_not_within_one() {
+        // Rows of 0, 10, 20 and so on: each is a bar, and no column is one.
+        let slope: Vec<u8> = (0..12 * 20).map(|i| (i / 20 * 10) as u8).collect();
+        assert_eq!(inside(&slope, &slope, 20), (0..20, 12..12));
+    }
+
+    #[test]
     fn an_even_picture_is_all_bar() {
-        let inside = Inside::find(&[7; 12], &[8; 12], 4);
-        assert!((0..4).all(|x| (0..3).all(|y| !inside.contains(x, y))));
+        for (width, height) in [(1, 1), (4, 3), (16, 2), (33, 70)] {
+            let (before, after) = (vec![7; width * height], vec![8; width * height]);
+            assert_eq!(inside(&before, &after, width), (width..width, height..height));
+        }
     }
 }

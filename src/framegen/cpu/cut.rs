@@ -2,16 +2,16 @@
 //!
 //! Both anchors are reduced to small luma pictures, and those to their detail, as slopes look alike everywhere. Every
 //! block of the current one is looked for in the previous one: where it stands, where its motion vector points, and
-//! where the whole picture seems to have gone, each with a small search around. Blocks are compared by correlation,
+//! if that leaves most of them lost, where the whole picture seems to have gone, each with a small search around. Blocks are compared by correlation,
 //! which brightness and contrast do not change, so that flashes and fades are no cuts. If most blocks are nowhere to be
 //! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
 
 use rayon::prelude::*;
 
-use super::sample::luma;
+use super::kernels::{Level, Sampled};
 use super::sized;
 use crate::guidance::MotionField;
-use crate::{Picture, Result};
+use crate::{Raster, Result};
 
 /// Finds cuts; keeps its small pictures from call to call.
 #[derive(Debug, Default)]
@@ -19,12 +19,17 @@ pub(super) struct CutDetector {
     previous: Small,
     current: Small,
     tiny: [Small; 2],
+    blocks: Vec<Evidence>,
     unexplained: f32,
     histogram_distance: f32,
 }
 
 /// The longer side of the small pictures is at most this.
 const SMALL_SIDE: usize = 320;
+/// Rows of a picture that are read for one of the small picture's, evenly spread; more would tell little more.
+const ROWS_READ: usize = 3;
+/// Pixels of a row that are averaged at a time.
+const RUN: usize = 256;
 /// Small pixels per pixel of the tiny pictures in which the motion of the whole is sought.
 const TINY_FACTOR: usize = 4;
 /// Detail is what remains when the mean over this many small pixels each way is taken out.
@@ -45,37 +50,65 @@ const CUT_ALONE: f32 = 0.85;
 const CUT_WITH_HISTOGRAM: f32 = 0.6;
 const HISTOGRAM_DISTANCE: f32 = 0.3;
 
+/// What a block says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Evidence {
+    /// Nothing: it is flat.
+    None,
+    /// It is in the previous anchor.
+    Found,
+    /// It is not.
+    Lost,
+}
+
 impl CutDetector {
     /// The share of blocks of `current` with something to see that `previous` does not have.
-    pub(super) fn unexplained(&mut self, previous: &Picture, current: &Picture, motion: &MotionField) -> Result<f32> {
+    pub(super) fn unexplained<P: Sampled>(
+        &mut self,
+        level: Level,
+        previous: &Raster<P>,
+        current: &Raster<P>,
+        motion: &MotionField,
+    ) -> Result<f32> {
         let side = current.width().max(current.height()) as usize;
         let factor = side.div_ceil(SMALL_SIDE);
-        self.previous.reduce_picture(previous, factor)?;
-        self.current.reduce_picture(current, factor)?;
-        self.tiny[0].reduce(&self.previous, TINY_FACTOR)?;
-        self.tiny[1].reduce(&self.current, TINY_FACTOR)?;
-        for small in [&mut self.previous, &mut self.current] {
-            small.find_detail()?;
-        }
-        let whole = whole_motion(&self.tiny[0], &self.tiny[1]).map(|v| v * TINY_FACTOR as isize);
-
+        let (small_previous, small_current) = (&mut self.previous, &mut self.current);
+        let (a, b) = rayon::join(
+            || small_previous.reduce_picture(level, previous, factor),
+            || small_current.reduce_picture(level, current, factor),
+        );
+        a.and(b)?;
         let (previous, current) = (&self.previous, &self.current);
+
         let (across, down) = (current.width.div_ceil(BLOCK), current.height.div_ceil(BLOCK));
-        let (evident, lost) = (0..across * down)
-            .into_par_iter()
-            .map(|block| {
-                let (x, y) = (block % across * BLOCK, block / across * BLOCK);
-                let block = Block::new(current, x, y);
-                if !block.is_evident(previous) {
-                    return (0, 0);
-                }
-                let given = motion_at(motion, x + BLOCK / 2, y + BLOCK / 2, factor);
-                (1, usize::from(!block.is_found_in(previous, [[0, 0], given, whole])))
-            })
-            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        let is_enough = evident as f32 > ENOUGH * (across * down) as f32;
-        self.unexplained = if is_enough { lost as f32 / evident as f32 } else { 0.0 };
+        sized(&mut self.blocks, across * down, Evidence::None)?;
+        let block_at = |i: usize| Block::new(current, i % across * BLOCK, i / across * BLOCK);
+        self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
+            let block = block_at(i);
+            let given = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
+            *evidence = if !block.is_evident(previous) {
+                Evidence::None
+            } else if block.is_found_in(previous, &[[0, 0], given]) {
+                Evidence::Found
+            } else {
+                Evidence::Lost
+            };
+        });
+        self.unexplained = share_lost(&self.blocks);
         self.histogram_distance = histogram_distance(previous, current);
+
+        // Where the whole has gone is sought only if it can make a difference.
+        if self.is_cut() {
+            self.tiny[0].reduce(&self.previous, TINY_FACTOR)?;
+            self.tiny[1].reduce(&self.current, TINY_FACTOR)?;
+            let whole = whole_motion(&self.tiny[0], &self.tiny[1]).map(|v| v * TINY_FACTOR as isize);
+            self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
+                if *evidence == Evidence::Lost && block_at(i).is_found_in(previous, &[whole]) {
+                    *evidence = Evidence::Found;
+                }
+            });
+            self.unexplained = share_lost(&self.blocks);
+        }
         Ok(self.unexplained)
     }
 
@@ -84,6 +117,14 @@ impl CutDetector {
         self.unexplained >= CUT_ALONE
             || self.unexplained >= CUT_WITH_HISTOGRAM && self.histogram_distance >= HISTOGRAM_DISTANCE
     }
+}
+
+/// Of the blocks that say something, the share that is lost; 0 where too few say something.
+fn share_lost(blocks: &[Evidence]) -> f32 {
+    let count = |evidence| blocks.iter().filter(|&&block| block == evidence).count();
+    let (found, lost) = (count(Evidence::Found), count(Evidence::Lost));
+    let is_enough = (found + lost) as f32 > ENOUGH * blocks.len() as f32;
+    if is_enough { lost as f32 / (found + lost) as f32 } else { 0.0 }
 }
 
 /// The motion vector at a small pixel, in small pixels; what is not finite is no motion.
@@ -99,19 +140,20 @@ fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize;
 }
 
 /// The shift from `current` to `previous` that correlates best, over half the picture's width or more and three
-/// quarters of its height: cameras turn faster than they tilt.
+/// quarters of its height: cameras turn faster than they tilt. Of equals, none, and then the first from above.
 fn whole_motion(previous: &Small, current: &Small) -> [isize; 2] {
     let (reach_x, reach_y) = ((current.width / 2) as isize, (current.height / 4) as isize);
-    let mut best = ([0, 0], correlation(previous, current, 0, 0));
-    for dy in -reach_y..=reach_y {
-        for dx in -reach_x..=reach_x {
-            let correlation = correlation(previous, current, dx, dy);
-            if correlation > best.1 {
-                best = ([dx, dy], correlation);
-            }
-        }
-    }
-    best.0
+    let better = |a: ([isize; 2], f32), b: ([isize; 2], f32)| if b.1 > a.1 { b } else { a };
+    let still = ([0, 0], correlation(previous, current, 0, 0));
+    (-reach_y..=reach_y)
+        .into_par_iter()
+        .map(|dy| {
+            let shifts = (-reach_x..=reach_x).map(|dx| ([dx, dy], correlation(previous, current, dx, dy)));
+            shifts.fold(still, better)
+        })
+        // Rayon keeps the order of what it reduces.
+        .reduce(|| still, better)
+        .0
 }
 
 /// How well the part that both share correlates, -1 to 1; 0 where one of them is without contrast.
@@ -121,58 +163,90 @@ fn correlation(previous: &Small, current: &Small, dx: isize, dy: isize) -> f32 {
         (0.max(-shift) as usize)..(len.min(len - shift) as usize)
     };
     let (columns, rows) = (overlap(dx, current.width), overlap(dy, current.height));
-    let mut sums = Moments::default();
+    let (mut here, mut both) = (Sums::default(), Cross::default());
     for y in rows {
         let there = (y as isize + dy) as usize * previous.width + (columns.start as isize + dx) as usize;
-        let here = y * current.width + columns.start;
-        let (a, b) = (&current.luma[here..][..columns.len()], &previous.luma[there..][..columns.len()]);
-        sums.add(a.iter().map(|&v| i32::from(v)), b.iter().map(|&v| i32::from(v)));
+        let a = &current.luma[y * current.width + columns.start..][..columns.len()];
+        let b = &previous.luma[there..][..columns.len()];
+        here.add(a);
+        both.add(a, b);
     }
-    sums.correlation()
+    both.moments(&here).correlation()
 }
 
-/// Sums over pairs of values.
-#[derive(Default)]
-struct Moments {
+/// Sums of values, and of their squares. A row that is added is short enough that its sums fit 32 bits.
+#[derive(Debug, Default)]
+struct Sums {
     count: i64,
-    a: i64,
-    b: i64,
-    aa: i64,
-    bb: i64,
-    ab: i64,
+    sum: i64,
+    squares: i64,
 }
 
-impl Moments {
-    /// Adds a row, short enough that its own sums fit 32 bits.
-    fn add(&mut self, a: impl ExactSizeIterator<Item = i32>, b: impl Iterator<Item = i32>) {
-        self.count += a.len() as i64;
-        let (mut sum_a, mut sum_b, mut aa, mut bb, mut ab) = (0, 0, 0, 0, 0);
-        for (a, b) in a.zip(b) {
-            sum_a += a;
-            sum_b += b;
-            aa += a * a;
-            bb += b * b;
-            ab += a * b;
+impl Sums {
+    #[inline(always)]
+    fn add<T: Copy + Into<i32>>(&mut self, values: &[T]) {
+        let (mut sum, mut squares) = (0_i32, 0_i32);
+        for &v in values {
+            let v: i32 = v.into();
+            sum += v;
+            squares += v * v;
         }
-        self.a += i64::from(sum_a);
-        self.b += i64::from(sum_b);
-        self.aa += i64::from(aa);
-        self.bb += i64::from(bb);
-        self.ab += i64::from(ab);
+        self.count += values.len() as i64;
+        self.sum += i64::from(sum);
+        self.squares += i64::from(squares);
+    }
+}
+
+/// Sums of other values beside them, of their squares, and of the products of both.
+#[derive(Default)]
+struct Cross {
+    sum: i64,
+    squares: i64,
+    products: i64,
+}
+
+impl Cross {
+    #[inline(always)]
+    fn add<T: Copy + Into<i32>>(&mut self, values: &[T], others: &[T]) {
+        let (mut sum, mut squares, mut products) = (0_i32, 0_i32, 0_i32);
+        for (&a, &b) in values.iter().zip(others) {
+            let (a, b): (i32, i32) = (a.into(), b.into());
+            sum += b;
+            squares += b * b;
+            products += a * b;
+        }
+        self.sum += i64::from(sum);
+        self.squares += i64::from(squares);
+        self.products += i64::from(products);
     }
 
+    fn moments<'a>(&'a self, values: &'a Sums) -> Moments<'a> {
+        Moments { values, others: self }
+    }
+}
+
+/// What is to be known of pairs of values.
+struct Moments<'a> {
+    values: &'a Sums,
+    others: &'a Cross,
+}
+
+impl Moments<'_> {
     /// Standard deviations of the two.
     fn deviations(&self) -> [f32; 2] {
-        [(self.aa, self.a), (self.bb, self.b)].map(|(squares, sum)| {
-            let variance = self.count * squares - sum * sum;
-            (variance as f64).sqrt() as f32 / self.count as f32
+        let Self { values: a, others: b } = self;
+        [(a.squares, a.sum), (b.squares, b.sum)].map(|(squares, sum)| {
+            let variance = a.count * squares - sum * sum;
+            (variance as f64).sqrt() as f32 / a.count as f32
         })
     }
 
     /// From -1 to 1; 0 where one of the two does not vary.
     fn correlation(&self) -> f32 {
+        let Self { values, others } = self;
         let [a, b] = self.deviations();
-        let covariance = (self.count * self.ab - self.a * self.b) as f64 / (self.count * self.count) as f64;
+        let covariance =
+            (values.count * others.products - values.sum * others.sum) as f64 / (values.count * values.count) as f64;
         if a > 0.0 && b > 0.0 { covariance as f32 / (a * b) } else { 0.0 }
     }
 }
@@ -184,7 +258,7 @@ fn histogram_distance(previous: &Small, current: &Small) -> f32 {
         small.luma.iter().for_each(|&v| bins[usize::from(v) / 8] += 1);
         bins
     };
-    let (a, b) = (histogram(previous), histogram(current));
+    let (a, b) = rayon::join(|| histogram(previous), || histogram(current));
     let apart: u32 = a.iter().zip(b).map(|(&a, b)| a.abs_diff(b)).sum();
     apart as f32 / (2 * current.luma.len()) as f32
 }
@@ -196,26 +270,30 @@ struct Block<'a> {
     y: usize,
     width: usize,
     height: usize,
+    sums: Sums,
 }
 
 impl<'a> Block<'a> {
     /// The block at (x, y), cut off at the far edges.
     fn new(small: &'a Small, x: usize, y: usize) -> Self {
-        Self { small, x, y, width: BLOCK.min(small.width - x), height: BLOCK.min(small.height - y) }
+        let (width, height) = (BLOCK.min(small.width - x), BLOCK.min(small.height - y));
+        let mut sums = Sums::default();
+        (y..y + height).for_each(|y| sums.add(&small.detail[y * small.width + x..][..width]));
+        Self { small, x, y, width, height, sums }
     }
 
     /// Whether `previous` has this block within the search of one of the shifts.
-    fn is_found_in(&self, previous: &Small, shifts: [[isize; 2]; 3]) -> bool {
-        let around = |[dx, dy]: [isize; 2]| {
+    fn is_found_in(&self, previous: &Small, shifts: &[[isize; 2]]) -> bool {
+        let around = |&[dx, dy]: &[isize; 2]| {
             (-SEARCH..=SEARCH).flat_map(move |sy| (-SEARCH..=SEARCH).map(move |sx| [dx + sx, dy + sy]))
         };
         // The shifts themselves first, which mostly settle it.
-        shifts.into_iter().chain(shifts.into_iter().flat_map(around)).any(|shift| self.is_at(previous, shift))
+        shifts.iter().copied().chain(shifts.iter().flat_map(around)).any(|shift| self.is_at(previous, shift))
     }
 
     /// Whether there is detail here, in this picture or in `previous`.
     fn is_evident(&self, previous: &Small) -> bool {
-        let [here, there] = self.compare(previous, self.x, self.y).deviations();
+        let [here, there] = self.compare(previous, self.x, self.y).moments(&self.sums).deviations();
         here.max(there) >= EVIDENT
     }
 
@@ -224,18 +302,22 @@ impl<'a> Block<'a> {
         let fits = |at: isize, len: usize, of: usize| at >= 0 && at as usize + len <= of;
         fits(x, self.width, previous.width)
             && fits(y, self.height, previous.height)
-            && self.compare(previous, x as usize, y as usize).correlation() >= CORRELATION
+            && self.compare(previous, x as usize, y as usize).moments(&self.sums).correlation() >= CORRELATION
     }
 
-    /// This block's detail against that of `previous` at (x, y).
-    fn compare(&self, previous: &Small, x: usize, y: usize) -> Moments {
-        let mut moments = Moments::default();
+    /// The detail of `previous` at (x, y) beside this block's.
+    fn compare(&self, previous: &Small, x: usize, y: usize) -> Cross {
+        let mut cross = Cross::default();
         for row in 0..self.height {
             let here = &self.small.detail[(self.y + row) * self.small.width + self.x..][..self.width];
             let there = &previous.detail[(y + row) * previous.width + x..][..self.width];
-            moments.add(here.iter().map(|&v| i32::from(v)), there.iter().map(|&v| i32::from(v)));
+            match (here.first_chunk::<BLOCK>(), there.first_chunk::<BLOCK>()) {
+                // Of a known length, which makes vectors of it.
+                (Some(here), Some(there)) => cross.add(here, there),
+                _ => cross.add(here, there),
+            }
         }
-        moments
+        cross
     }
 }
 
@@ -249,24 +331,56 @@ struct Small {
 }
 
 impl Small {
-    /// The mean luma of each `factor` x `factor` square of `picture`; squares at the far edges may be smaller.
-    fn reduce_picture(&mut self, picture: &Picture, factor: usize) -> Result<()> {
-        let pixels = picture.pixels();
-        let width = picture.width() as usize;
-        self.average(width, picture.height() as usize, factor, |x, y| luma(pixels[y * width + x]))
+    /// The mean luma of each `factor` x `factor` square of `picture`, of which some rows are read; squares at the far
+    /// edges may be smaller. And the detail of that.
+    fn reduce_picture<P: Sampled>(&mut self, level: Level, picture: &Raster<P>, factor: usize) -> Result<()> {
+        let (pixels, width, height) = (picture.pixels(), picture.width() as usize, picture.height() as usize);
+        (self.width, self.height) = (width.div_ceil(factor), height.div_ceil(factor));
+        sized(&mut self.luma, self.width * self.height, 0)?;
+        let in_run = RUN / factor;
+        self.luma.par_chunks_mut(self.width).with_min_len(8).enumerate().for_each(|(y, row)| {
+            let rows = (y * factor..((y + 1) * factor).min(height)).step_by(factor.div_ceil(ROWS_READ));
+            for (run, means) in row.chunks_mut(in_run).enumerate() {
+                let columns = run * in_run * factor..width.min((run + 1) * in_run * factor);
+                let mut sums = [[0; 4]; RUN];
+                for y in rows.clone() {
+                    P::add_levels(level, &pixels[y * width..][columns.clone()], &mut sums);
+                }
+                for (mean, square) in means.iter_mut().zip(sums[..columns.len()].chunks(factor)) {
+                    let sum = square
+                        .iter()
+                        .fold([0_u32; 4], |sum, column| std::array::from_fn(|c| sum[c] + u32::from(column[c])));
+                    // The weights of BT.601 over 256.
+                    let luma = 77 * sum[0] + 150 * sum[1] + 29 * sum[2];
+                    *mean = (luma as f32 / (256 * square.len() * rows.len()) as f32 + 0.5) as u8;
+                }
+            }
+        });
+        self.find_detail()
     }
 
     /// `detail` = `luma` less the mean around each pixel.
     fn find_detail(&mut self) -> Result<()> {
         sized(&mut self.detail, self.luma.len(), 0)?;
         let (width, height, luma) = (self.width, self.height, &self.luma);
-        self.detail.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let rows = y.saturating_sub(DETAIL_REACH)..(y + DETAIL_REACH + 1).min(height);
+        let around = |at: usize, len: usize| at.saturating_sub(DETAIL_REACH)..(at + DETAIL_REACH + 1).min(len);
+        self.detail.par_chunks_mut(width).with_min_len(8).enumerate().for_each(|(y, row)| {
+            let rows = around(y, height);
+            let mut columns = [0_u16; SMALL_SIDE];
+            for y in rows.clone() {
+                columns.iter_mut().zip(&luma[y * width..][..width]).for_each(|(sum, &v)| *sum += u16::from(v));
+            }
+            // Sums of all columns before each.
+            let mut before = [0_u32; SMALL_SIDE + 1];
+            for x in 0..width {
+                before[x + 1] = before[x] + u32::from(columns[x]);
+            }
             for (x, detail) in row.iter_mut().enumerate() {
-                let columns = x.saturating_sub(DETAIL_REACH)..(x + DETAIL_REACH + 1).min(width);
-                let around = rows.clone().flat_map(|y| &luma[y * width..][columns.clone()]);
-                let mean = around.map(|&v| i32::from(v)).sum::<i32>() / (rows.len() * columns.len()) as i32;
-                *detail = (i32::from(luma[y * width + x]) - mean) as i16;
+                let columns = around(x, width);
+                let sum = before[columns.end] - before[columns.start];
+                // The half keeps whole quotients from falling below themselves.
+                let mean = (sum as f32 + 0.5) / (rows.len() * columns.len()) as f32;
+                *detail = i16::from(luma[y * width + x]) - mean as i16;
             }
         });
         Ok(())
@@ -274,31 +388,17 @@ impl Small {
 
     /// The mean of each `factor` x `factor` square of `larger`.
     fn reduce(&mut self, larger: &Self, factor: usize) -> Result<()> {
-        self.average(larger.width, larger.height, factor, |x, y| larger.luma[y * larger.width + x])
-    }
-
-    fn average(
-        &mut self,
-        width: usize,
-        height: usize,
-        factor: usize,
-        value: impl Fn(usize, usize) -> u8 + Sync,
-    ) -> Result<()> {
-        (self.width, self.height) = (width.div_ceil(factor), height.div_ceil(factor));
+        (self.width, self.height) = (larger.width.div_ceil(factor), larger.height.div_ceil(factor));
         sized(&mut self.luma, self.width * self.height, 0)?;
-        self.luma.par_chunks_mut(self.width).enumerate().for_each(|(y, row)| {
-            let rows = y * factor..((y + 1) * factor).min(height);
+        for (y, row) in self.luma.chunks_mut(self.width).enumerate() {
+            let rows = y * factor..((y + 1) * factor).min(larger.height);
             for (x, mean) in row.iter_mut().enumerate() {
-                let columns = x * factor..((x + 1) * factor).min(width);
+                let columns = x * factor..((x + 1) * factor).min(larger.width);
                 let count = rows.len() * columns.len();
-                let sum: usize = rows
-                    .clone()
-                    .flat_map(|y| columns.clone().map(move |x| (x, y)))
-                    .map(|(x, y)| usize::from(value(x, y)))
-                    .sum();
-                *mean = ((sum + count / 2) / count) as u8;
+                let squares = rows.clone().flat_map(|y| &larger.luma[y * larger.width..][columns.clone()]);
+                *mean = ((squares.map(|&v| usize::from(v)).sum::<usize>() + count / 2) / count) as u8;
             }
-        });
+        }
         Ok(())
     }
 }

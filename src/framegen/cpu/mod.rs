@@ -70,8 +70,11 @@ impl FrameGenerator for CpuGenerator {
         }
         let (previous, current, guidance) = (pair.previous(), pair.current(), pair.guidance());
 
-        let unexplained =
-            if pair.is_cut() { 1.0 } else { self.cut.unexplained(previous, current, guidance.motion())? };
+        let unexplained = if pair.is_cut() {
+            1.0
+        } else {
+            self.cut.unexplained(kernels::Level::detect(), previous, current, guidance.motion())?
+        };
         if pair.is_cut() || self.cut.is_cut() {
             let nearer = if t < 0.5 { previous } else { current };
             out.rgba_mut().copy_from_slice(nearer.rgba());

@@ -4,6 +4,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::bars::Inside;
+use super::kernels::{Level, Source};
 use super::sample::{luma, split};
 use super::sized;
 use crate::guidance::{DepthMap, Guidance, MotionField};
@@ -61,7 +62,8 @@ impl Surfaces {
             sized(plane, width * height, 0)?;
             plane.par_iter_mut().zip(picture.pixels()).for_each(|(value, &pixel)| *value = luma(pixel));
         }
-        let inside = Inside::find(&self.previous_luma, &self.current_luma, width);
+        let [before, after] = [previous, current].map(|picture| Source { pixels: picture.pixels(), width, height });
+        let inside = Inside::find(Level::detect(), before, after);
         let previous = Plane { luma: &self.previous_luma, width, height };
         let current = Plane { luma: &self.current_luma, width, height };
 

@@ -6,10 +6,10 @@ mod avx2;
 mod avx512;
 mod portable;
 
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
+use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
 use super::scalar::{self, taps};
 use super::weights::{CUBIC, ONE, PHASES};
-use super::{Level, Set, Source};
+use super::{Level, Set, Source, at_every_level};
 
 type Pixel = [u8; 4];
 
@@ -98,6 +98,41 @@ impl Sampled for Pixel {
             // SAFETY: that this level exists proves that the processor has all that is asked for.
             Set::Avx512 => unsafe { avx512::pixels_of_one(source, at, out) },
         }
+    }
+
+    fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]) {
+        add_levels(level, row, sums);
+    }
+
+    fn lumas(level: Level, row: &[Self], lumas: &mut [u8]) {
+        lumas_of(level, row, lumas);
+    }
+
+    #[inline(always)]
+    fn levels(self) -> [u8; 4] {
+        self
+    }
+}
+
+at_every_level! {
+    fn add_levels(row: &[Pixel], sums: &mut [[u16; 4]]) = scalar::add_levels | add_levels_in_vectors
+}
+
+at_every_level! {
+    fn lumas_of(row: &[Pixel], lumas: &mut [u8]) = scalar::lumas | lumas_in_vectors
+}
+
+#[inline(always)]
+fn add_levels_in_vectors(row: &[Pixel], sums: &mut [[u16; 4]]) {
+    for (sum, &level) in sums.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
+        *sum = sum.wrapping_add(level.into());
+    }
+}
+
+#[inline(always)]
+fn lumas_in_vectors(row: &[Pixel], lumas: &mut [u8]) {
+    for (value, &pixel) in lumas.iter_mut().zip(row) {
+        *value = luma(pixel);
     }
 }
 

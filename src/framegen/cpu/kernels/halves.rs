@@ -2,9 +2,10 @@
 
 use half::f16;
 
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled};
+use super::ranges::widened;
+use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, luma};
 use super::scalar::{self, taps};
-use super::{Level, Source};
+use super::{Level, Source, at_every_level};
 
 type Pixel = [f16; 4];
 
@@ -74,6 +75,50 @@ impl Sampled for Pixel {
         let _ = level;
         scalar::pixels_of_one(source, at, out);
     }
+
+    fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]) {
+        add_levels(level, row, sums);
+    }
+
+    fn lumas(level: Level, row: &[Self], lumas: &mut [u8]) {
+        lumas_of(level, row, lumas);
+    }
+
+    fn levels(self) -> [u8; 4] {
+        self.map(|v| (finite(v).clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+    }
+}
+
+at_every_level! {
+    fn add_levels(row: &[Pixel], sums: &mut [[u16; 4]]) = scalar::add_levels | add_levels_in_vectors
+}
+
+at_every_level! {
+    fn lumas_of(row: &[Pixel], lumas: &mut [u8]) = scalar::lumas | lumas_in_vectors
+}
+
+#[inline(always)]
+fn add_levels_in_vectors(row: &[Pixel], sums: &mut [[u16; 4]]) {
+    for (sum, value) in sums.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
+        *sum = sum.wrapping_add(level_of(value.to_bits()));
+    }
+}
+
+#[inline(always)]
+fn lumas_in_vectors(row: &[Pixel], lumas: &mut [u8]) {
+    for (value, pixel) in lumas.iter_mut().zip(row) {
+        *value = luma(pixel.map(|v| level_of(v.to_bits()) as u8));
+    }
+}
+
+/// The level of a half float, from its bits.
+#[inline(always)]
+fn level_of(bits: u16) -> u16 {
+    // What is negative, or no number, is 0; what exceeds 1, 1: in bits, positive numbers are in order.
+    const INFINITE: u16 = 0x7c00;
+    const ONE: u16 = 0x3c00;
+    let inside = if bits > INFINITE { 0 } else { bits.min(ONE) };
+    (widened(inside) * 255.0 + 0.5) as i32 as u16
 }
 
 /// As a single float; what is no number as 0, the infinite as the largest half float.

@@ -178,7 +178,7 @@ fn land_in_vectors(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32,
 
 /// A finite half float as a single one; exact.
 #[inline(always)]
-fn widened(bits: u16) -> f32 {
+pub(super) fn widened(bits: u16) -> f32 {
     // The exponents' biases differ by 112; multiplying also brings numbers below the least normal one into place.
     let magnitude = f32::from_bits(u32::from(bits & 0x7fff) << 13) * f32::from_bits((254 - 15) << 23);
     f32::from_bits(magnitude.to_bits() | u32::from(bits & 0x8000) << 16)

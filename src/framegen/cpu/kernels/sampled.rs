@@ -111,4 +111,22 @@ pub trait Sampled: Pixel {
 
     /// The same from one picture alone.
     fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]);
+
+    /// Adds the channels of a row of pixels to `sums`, in whole levels from 0 to 255 (see [`Self::levels`]); sums wrap
+    /// around, which those of up to 257 rows do not.
+    fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]);
+
+    /// The luma of each pixel in 8 bits, after BT.601.
+    fn lumas(level: Level, row: &[Self], lumas: &mut [u8]);
+
+    /// The channels in whole levels: bytes as they are; of half floats, 255 times what lies in 0 to 1, rounded.
+    fn levels(self) -> [u8; 4];
+}
+
+/// The luma of BT.601 of a pixel in levels, in 8 bits.
+#[inline(always)]
+pub(super) fn luma(levels: [u8; 4]) -> u8 {
+    let [r, g, b, _] = levels.map(u32::from);
+    // The weights over 256, which they add up to.
+    ((77 * r + 150 * g + 29 * b) >> 8) as u8
 }

@@ -1,7 +1,7 @@
 //! The plainly written twins, pixel by pixel.
 
 use super::Source;
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
+use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
 use super::weights::CUBIC;
 
 /// See [`Sampled::tile`].
@@ -55,6 +55,21 @@ pub(super) fn pixels<P: Sampled>(
 pub(super) fn pixels_of_one<P: Sampled>(source: Source<'_, P>, at: &Positions, out: &mut [P; BLOCK]) {
     for (i, pixel) in out.iter_mut().enumerate() {
         *pixel = P::sample(source, [at.x[i], at.y[i]]);
+    }
+}
+
+/// See [`Sampled::add_levels`].
+pub(super) fn add_levels<P: Sampled>(row: &[P], sums: &mut [[u16; 4]]) {
+    for (sum, pixel) in sums.iter_mut().zip(row) {
+        let levels = pixel.levels();
+        *sum = std::array::from_fn(|c| sum[c].wrapping_add(levels[c].into()));
+    }
+}
+
+/// See [`Sampled::lumas`].
+pub(super) fn lumas<P: Sampled>(row: &[P], lumas: &mut [u8]) {
+    for (value, pixel) in lumas.iter_mut().zip(row) {
+        *value = luma(pixel.levels());
     }
 }
 

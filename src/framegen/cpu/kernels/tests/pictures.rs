@@ -184,3 +184,43 @@ fn all_levels_make_the_same_tiles_of_half_floats() {
 fn all_levels_make_the_same_pixels_of_half_floats() {
     all_levels_make_the_same_pixels::<[f16; 4]>();
 }
+
+fn all_levels_find_the_same_lumas<P: Painted>() {
+    let mut random = Random(5);
+    for width in [1, 7, 8, 31, 64, 200] {
+        for kind in 0..3 {
+            let row: Vec<P> = (0..width).map(|i| P::painted(&mut random, kind, i)).collect();
+            let find = |level| {
+                // One more than there are pixels, which is left alone.
+                let (mut lumas, mut sums) = (vec![9; width + 1], vec![[9; 4]; width + 1]);
+                P::lumas(level, &row, &mut lumas);
+                (0..3).for_each(|_| P::add_levels(level, &row, &mut sums));
+                (lumas, sums)
+            };
+            let expected = find(Level::SCALAR);
+            assert_eq!((expected.0[width], expected.1[width]), (9, [9; 4]));
+            for level in Level::available() {
+                assert_eq!(find(level), expected, "{} of {width}, kind {kind}", level.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn all_levels_find_the_same_lumas_of_bytes() {
+    all_levels_find_the_same_lumas::<[u8; 4]>();
+}
+
+#[test]
+fn all_levels_find_the_same_lumas_of_half_floats() {
+    all_levels_find_the_same_lumas::<[f16; 4]>();
+}
+
+#[test]
+fn half_floats_have_the_levels_of_the_bytes_that_they_stand_for() {
+    for value in 0..=255_u8 {
+        let half = f16::from_f32(f32::from(value) / 255.0);
+        assert_eq!([half, half, half, f16::INFINITY].levels(), [value, value, value, 255]);
+    }
+    assert_eq!([f16::NAN, f16::NEG_INFINITY, f16::MAX, f16::from_f32(-0.5)].levels(), [0, 0, 255, 0]);
+}
