@@ -14,7 +14,9 @@ use crate::inputs::{self, Loaded};
 use crate::latents::LatentFile;
 use crate::machine::{self, Versions};
 use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute};
-use crate::media::{self, Disk, Mp4Sink, PngSink, Recorder, Sink, Y4mSink, encode_png, write_whole};
+use crate::media::{
+    self, Disk, FrameRate, Mp4Sink, PngSink, Recorder, Sink, VideoFormat, Y4mSink, encode_png, write_whole,
+};
 use crate::output::{FRAMES, Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO};
 use crate::progress::Progress;
 use crate::settings::{Checked, Settings};
@@ -112,15 +114,15 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
 
 fn sinks(job: &Job<'_>, folder: &Folder, checked: &Checked, device: &Device) -> Result<Vec<Box<dyn Sink>>> {
     let formats = job.settings.formats;
-    let size = job.settings.size.into();
-    let rate = checked.point.presented_rate();
+    let rate = FrameRate::new(checked.point.presented_rate().into(), 1)?;
+    let format = VideoFormat::new(job.settings.size.into(), rate);
     let disk = job.disk.as_ref();
     let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
     if formats.mp4 {
-        sinks.push(Box::new(Mp4Sink::create(disk, &folder.join(VIDEO), size, rate, device.threads())?));
+        sinks.push(Box::new(Mp4Sink::create(disk, &folder.join(VIDEO), &format, device.threads())?));
     }
     if formats.y4m {
-        sinks.push(Box::new(Y4mSink::create(disk, &folder.join(RAW), size, rate)?));
+        sinks.push(Box::new(Y4mSink::create(disk, &folder.join(RAW), &format)?));
     }
     if formats.png {
         sinks.push(Box::new(PngSink::new(Arc::clone(&job.disk), &folder.join(FRAMES))));

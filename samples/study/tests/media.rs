@@ -8,10 +8,16 @@ use std::sync::Arc;
 use cairn::{ErrorKind, Picture};
 use common::decoder::{decode, psnr};
 use common::small_disk::SmallDisk;
-use study::media::{Disk, Mp4Sink, PngSink, RealDisk, Recorded, Recorder, Sink, Y4mSink, Yuv420};
+use study::media::{
+    Disk, FrameRate, Mp4Sink, PngSink, RealDisk, Recorded, Recorder, Sink, VideoFormat, Y4mSink, Yuv420,
+};
 
 const SIZE: (u32, u32) = (161, 91);
-const RATE: u32 = 10;
+
+/// Ten frames a second.
+fn format() -> VideoFormat {
+    VideoFormat::new(SIZE, FrameRate::new(10, 1).unwrap())
+}
 
 /// A smooth picture that moves.
 fn picture(number: u64) -> Picture {
@@ -35,7 +41,7 @@ fn record(sinks: Vec<Box<dyn Sink>>, frames: u64) -> Recorded {
 }
 
 fn mp4(disk: &dyn Disk, path: &Path) -> Box<dyn Sink> {
-    Box::new(Mp4Sink::create(disk, path, SIZE, RATE, 2).unwrap())
+    Box::new(Mp4Sink::create(disk, path, &format(), 2).unwrap())
 }
 
 #[test]
@@ -66,7 +72,7 @@ fn the_same_frames_make_the_same_files() {
     let make = || {
         let folder = tempfile::tempdir().unwrap();
         let [video, raw] = ["v.mp4", "v.y4m"].map(|name| folder.path().join(name));
-        let y4m = Y4mSink::create(&RealDisk, &raw, SIZE, RATE).unwrap();
+        let y4m = Y4mSink::create(&RealDisk, &raw, &format()).unwrap();
         record(vec![mp4(&RealDisk, &video), Box::new(y4m)], 7);
         (std::fs::read(video).unwrap(), std::fs::read(raw).unwrap())
     };
@@ -77,7 +83,7 @@ fn the_same_frames_make_the_same_files() {
 fn y4m_holds_the_planes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("v.y4m");
-    record(vec![Box::new(Y4mSink::create(&RealDisk, &path, SIZE, RATE).unwrap())], 3);
+    record(vec![Box::new(Y4mSink::create(&RealDisk, &path, &format()).unwrap())], 3);
     let bytes = std::fs::read(&path).unwrap();
     let end = bytes.iter().position(|&b| b == b'\n').unwrap();
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
@@ -130,7 +136,7 @@ fn a_full_disk_leaves_whole_pictures_and_raw_frames() {
     let folder = tempfile::tempdir().unwrap();
     let raw = folder.path().join("v.y4m");
     let disk = SmallDisk::new(125_000);
-    let y4m = Y4mSink::create(&disk, &raw, SIZE, RATE).unwrap();
+    let y4m = Y4mSink::create(&disk, &raw, &format()).unwrap();
     let recorded = record(vec![Box::new(y4m), Box::new(PngSink::new(Arc::new(disk), folder.path()))], 20);
     assert!(recorded.failure.is_some() && recorded.frames < 20);
     let frame = 6 + 161 * 91 + 2 * 81 * 46;
@@ -151,6 +157,6 @@ fn a_full_disk_leaves_whole_pictures_and_raw_frames() {
 
 #[test]
 fn a_folder_that_is_not_there_is_named() {
-    let error = Mp4Sink::create(&RealDisk, Path::new("/nowhere/at/all.mp4"), SIZE, RATE, 1).err().unwrap();
+    let error = Mp4Sink::create(&RealDisk, Path::new("/nowhere/at/all.mp4"), &format(), 1).err().unwrap();
     assert!(error.to_string().contains("/nowhere/at/all.mp4"), "{error}");
 }

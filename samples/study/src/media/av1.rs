@@ -7,7 +7,7 @@ use rav1e::prelude::{
     TransferCharacteristics,
 };
 
-use super::Yuv420;
+use super::{VideoFormat, Yuv420};
 
 /// The encoder as the manifest names it.
 pub const ENCODER: &str = "rav1e 0.8.1";
@@ -43,27 +43,27 @@ pub(super) struct Av1Encoder {
 }
 
 impl Av1Encoder {
-    /// Encodes pictures of `size`, `rate` a second, on `threads` threads (0: one to a core).
-    pub(super) fn new(size: (u32, u32), rate: u32, threads: usize) -> Result<Self> {
-        let (width, height) = size;
+    /// Encodes on `threads` threads (0: one to a core).
+    pub(super) fn new(format: &VideoFormat, threads: usize) -> Result<Self> {
+        let ((width, height), rate) = (format.size, format.rate);
         if width < MIN_SIDE || height < MIN_SIDE || width > 65_535 || height > 65_535 {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
                 format!("AV1 video of {width} x {height} cannot be made"),
             )
             .field("size")
-            .remedy(format!("Use at least {MIN_SIDE} x {MIN_SIDE}, or --formats png")));
+            .remedy(format!("Use at least {MIN_SIDE} x {MIN_SIDE}, or PNG pictures")));
         }
         let mut speed = SpeedSettings::from_preset(10);
         // No look-ahead and key frames by the clock: a frame leaves when it enters, and cuts need no search.
         speed.rdo_lookahead_frames = 1;
         speed.scene_detection_mode = SceneDetectionSpeed::None;
         speed.fast_deblock = true;
-        let level = level(size, rate);
+        let level = level((width, height), rate.ceil());
         let settings = EncoderConfig {
             width: width as usize,
             height: height as usize,
-            time_base: Rational::new(1, rate.into()),
+            time_base: Rational::new(rate.denominator().into(), rate.numerator().into()),
             bit_depth: 8,
             chroma_sampling: ChromaSampling::Cs420,
             chroma_sample_position: ChromaSamplePosition::Vertical,
@@ -75,8 +75,8 @@ impl Av1Encoder {
             }),
             level_idx: Some(level),
             low_latency: true,
-            min_key_frame_interval: rate.into(),
-            max_key_frame_interval: rate.into(),
+            min_key_frame_interval: rate.ceil().into(),
+            max_key_frame_interval: rate.ceil().into(),
             quantizer: QUANTISER,
             // By size and not by thread, so that the bytes do not depend on the machine.
             tiles: if u64::from(width) * u64::from(height) >= 640 * 360 { 4 } else { 1 },
@@ -195,6 +195,7 @@ fn level((width, height): (u32, u32), rate: u32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::media::FrameRate;
     use cairn::Picture;
 
     #[test]
@@ -214,8 +215,12 @@ mod tests {
         assert!(split_obus(&[0x0a]).is_none());
     }
 
+    fn format(width: u32, height: u32, rate: u64) -> VideoFormat {
+        VideoFormat::new((width, height), FrameRate::new(rate, 1).unwrap())
+    }
+
     fn encode(threads: usize) -> Vec<u8> {
-        let mut encoder = Av1Encoder::new((640, 360), 2, threads).unwrap();
+        let mut encoder = Av1Encoder::new(&format(640, 360, 2), threads).unwrap();
         let mut planes = Yuv420::new(640, 360).unwrap();
         let mut picture = Picture::new(640, 360).unwrap();
         let mut bytes = Vec::new();
@@ -248,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_size_no_video_can_have_is_refused_with_a_remedy() {
-        let error = Av1Encoder::new((8, 8), 30, 1).err().unwrap();
+        let error = Av1Encoder::new(&format(8, 8, 30), 1).err().unwrap();
         assert!(error.to_string().contains("16 x 16"), "{error}");
     }
 }

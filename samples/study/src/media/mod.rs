@@ -6,6 +6,7 @@
 mod av1;
 mod colour;
 mod disk;
+mod format;
 mod mp4;
 mod mp4_boxes;
 mod png;
@@ -15,6 +16,7 @@ mod y4m;
 pub use av1::{ASSEMBLY, ENCODER};
 pub use colour::Yuv420;
 pub use disk::{Disk, GrowingFile, RealDisk, Store, describe_io, write_whole};
+pub use format::{FrameRate, VideoFormat};
 pub use mp4::Mp4Sink;
 pub use png::{PngSink, encode_png};
 pub use recorder::{Frame, Recorded, Recorder, Sink, Written};

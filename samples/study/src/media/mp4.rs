@@ -13,13 +13,12 @@ use super::av1::{Av1Encoder, Packet};
 use super::mp4_boxes::{Chunk, Sample, Track, fragment_header, ftyp, moov_for_chunks, moov_for_fragments};
 use super::mp4_boxes::{placeholder, wide_mdat};
 use super::recorder::{Frame, Sink, Written};
-use super::{Disk, GrowingFile};
+use super::{Disk, GrowingFile, VideoFormat};
 
 /// Encodes and writes one MP4 file.
 pub struct Mp4Sink {
     encoder: Av1Encoder,
-    size: (u32, u32),
-    rate: u32,
+    format: VideoFormat,
     file: GrowingFile,
     /// Known from the first packet on; then the file's header is written.
     track: Option<Track>,
@@ -33,21 +32,16 @@ pub struct Mp4Sink {
 }
 
 impl Mp4Sink {
-    /// Starts `path`: `size` pixels, `rate` frames per second, encoded on `threads` threads (0: one to a core).
+    /// Starts `path`, encoded on `threads` threads (0: one to a core).
     ///
     /// # Errors
-    /// `InvalidArgument` for a size or rate that AV1 cannot store, `Io` when the file cannot be made.
-    pub fn create(disk: &dyn Disk, path: &Path, size: (u32, u32), rate: u32, threads: usize) -> Result<Self> {
-        if rate == 0 || rate > 960 {
-            return Err(Error::new(ErrorKind::InvalidArgument, format!("{rate} frames per second cannot be stored"))
-                .field("rate"));
-        }
-        let encoder = Av1Encoder::new(size, rate, threads)?;
+    /// `InvalidArgument` for a size that AV1 cannot store, `Io` when the file cannot be made.
+    pub fn create(disk: &dyn Disk, path: &Path, format: &VideoFormat, threads: usize) -> Result<Self> {
+        let encoder = Av1Encoder::new(format, threads)?;
         let file = GrowingFile::create(disk, path)?;
         Ok(Self {
             encoder,
-            size,
-            rate,
+            format: *format,
             file,
             track: None,
             mdat_at: 0,
@@ -66,7 +60,7 @@ impl Mp4Sink {
                 .ok_or_else(|| Error::new(ErrorKind::Unsupported, "a coded frame is too large for MP4").field("mp4"))?;
             self.pending.push(Sample { size, key: packet.key });
             self.data.extend(packet.data);
-            if self.pending.len() as u32 >= (self.rate / 2).max(1) || self.data.len() > 1 << 28 {
+            if self.pending.len() as u32 >= (self.format.rate.ceil() / 2).max(1) || self.data.len() > 1 << 28 {
                 self.write_fragment()?;
             }
         }
@@ -81,7 +75,7 @@ impl Mp4Sink {
             self.write_header()?;
         }
         let number = self.chunks.len() as u32 + 1;
-        let mut unit = fragment_header(number, self.frames, &self.pending);
+        let mut unit = fragment_header(number, self.frames, self.format.rate.denominator(), &self.pending);
         let offset = self.file.end() + unit.len() as u64;
         unit.append(&mut self.data);
         let samples = std::mem::take(&mut self.pending);
@@ -95,7 +89,7 @@ impl Mp4Sink {
         let header = self.encoder.header().cloned().ok_or_else(|| {
             Error::new(ErrorKind::Device, "the AV1 encoder made a frame without a sequence header").field("mp4")
         })?;
-        let track = Track { width: self.size.0, height: self.size.1, rate: self.rate, header };
+        let track = Track { format: self.format, header };
         let mut unit = ftyp();
         let mdat_at = unit.len() as u64;
         unit.extend(placeholder());

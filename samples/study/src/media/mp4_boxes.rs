@@ -1,14 +1,13 @@
 //! The boxes of an MP4 file (ISO/IEC 14496-12) that a silent AV1 video needs, and no others.
 
+use super::VideoFormat;
 use super::av1::StreamHeader;
 
 /// What every box is made from.
 #[derive(Clone)]
 pub(super) struct Track {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    /// Ticks per second; one frame lasts one tick.
-    pub(super) rate: u32,
+    /// The rate's numerator is the number of ticks in a second, its denominator that of a frame.
+    pub(super) format: VideoFormat,
     pub(super) header: StreamHeader,
 }
 
@@ -17,6 +16,13 @@ pub(super) struct Track {
 pub(super) struct Sample {
     pub(super) size: u32,
     pub(super) key: bool,
+}
+
+impl Track {
+    /// How long `frames` frames last, in ticks.
+    fn ticks(&self, frames: u64) -> u64 {
+        frames.saturating_mul(self.format.rate.denominator().into())
+    }
 }
 
 /// Samples that lie behind one another in the file.
@@ -67,7 +73,7 @@ pub(super) fn moov_for_fragments(track: &Track) -> Vec<u8> {
             b.extend(full(*b"trex", 0, 0, |b| {
                 put32(b, 1);
                 put32(b, 1);
-                put32(b, 1);
+                put32(b, track.format.rate.denominator());
                 put32(b, 0);
                 put32(b, DEPENDS);
             }));
@@ -84,18 +90,18 @@ pub(super) fn moov_for_chunks(track: &Track, chunks: &[Chunk]) -> Vec<u8> {
     })
 }
 
-/// One fragment: `moof` and the header of its `mdat`. The coded frames follow.
-pub(super) fn fragment_header(number: u32, first_frame: u64, samples: &[Sample]) -> Vec<u8> {
+/// One fragment: `moof` and the header of its `mdat`. The coded frames follow, each of `ticks` ticks.
+pub(super) fn fragment_header(number: u32, first_frame: u64, ticks: u32, samples: &[Sample]) -> Vec<u8> {
     let data: u64 = samples.iter().map(|s| u64::from(s.size)).sum();
     let mut bytes = boxed(*b"moof", |b| {
         b.extend(full(*b"mfhd", 0, 0, |b| put32(b, number)));
         b.extend(boxed(*b"traf", |b| {
-            // Offsets count from the moof; every frame lasts one tick.
+            // Offsets count from the moof; every frame lasts the same.
             b.extend(full(*b"tfhd", 0, 0x02_0008, |b| {
                 put32(b, 1);
-                put32(b, 1);
+                put32(b, ticks);
             }));
-            b.extend(full(*b"tfdt", 1, 0, |b| put64(b, first_frame)));
+            b.extend(full(*b"tfdt", 1, 0, |b| put64(b, first_frame.saturating_mul(ticks.into()))));
             // Data offset, and size and flags of every sample.
             b.extend(full(*b"trun", 0, 0x0601, |b| {
                 put32(b, samples.len() as u32);
@@ -118,8 +124,8 @@ fn mvhd(track: &Track, frames: u64) -> Vec<u8> {
         // No creation time: the same frames make the same file.
         put64(b, 0);
         put64(b, 0);
-        put32(b, track.rate);
-        put64(b, frames);
+        put32(b, track.format.rate.numerator());
+        put64(b, track.ticks(frames));
         put32(b, 0x0001_0000);
         put16(b, 0x0100);
         b.extend([0; 10]);
@@ -136,18 +142,18 @@ fn trak(track: &Track, frames: u64, chunks: &[Chunk]) -> Vec<u8> {
             put64(b, 0);
             put32(b, 1);
             put32(b, 0);
-            put64(b, frames);
+            put64(b, track.ticks(frames));
             b.extend([0; 16]);
             matrix(b);
-            put32(b, track.width << 16);
-            put32(b, track.height << 16);
+            put32(b, shown_width(&track.format) << 16);
+            put32(b, track.format.size.1 << 16);
         }));
         b.extend(boxed(*b"mdia", |b| {
             b.extend(full(*b"mdhd", 1, 0, |b| {
                 put64(b, 0);
                 put64(b, 0);
-                put32(b, track.rate);
-                put64(b, frames);
+                put32(b, track.format.rate.numerator());
+                put64(b, track.ticks(frames));
                 put16(b, 0x55c4); // "und"
                 put16(b, 0);
             }));
@@ -184,7 +190,7 @@ fn stbl(track: &Track, chunks: &[Chunk]) -> Vec<u8> {
             put32(b, u32::from(count > 0));
             if count > 0 {
                 put32(b, count);
-                put32(b, 1);
+                put32(b, track.format.rate.denominator());
             }
         }));
         if count > 0 {
@@ -228,8 +234,8 @@ fn av01(track: &Track) -> Vec<u8> {
         b.extend([0; 6]);
         put16(b, 1);
         b.extend([0; 16]);
-        put16(b, track.width as u16);
-        put16(b, track.height as u16);
+        put16(b, track.format.size.0 as u16);
+        put16(b, track.format.size.1 as u16);
         put32(b, 0x0048_0000); // 72 dpi, both ways
         put32(b, 0x0048_0000);
         put32(b, 0);
@@ -250,10 +256,17 @@ fn av01(track: &Track) -> Vec<u8> {
             b.push(0); // limited range
         }));
         b.extend(boxed(*b"pasp", |b| {
-            put32(b, 1);
-            put32(b, 1);
+            put32(b, track.format.pixel_aspect.0);
+            put32(b, track.format.pixel_aspect.1);
         }));
     })
+}
+
+/// The width at which the picture is shown, where a pixel is as high as it is: `tkhd` has no other place for it.
+fn shown_width(format: &VideoFormat) -> u32 {
+    let (across, down) = format.pixel_aspect;
+    let width = u64::from(format.size.0) * u64::from(across) / u64::from(down.max(1));
+    width.clamp(1, u16::MAX.into()) as u32
 }
 
 fn matrix(b: &mut Vec<u8>) {

@@ -5,7 +5,7 @@ use std::path::Path;
 use cairn::{Error, Result};
 
 use super::recorder::{Frame, Sink, Written};
-use super::{Disk, GrowingFile};
+use super::{Disk, GrowingFile, VideoFormat};
 
 /// Writes a Y4M file: 4:2:0, left-sited chroma, limited range, exactly what the AV1 encoder is given.
 pub struct Y4mSink {
@@ -15,15 +15,19 @@ pub struct Y4mSink {
 }
 
 impl Y4mSink {
-    /// Starts `path`: `size` pixels, `rate` frames per second.
+    /// Starts `path`.
     ///
     /// # Errors
     /// `Io` when the file cannot be made.
-    pub fn create(disk: &dyn Disk, path: &Path, size: (u32, u32), rate: u32) -> Result<Self> {
+    pub fn create(disk: &dyn Disk, path: &Path, format: &VideoFormat) -> Result<Self> {
         let mut file = GrowingFile::create(disk, path)?;
-        let (width, height) = size;
-        let header =
-            format!("YUV4MPEG2 W{width} H{height} F{rate}:1 Ip A1:1 C420mpeg2 XYSCSS=420MPEG2 XCOLORRANGE=LIMITED\n");
+        let VideoFormat { size: (width, height), rate, pixel_aspect: (across, down) } = *format;
+        let header = format!(
+            "YUV4MPEG2 W{width} H{height} F{}:{} Ip A{across}:{down} C420mpeg2 XYSCSS=420MPEG2 XCOLORRANGE=LIMITED \
+             XCOLORMATRIX=BT709\n",
+            rate.numerator(),
+            rate.denominator()
+        );
         if let Err(error) = file.append(header.as_bytes()) {
             file.discard();
             return Err(error);
