@@ -10,6 +10,7 @@ use clap::{Parser, Subcommand as Subcommands};
 use crate::progress::Progress;
 
 mod demo;
+mod interpolate;
 mod quality;
 mod replay;
 mod rollout;
@@ -59,6 +60,9 @@ enum Command {
     /// Generated frames against true ones, beside other ways to make them
     #[command(after_help = quality::EXAMPLES)]
     Quality(quality::QualityArgs),
+    /// Makes more frames a second of a video, or of a folder of pictures
+    #[command(after_help = interpolate::EXAMPLES)]
+    Interpolate(interpolate::InterpolateArgs),
     /// Writes the built-in seed picture, to paint over or to compare with
     SeedPicture(seed_picture::SeedPictureArgs),
 }
@@ -80,6 +84,7 @@ impl Command {
             Self::Replay(args) => args,
             Self::Demo(args) => args,
             Self::Quality(args) => args,
+            Self::Interpolate(args) => args,
             Self::SeedPicture(args) => args,
         }
     }

@@ -10,6 +10,7 @@
 mod cli;
 mod demo;
 mod inputs;
+mod interpolate;
 mod job;
 mod landscape;
 mod latents;
@@ -28,6 +29,7 @@ mod text;
 
 pub use cli::run;
 pub use inputs::Overrides;
+pub use interpolate::{FOLDER_RATE, Interpolation, MAX_MULTIPLIER, Report, interpolate};
 pub use job::{Job, Outcome, run as run_job};
 pub use machine::Versions;
 pub use manifest::{Counts, Input, Inputs, MANIFEST_VERSION, Manifest, Output, sha256};

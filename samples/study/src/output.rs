@@ -44,21 +44,8 @@ impl Folder {
         let frames = self.join(FRAMES);
         let mut old: Vec<PathBuf> = [MANIFEST, SHEET, LATENTS, VIDEO, RAW].iter().map(|name| self.join(name)).collect();
         old.extend(old.clone().into_iter().map(|path| path.with_added_extension("part")));
-        for entry in fs::read_dir(&frames).into_iter().flatten().flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let stem = name.strip_suffix(".part").unwrap_or(&name).strip_suffix(".png").unwrap_or("");
-            if stem.len() >= 6 && stem.bytes().all(|b| b.is_ascii_digit()) {
-                old.push(entry.path());
-            }
-        }
-        for path in old {
-            match fs::remove_file(&path) {
-                Err(e) if e.kind() != io::ErrorKind::NotFound => {
-                    return Err(describe_io("cannot be replaced", &path, &e));
-                }
-                _ => {}
-            }
-        }
+        remove(old)?;
+        remove_numbered(&frames)?;
         if pictures {
             fs::create_dir_all(&frames).map_err(|e| describe_io("cannot be made", &frames, &e))?;
         }
@@ -81,4 +68,26 @@ impl Folder {
     pub(crate) fn describe_media(&self, file: &Written, presented: u64) -> Result<Output> {
         self.describe(&file.path, file.kind, file.frames, file.kind == "png" || file.frames == presented)
     }
+}
+
+/// Removes the pictures that an earlier run numbered, and no others.
+pub(crate) fn remove_numbered(folder: &Path) -> Result<()> {
+    let numbered = |name: &str| {
+        let stem = name.strip_suffix(".part").unwrap_or(name).strip_suffix(".png").unwrap_or("");
+        stem.len() >= 6 && stem.bytes().all(|b| b.is_ascii_digit())
+    };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    remove(entries.filter(|e| numbered(&e.file_name().to_string_lossy())).map(|e| e.path()))
+}
+
+fn remove(paths: impl IntoIterator<Item = PathBuf>) -> Result<()> {
+    for path in paths {
+        match fs::remove_file(&path) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => {
+                return Err(describe_io("cannot be replaced", &path, &e));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }

@@ -1,9 +1,10 @@
 //! Pictures from files, and of other sizes.
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor, Seek};
 
 use cairn::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 use image::imageops::FilterType;
+use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits, RgbaImage};
 
 /// The most memory a decoded picture may take, in bytes.
@@ -14,17 +15,7 @@ const MAX_DECODED: u64 = 2 << 30;
 /// # Errors
 /// `InvalidArgument` when it is no such file or is larger than [`MAX_SIDE`].
 pub(crate) fn decode(bytes: &[u8]) -> Result<Picture> {
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(no_picture)?;
-    if reader.format().is_none() {
-        return Err(no_picture("it starts like neither a PNG nor a JPEG file"));
-    }
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    limits.max_alloc = Some(MAX_DECODED);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(no_picture)?;
-    let orientation = decoder.orientation().map_err(no_picture)?;
+    let (decoder, orientation) = open(Cursor::new(bytes))?;
     let mut image = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
     image.apply_orientation(orientation);
     let mut image = image.into_rgba8();
@@ -39,9 +30,37 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Picture> {
     Picture::from_rgba(width, height, image.into_raw())
 }
 
+/// The size that [`decode`] would give, without reading more than the head of the file.
+///
+/// # Errors
+/// As [`decode`].
+pub(crate) fn size(file: impl BufRead + Seek) -> Result<(u32, u32)> {
+    let (decoder, orientation) = open(file)?;
+    let (width, height) = decoder.dimensions();
+    let turned = matches!(
+        orientation,
+        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH
+    );
+    Ok(if turned { (height, width) } else { (width, height) })
+}
+
+fn open<'a>(file: impl BufRead + Seek + 'a) -> Result<(impl ImageDecoder + 'a, Orientation)> {
+    let mut reader = ImageReader::new(file).with_guessed_format().map_err(no_picture)?;
+    if reader.format().is_none() {
+        return Err(no_picture("it starts like neither a PNG nor a JPEG file"));
+    }
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    limits.max_alloc = Some(MAX_DECODED);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(no_picture)?;
+    let orientation = decoder.orientation().map_err(no_picture)?;
+    Ok((decoder, orientation))
+}
+
 fn no_picture(cause: impl std::fmt::Display) -> Error {
     Error::new(ErrorKind::InvalidArgument, format!("it is no picture that can be read: {cause}"))
-        .field("--seed-picture")
         .remedy(format!("Use a PNG or JPEG file of at most {MAX_SIDE} x {MAX_SIDE} pixels"))
 }
 

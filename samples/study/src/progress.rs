@@ -22,7 +22,7 @@ enum Style {
 }
 
 struct Lines {
-    total: u64,
+    total: Option<u64>,
     began: Instant,
     said: Instant,
 }
@@ -41,7 +41,7 @@ impl Progress {
             Style::Bar(bar)
         } else {
             let now = Instant::now();
-            Style::Lines(Mutex::new(Lines { total: 0, began: now, said: now }))
+            Style::Lines(Mutex::new(Lines { total: None, began: now, said: now }))
         };
         Self { style, fetching: provision::Console::new() }
     }
@@ -58,15 +58,18 @@ impl Progress {
         }
     }
 
-    /// Frames begin to come, `total` of them.
-    pub(crate) fn begin(&self, total: u64) {
+    /// Frames begin to come, `total` of them where that is known.
+    pub(crate) fn begin(&self, total: Option<u64>) {
         match &self.style {
             Style::Quiet => {}
             Style::Bar(bar) => {
                 bar.disable_steady_tick();
                 bar.reset();
-                bar.set_length(total);
-                bar.set_style(frames());
+                match total {
+                    Some(total) => bar.set_length(total),
+                    None => bar.unset_length(),
+                }
+                bar.set_style(if total.is_some() { frames() } else { frames_without_end() });
                 bar.set_message("");
             }
             Style::Lines(lines) => {
@@ -133,8 +136,14 @@ fn frames() -> ProgressStyle {
         .unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
-fn line(done: u64, total: u64, elapsed: Duration) -> String {
+fn frames_without_end() -> ProgressStyle {
+    ProgressStyle::with_template("{spinner} frame {pos}  {per_sec}")
+        .unwrap_or_else(|_| ProgressStyle::default_spinner())
+}
+
+fn line(done: u64, total: Option<u64>, elapsed: Duration) -> String {
     let rate = done as f64 / elapsed.as_secs_f64().max(1e-3);
+    let Some(total) = total else { return format!("frame {done}, {rate:.2} per second") };
     let left = if done == 0 {
         "time left not known yet".to_owned()
     } else {
@@ -159,9 +168,10 @@ mod tests {
 
     #[test]
     fn lines_tell_rate_and_time_left() {
-        let text = line(30, 121, Duration::from_secs(10));
+        let text = line(30, Some(121), Duration::from_secs(10));
         assert_eq!(text, "frame 30 of 121, 3.00 per second, about 30 s left");
-        assert!(line(0, 121, Duration::from_secs(10)).ends_with("not known yet"));
+        assert!(line(0, Some(121), Duration::from_secs(10)).ends_with("not known yet"));
+        assert_eq!(line(30, None, Duration::from_secs(10)), "frame 30, 3.00 per second");
         assert_eq!((duration(95.2), duration(7_260.0)), ("1 min 35 s".into(), "2 h 1 min".into()));
     }
 }

@@ -1,0 +1,176 @@
+//! More frames a second for a video: motion between every two of its frames, and pictures at the phases between.
+//!
+//! ```text
+//! source (reads, decodes) -> flow (motion) -> generator -> recorder (encodes, writes)
+//! ```
+//!
+//! Each of the four works on a thread of its own and waits for the next one, so that a few frames are in memory however
+//! long the video is.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use cairn::{Error, ErrorKind, Result};
+
+use crate::media::{Disk, FrameRate, Recorder, VideoFormat, Written};
+use crate::progress::Progress;
+use pipeline::{Counts, Stages, Steps};
+use source::Input;
+use target::Target;
+
+mod ffmpeg;
+mod folder;
+mod pipeline;
+mod source;
+mod target;
+
+/// The rate of pictures in a folder, which say none.
+pub const FOLDER_RATE: u32 = 30;
+/// The most frames that can be made of one.
+pub const MAX_MULTIPLIER: u32 = 16;
+
+/// An interpolation to be made.
+pub struct Interpolation<'a> {
+    /// A Y4M file, a folder of PNG or JPEG pictures, or a video that an ffmpeg on the path (or the one that
+    /// `CAIRN_FFMPEG` names) can read.
+    pub input: &'a Path,
+    /// Frames made of each, 2 to [`MAX_MULTIPLIER`].
+    pub multiplier: u32,
+    /// Frames per second of the input, instead of what it says itself.
+    pub rate: Option<FrameRate>,
+    /// `.mp4`, `.y4m`, or a folder for PNG pictures; none for an MP4 beside the input.
+    pub out: Option<&'a Path>,
+    /// Whether an earlier output may be replaced.
+    pub overwrite: bool,
+    /// Where files are made.
+    pub disk: Arc<dyn Disk>,
+    /// Set it from any thread to end after the current frame.
+    pub stop: &'a AtomicBool,
+    /// Who is told how far it is.
+    pub progress: &'a Progress,
+}
+
+/// What came of it. What was written is whole and can be played, also after a failure.
+#[derive(Debug)]
+pub struct Report {
+    /// `(width, height)` of every frame.
+    pub size: (u32, u32),
+    /// Of the input.
+    pub rate: FrameRate,
+    /// Of the output: exactly the multiple.
+    pub new_rate: FrameRate,
+    /// Frames that were read.
+    pub frames_in: u64,
+    /// Frames that were written.
+    pub frames_out: u64,
+    /// Frames that show a moment between two of the input.
+    pub generated: u64,
+    /// Pairs of frames with a cut between, across which nothing is generated: the nearer frame is shown.
+    pub cuts: u64,
+    /// Pairs of equal frames, between which the same frame is shown.
+    pub repeats: u64,
+    /// What the frames were written to, or the folder of the pictures.
+    pub out: PathBuf,
+    /// Whether there is something in it.
+    pub has_output: bool,
+    /// What a reader should know, e.g. that the sound is left aside.
+    pub notes: Vec<String>,
+    /// Time each stage worked; they work side by side.
+    pub stages: Vec<(&'static str, Duration)>,
+    /// Time on the clock.
+    pub total: Duration,
+    /// What ended it early.
+    pub failure: Option<Error>,
+    /// Whether [`Interpolation::stop`] ended it.
+    pub interrupted: bool,
+}
+
+/// Makes it.
+///
+/// # Errors
+/// Everything that can be wrong before the first frame is written: `InvalidArgument` for an input of fewer than two
+/// frames, or of two sizes; `Unsupported` for video that cannot be read; `Io`. What goes wrong later is in
+/// [`Report::failure`].
+pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
+    let began = Instant::now();
+    check(job.multiplier, job.rate, job.out)?;
+    job.progress.phase("reading the input");
+    let Input { size, rate, pixel_aspect, expected, notes, source, stopper } = source::open(job.input)?;
+    let (rate, notes) = settled_rate(job, rate, notes)?;
+    let new_rate = rate.times(job.multiplier).map_err(|e| e.field("--multiplier"))?;
+    let target = Target::choose(job.input, job.out, job.multiplier)?;
+    target.check(job.input, job.overwrite)?;
+
+    let format = VideoFormat { size, rate: new_rate, pixel_aspect };
+    let mut steps = Steps::start(source, stopper, size)?;
+    // Nothing is made before it is known that there is something to make.
+    let start = steps.first_pair(job.stop).map_err(|e| named(e, job.input))?;
+    let recorder = Recorder::start(vec![target.create(&job.disk, &format)?], size)?;
+    job.progress.begin(expected.map(|frames| frames * u64::from(job.multiplier)));
+    let run = steps.run(start, job.multiplier, &recorder, job.stop, |done| job.progress.frames(done));
+    job.progress.end();
+    let (reading, flow) = steps.finish();
+    let recorded = recorder.finish()?;
+
+    let interrupted = job.stop.load(Ordering::Relaxed);
+    let Counts { frames_in, generated, cuts, repeats } = run.counts;
+    let Stages { generation } = run.stages;
+    Ok(Report {
+        size,
+        rate,
+        new_rate,
+        frames_in,
+        frames_out: recorded.frames,
+        generated,
+        cuts,
+        repeats,
+        has_output: recorded.written.iter().map(|Written { frames, .. }| frames).sum::<u64>() > 0,
+        out: target.path().to_owned(),
+        notes,
+        stages: vec![("reading", reading), ("motion", flow), ("generation", generation), ("encoding", recorded.busy)],
+        total: began.elapsed(),
+        // What the recorder says comes first: the rest ends because it does.
+        failure: recorded.failure.or(run.failure.filter(|_| !interrupted)),
+        interrupted,
+    })
+}
+
+/// Checks what needs no file.
+pub(crate) fn check(multiplier: u32, rate: Option<FrameRate>, out: Option<&Path>) -> Result<()> {
+    if !(2..=MAX_MULTIPLIER).contains(&multiplier) {
+        return Err(Error::new(ErrorKind::InvalidArgument, format!("{multiplier} frames cannot be made of each"))
+            .field("--multiplier")
+            .remedy(format!("Use 2 to {MAX_MULTIPLIER}")));
+    }
+    if let Some(rate) = rate {
+        rate.times(multiplier).map_err(|e| e.field("--rate"))?;
+    }
+    if let Some(out) = out {
+        Target::of(out)?;
+    }
+    Ok(())
+}
+
+fn settled_rate(
+    job: &Interpolation<'_>,
+    said: Option<FrameRate>,
+    mut notes: Vec<String>,
+) -> Result<(FrameRate, Vec<String>)> {
+    if let Some(rate) = job.rate.or(said) {
+        return Ok((rate, notes));
+    }
+    if !job.input.is_dir() {
+        return Err(Error::new(ErrorKind::InvalidArgument, "it does not say its frame rate")
+            .field(job.input.display().to_string())
+            .remedy("Say it with --rate, such as --rate 30"));
+    }
+    notes.push(format!("pictures have no frame rate: {FOLDER_RATE} a second are assumed; --rate says another"));
+    Ok((FrameRate::new(FOLDER_RATE.into(), 1)?, notes))
+}
+
+/// Names the input where the error names nothing.
+fn named(error: Error, input: &Path) -> Error {
+    if error.offending_field().is_some() { error } else { error.field(input.display().to_string()) }
+}

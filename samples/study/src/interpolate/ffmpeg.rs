@@ -1,0 +1,272 @@
+//! Videos of every other kind, read by an ffmpeg that runs as a program and gives Y4M through a pipe.
+
+use std::ffi::OsString;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use cairn::{Error, ErrorKind, Picture, Result};
+
+use super::source::{Input, Source};
+use crate::media::{Matrix, Y4mReader};
+
+/// Names an ffmpeg that is not on the path.
+const VARIABLE: &str = "CAIRN_FFMPEG";
+/// The most that is kept of what ffmpeg says, in bytes.
+const MAX_WORDS: usize = 4096;
+
+/// Ends ffmpeg from another thread.
+#[derive(Clone)]
+pub(super) struct Stopper(Arc<Mutex<Child>>);
+
+impl Stopper {
+    pub(super) fn stop(&self) {
+        let mut child = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let _ = child.kill();
+        // Takes the dead process away; its status means nothing any more.
+        let _ = child.wait();
+    }
+}
+
+struct Ffmpeg {
+    reader: Y4mReader,
+    child: Stopper,
+    words: Receiver<String>,
+    name: String,
+    frames: u64,
+}
+
+impl Source for Ffmpeg {
+    fn read(&mut self, out: &mut Picture) -> Result<bool> {
+        match self.reader.read(out) {
+            Ok(true) => {
+                self.frames += 1;
+                Ok(true)
+            }
+            // An end is the video's own only when ffmpeg ended well; else what it says is the better reason.
+            end => match self.failure() {
+                Some(error) => Err(error),
+                None => end,
+            },
+        }
+    }
+}
+
+impl Ffmpeg {
+    /// How ffmpeg ended, when it did not end well.
+    fn failure(&mut self) -> Option<Error> {
+        let (status, words) = ended(&self.child, &self.words);
+        let status = status.filter(|status| !status.success());
+        if status.is_none() && words.is_empty() {
+            return None;
+        }
+        let how = status.map_or("ffmpeg met damage".into(), |status| format!("ffmpeg failed ({status})"));
+        let cause = format!("{how} after {} frames{}", self.frames, said(&words));
+        Some(
+            Error::new(ErrorKind::Io, cause)
+                .field(&self.name)
+                .remedy("Play the video to see whether its file is whole"),
+        )
+    }
+}
+
+impl Drop for Ffmpeg {
+    fn drop(&mut self) {
+        self.child.stop();
+    }
+}
+
+/// Starts ffmpeg on the video at `path`.
+pub(super) fn open(path: &Path) -> Result<Input> {
+    let name = path.display().to_string();
+    let program = program().ok_or_else(|| {
+        Error::new(ErrorKind::Unsupported, "to read this kind of file takes ffmpeg, and there is none on the path")
+            .field(&*name)
+            .remedy(format!("Install ffmpeg or name one with {VARIABLE}, or give Y4M or a folder of pictures"))
+    })?;
+    let about = look(&program, path)?;
+    let mut command = Command::new(&program);
+    command.args(["-nostdin", "-hide_banner", "-v", "error", "-i"]).arg(file_url(path));
+    // The first video that is no cover picture, in the one form that loses nothing of 8-bit video and says its rate.
+    let scale =
+        format!("scale=in_color_matrix={}:out_color_matrix=bt709:out_range=tv:flags=accurate_rnd", about.matrix);
+    command.args(["-map", "0:V:0", "-vf", &scale, "-pix_fmt", "yuv444p", "-f", "yuv4mpegpipe", "-"]);
+    let mut child = start(&mut command, &program)?;
+    let (Some(frames), Some(words)) = (child.stdout.take(), child.stderr.take()) else {
+        return Err(Error::new(ErrorKind::Device, "ffmpeg has no pipes"));
+    };
+    let words = listen(words);
+    let child = Stopper(Arc::new(Mutex::new(child)));
+    let reader = match Y4mReader::open_as(Box::new(frames), &name, Some(Matrix::Bt709)) {
+        Ok(reader) => reader,
+        Err(error) => {
+            child.stop();
+            let words = words.recv_timeout(PATIENCE).unwrap_or_default();
+            // Interlaced video comes through well and is refused here.
+            return Err(if words.is_empty() { error } else { unread(&name, &words) });
+        }
+    };
+    let header = *reader.header();
+    let expected = about.seconds.zip(header.rate).map(|(seconds, rate)| (seconds * rate.per_second()).round() as u64);
+    let source = Box::new(Ffmpeg { reader, child: child.clone(), words, name, frames: 0 });
+    Ok(Input {
+        size: header.layout.size,
+        rate: header.rate,
+        pixel_aspect: header.pixel_aspect,
+        expected,
+        notes: about.has_sound.then(|| "the sound is left aside".to_owned()).into_iter().collect(),
+        source,
+        stopper: Some(child),
+    })
+}
+
+/// How long a program that has ended may take until its last words are there.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+fn program() -> Option<PathBuf> {
+    match std::env::var_os(VARIABLE).filter(|name| !name.is_empty()) {
+        Some(named) => Some(named.into()),
+        None => provision::tools::on_path("ffmpeg"),
+    }
+}
+
+/// With the protocol in front, so that no name of a file can be taken for an address.
+fn file_url(path: &Path) -> OsString {
+    let mut url = OsString::from("file:");
+    url.push(path);
+    url
+}
+
+fn start(command: &mut Command, program: &Path) -> Result<Child> {
+    // Ctrl-C is for this program, which then ends that one.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(command, 0);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(|e| {
+        Error::new(ErrorKind::Unsupported, format!("{} cannot be started: {e}", program.display()))
+            .field(VARIABLE)
+            .remedy(format!("Install ffmpeg, or let {VARIABLE} name one that runs"))
+    })
+}
+
+/// What ffmpeg says about a video before it reads it.
+struct About {
+    matrix: &'static str,
+    seconds: Option<f64>,
+    has_sound: bool,
+}
+
+/// Asks ffmpeg about a video. Without an output it describes the input and ends with a complaint, which is no matter.
+fn look(program: &Path, path: &Path) -> Result<About> {
+    let mut command = Command::new(program);
+    command.args(["-nostdin", "-hide_banner", "-i"]).arg(file_url(path));
+    let child = start(&mut command, program)?;
+    let output =
+        child.wait_with_output().map_err(|e| Error::new(ErrorKind::Io, format!("ffmpeg cannot be read: {e}")))?;
+    let text = String::from_utf8_lossy(&output.stderr);
+    if !text.contains("Video:") {
+        return Err(unread(&path.display().to_string(), &text));
+    }
+    Ok(describe(&text))
+}
+
+fn describe(text: &str) -> About {
+    let video =
+        text.lines().find(|line| line.contains("Video:") && !line.contains("(attached pic)")).unwrap_or_default();
+    // Colour is told in brackets, such as yuv420p(tv, bt709, progressive) or yuv420p(tv, smpte170m/bt470bg/bt709).
+    let tagged = ["bt709", "bt470bg", "smpte170m", "smpte240m", "bt2020nc", "fcc", "gbr", "ycgco"];
+    let told =
+        video.split(['(', ',', ')']).map(str::trim).any(|word| tagged.contains(&word.split('/').next().unwrap_or("")));
+    let size = video.split([',', ' ']).find_map(|word| {
+        let (width, height) = word.split_once('x')?;
+        Some((width.parse().ok()?, height.parse().ok()?)).filter(|&(w, h): &(u32, u32)| w > 0 && h > 0)
+    });
+    let matrix = match (told, size.map(Matrix::by_size)) {
+        (true, _) | (_, None) => "auto",
+        (_, Some(Matrix::Bt601)) => "bt601",
+        (_, Some(Matrix::Bt709)) => "bt709",
+    };
+    let duration = text.split_once("Duration: ").and_then(|(_, rest)| rest.split(',').next());
+    let seconds = duration.and_then(|clock| {
+        clock.split(':').try_fold(0.0, |sum, part| Some(sum * 60.0 + part.trim().parse::<f64>().ok()?))
+    });
+    About { matrix, seconds, has_sound: text.contains("Audio:") }
+}
+
+/// Collects what a program says, on a thread of its own so that it never has to wait; sends the beginning when all is
+/// said.
+fn listen(mut words: impl Read + Send + 'static) -> Receiver<String> {
+    let (send, heard) = channel();
+    // Without the thread nothing is heard, which is told as silence.
+    let _ = std::thread::Builder::new().name("ffmpeg".into()).spawn(move || {
+        let mut kept = Vec::new();
+        let _ = (&mut words).take(MAX_WORDS as u64).read_to_end(&mut kept);
+        let _ = io::copy(&mut words, &mut io::sink());
+        let _ = send.send(String::from_utf8_lossy(&kept).trim().to_owned());
+    });
+    heard
+}
+
+/// Waits for a program whose output has ended, and for its last words.
+fn ended(child: &Stopper, words: &Receiver<String>) -> (Option<ExitStatus>, String) {
+    // Not `wait`, which would keep the lock from whoever wants to end the program.
+    let mut status = None;
+    for _ in 0..PATIENCE.as_millis() / 10 {
+        status = child.0.lock().unwrap_or_else(PoisonError::into_inner).try_wait().ok().flatten();
+        if status.is_some() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    (status, words.recv_timeout(PATIENCE).unwrap_or_default())
+}
+
+fn unread(name: &str, words: &str) -> Error {
+    // Its last line is the reason; those before it describe the file.
+    let last = words.lines().rev().find(|line| !line.trim().is_empty() && !line.contains("output file"));
+    Error::new(ErrorKind::InvalidArgument, format!("ffmpeg finds no video in it{}", said(last.unwrap_or_default())))
+        .field(name)
+        .remedy("Name a video, a Y4M file or a folder of pictures")
+}
+
+/// What was said, as the end of a sentence.
+fn said(words: &str) -> String {
+    let lines: Vec<&str> = words.lines().map(str::trim).filter(|line| !line.is_empty()).take(3).collect();
+    if lines.is_empty() { String::new() } else { format!(": {}", lines.join("; ").trim_end_matches('.')) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEAD: &str = "Input #0, mov, from 'v.mp4':\n  Duration: 00:01:10.50, start: 0.000000, bitrate: 500 kb/s\n";
+
+    fn about(stream: &str) -> About {
+        describe(&format!(
+            "{HEAD}  Stream #0:0[0x1](und): Video: {stream}\nAt least one output file must be specified\n"
+        ))
+    }
+
+    #[test]
+    fn the_matrix_is_the_videos_own_or_by_its_size() {
+        for (stream, matrix) in [
+            ("h264 (High) (avc1 / 0x31637661), yuv420p(tv, bt709, progressive), 640x360 [SAR 1:1], 24 fps", "auto"),
+            ("h264 (High), yuv420p(tv, smpte170m/bt470bg/bt709), 1920x1080, 25 fps", "auto"),
+            ("h264 (High) (avc1 / 0x31637661), yuv420p(tv, unknown/bt709/bt709), 1920x1080, 25 fps", "bt709"),
+            ("mpeg4 (Simple Profile), yuv420p(progressive), 720x576 [SAR 16:15 DAR 4:3], 25 fps", "bt601"),
+            ("vp9, yuv420p, 1280x720, 30 fps", "bt709"),
+        ] {
+            assert_eq!(about(stream).matrix, matrix, "{stream}");
+        }
+    }
+
+    #[test]
+    fn length_and_sound_are_found() {
+        let found = about("vp9, yuv420p, 1280x720, 30 fps");
+        assert_eq!((found.seconds, found.has_sound), (Some(70.5), false));
+        let other = describe("Duration: N/A\n Stream #0:1: Audio: aac\n Stream #0:0: Video: vp9, yuv420p, 1280x720\n");
+        assert_eq!((other.seconds, other.has_sound), (None, true));
+    }
+}
