@@ -84,7 +84,7 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let counts = checked.point.counts(checked.duration);
     let sheet = Sheet::new(world.render_size());
     let mut stream = Stream::new(&checked, rollout, size, recorder, latents, sheet)?;
-    job.progress.begin(Some(job.limit.map_or(counts.presented, |l| l.presented)));
+    job.progress.begin(job.limit.map_or(counts.presented, |l| l.presented));
     let end = stream.run(job, &loaded);
     job.progress.end();
 

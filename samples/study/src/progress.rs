@@ -59,7 +59,8 @@ impl Progress {
     }
 
     /// Frames begin to come, `total` of them where that is known.
-    pub(crate) fn begin(&self, total: Option<u64>) {
+    pub(crate) fn begin(&self, total: impl Into<Option<u64>>) {
+        let total = total.into();
         match &self.style {
             Style::Quiet => {}
             Style::Bar(bar) => {
