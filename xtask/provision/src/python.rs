@@ -19,9 +19,6 @@ const NAMES: [&str; 7] = ["python3", "python", "python3.15", "python3.14", "pyth
 /// Pinned packages, one per line.
 const REQUIREMENTS: &str = include_str!("../requirements.txt");
 
-const REMEDY: &str = "Install Python 3.11 or newer with pip (Debian and Ubuntu: apt install python3 python3-pip; Windows: \
-                      python.org), or set CAIRN_PYTHON to one";
-
 /// A Python that is new enough and has pip.
 #[derive(Debug)]
 pub(crate) struct Python {
@@ -34,13 +31,36 @@ pub(crate) struct Python {
 /// Finds the machine's Python: `$CAIRN_PYTHON`, else the first of the usual names that is new enough.
 pub(crate) fn find() -> Result<Python> {
     let own = std::env::var_os("CAIRN_PYTHON").filter(|value| !value.is_empty());
-    let names: Vec<PathBuf> = match &own {
-        Some(own) => vec![PathBuf::from(own)],
-        None => NAMES.iter().map(PathBuf::from).collect(),
-    };
+    match own {
+        Some(own) => first_of(
+            &[PathBuf::from(&own)],
+            OLDEST,
+            &format!("CAIRN_PYTHON names {}, which does not run", own.display()),
+        ),
+        None => first_of(&NAMES.map(PathBuf::from), OLDEST, "no python3 or python is on the PATH"),
+    }
+}
+
+/// Finds a Python that is newer than most of us needs: the usual one where it will do, else any of the usual names, else one
+/// that pyenv keeps.
+pub(crate) fn find_at_least(oldest: (u32, u32)) -> Result<Python> {
+    let mut places: Vec<PathBuf> = std::env::var_os("CAIRN_PYTHON").into_iter().map(PathBuf::from).collect();
+    places.extend(NAMES.map(PathBuf::from));
+    let root = std::env::var_os("PYENV_ROOT").map(PathBuf::from);
+    let root = root.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".pyenv")));
+    let kept = root.and_then(|root| fs::read_dir(root.join("versions")).ok());
+    let mut kept: Vec<PathBuf> =
+        kept.into_iter().flatten().flatten().map(|entry| entry.path().join("bin/python")).collect();
+    kept.sort();
+    places.extend(kept);
+    first_of(&places, oldest, "no python3 or python is on the PATH")
+}
+
+/// The first Python of `names` that is new enough; `nothing` says why there is none at all.
+fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Python> {
     let mut seen = Vec::new();
     for name in names {
-        match examine(&name) {
+        match examine(name, oldest) {
             Ok(python) => {
                 require_pip(&python)?;
                 return Ok(python);
@@ -49,23 +69,27 @@ pub(crate) fn find() -> Result<Python> {
             Err(None) => {}
         }
     }
-    let cause = match (&own, seen.is_empty()) {
-        (Some(own), true) => format!("CAIRN_PYTHON names {}, which does not run", own.to_string_lossy()),
-        (None, true) => "no python3 or python is on the PATH".to_owned(),
-        _ => format!("only too old ones were found: {}", seen.join(", ")),
+    let cause = match seen.is_empty() {
+        true => nothing.to_owned(),
+        false => format!("only too old ones were found: {}", seen.join(", ")),
     };
-    Err(Error::new("Python 3.11 or newer", cause, REMEDY))
+    let (major, minor) = oldest;
+    let remedy = format!(
+        "Install Python {major}.{minor} or newer with pip (Debian and Ubuntu: apt install python3 python3-pip; Windows: \
+         python.org), or set CAIRN_PYTHON to one"
+    );
+    Err(Error::new(format!("Python {major}.{minor} or newer"), cause, remedy))
 }
 
 /// The Python behind a name; else why it will not do, or nothing when there is none.
-fn examine(name: &Path) -> Result<Python, Option<String>> {
+fn examine(name: &Path, oldest: (u32, u32)) -> Result<Python, Option<String>> {
     const QUESTION: &str = "import sys, platform; print(*sys.version_info[:2]); \
                             print(platform.python_version(), platform.machine(), sys.base_prefix)";
     let answer = process::run(Command::new(name).args(["-I", "-c", QUESTION]), |_| {}).map_err(|_| None)?;
     let (version, identity) = answer.stdout.split_once('\n').ok_or(None)?;
     let (major, minor) = version.trim().split_once(' ').ok_or(None)?;
     let version: (u32, u32) = (major.parse().map_err(|_| None)?, minor.parse().map_err(|_| None)?);
-    if version < OLDEST {
+    if version < oldest {
         return Err(Some(format!("{} is {}.{}", name.display(), version.0, version.1)));
     }
     Ok(Python { program: name.to_owned(), identity: identity.trim().to_owned() })
@@ -147,24 +171,38 @@ fn explain(wanted: &str, outcome: &Outcome) -> Error {
 /// # Errors
 /// No Python >= 3.11 with pip, an unreachable package index, or a disk that is full: cause and remedy are named.
 pub fn python_env(progress: &dyn Progress) -> Result<PathBuf> {
-    let python = find()?;
+    let wanted = "the Python environment of the bundle builder";
+    environment("python", &find()?, REQUIREMENTS, wanted, progress).map(|place| interpreter(&place))
+}
+
+/// The folder of an environment of `python` with the packages of `requirements`, one per line; made on first use.
+pub(crate) fn environment(
+    name: &str,
+    python: &Python,
+    requirements: &str,
+    wanted: &str,
+    progress: &dyn Progress,
+) -> Result<PathBuf> {
     let mut key = Sha256::new();
-    key.update(REQUIREMENTS);
+    key.update(requirements);
     key.update(&python.identity);
-    let name = format!("python-{}", &cache::hex(&key.finalize())[..12]);
+    let name = format!("{name}-{}", &cache::hex(&key.finalize())[..12]);
     let place = cache::cache_dir()?.join(&name);
-    let interpreter = place.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+    let program = interpreter(&place);
     let complete = place.join("complete");
-    if complete.is_file() && interpreter.is_file() {
-        return Ok(interpreter);
+    if complete.is_file() && program.is_file() {
+        return Ok(place);
     }
 
     let _held = cache::lock(&name, progress)?;
-    if complete.is_file() && interpreter.is_file() {
-        return Ok(interpreter);
+    if complete.is_file() && program.is_file() {
+        return Ok(place);
     }
-    let wanted = "the Python environment of the bundle builder";
-    progress.start("making a Python environment (numpy, onnx, safetensors, PyYAML and test tools from PyPI)");
+    let packages: Vec<&str> =
+        requirements.lines().filter_map(|line| line.split_once("==")).map(|(name, _)| name).collect();
+    let few = packages.iter().take(4).copied().collect::<Vec<_>>().join(", ");
+    let more = if packages.len() > 4 { " and others" } else { "" };
+    progress.start(&format!("making {wanted} ({few}{more} from PyPI)"));
     // An environment cannot be moved once made, so it is made in place and marked when complete.
     cache::remove(&place)?;
     fs::create_dir_all(&place).map_err(|e| Error::io(&place, &e))?;
@@ -180,13 +218,27 @@ pub fn python_env(progress: &dyn Progress) -> Result<PathBuf> {
         ));
     }
     let list = place.join("requirements.txt");
-    fs::write(&list, REQUIREMENTS).map_err(|e| Error::io(&list, &e))?;
-    let (into, list) = (text(&interpreter)?, text(&list)?);
+    fs::write(&list, requirements).map_err(|e| Error::io(&list, &e))?;
+    let (into, list) = (text(&program)?, text(&list)?);
     let arguments = ["--python", into, "install", "--quiet", "--only-binary=:all:", "--no-deps", "-r", list];
-    pip(&python, &arguments, wanted, &place, progress)?;
+    pip(python, &arguments, wanted, &place, progress)?;
     fs::write(&complete, &python.identity).map_err(|e| Error::io(&complete, &e))?;
-    progress.done(&format!("Python environment: {}", place.display()));
-    Ok(interpreter)
+    progress.done(&format!("{wanted}: {}", place.display()));
+    Ok(place)
+}
+
+/// The interpreter of an environment.
+pub(crate) fn interpreter(environment: &Path) -> PathBuf {
+    environment.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" })
+}
+
+/// The folder with an environment's packages.
+pub(crate) fn packages_of(environment: &Path) -> Result<PathBuf> {
+    const QUESTION: &str = "import sysconfig; print(sysconfig.get_path('purelib'))";
+    let program = interpreter(environment);
+    let answer = process::run(Command::new(&program).args(["-I", "-c", QUESTION]), |_| {})
+        .map_err(|e| Error::io(&program, &e))?;
+    Ok(PathBuf::from(answer.stdout.trim()))
 }
 
 /// The folder of this clone's Python package, to be set as `PYTHONPATH`.

@@ -28,7 +28,8 @@ Exit status: 0 well, 1 failed or, with --check, a claim missed, 2 wrong usage, 1
 
 #[derive(Args)]
 pub(super) struct QualityArgs {
-    /// Ways to make the frames: all, built-in, or a list of repeat, blend, cairn-flow, cairn-truth
+    /// Ways to make the frames: all, built-in, or a list of repeat, blend, minterpolate, flowfps, rife,
+    /// cairn-flow, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
     /// What they are made from: all, scenes, or a list of forest, sword, desert, snow

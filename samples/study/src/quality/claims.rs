@@ -32,8 +32,9 @@ pub(super) fn judge(table: &Table) -> Vec<Claim> {
     for group in table.groups(2) {
         let others: Vec<Kind> = table.rows(2).into_iter().filter(|row| *row != Kind::Truth).collect();
         claims.extend(better(table, &group, Kind::Truth, &others, &[0, 1, 2]));
-        let plain: Vec<Kind> = others.iter().copied().filter(|row| !matches!(row, Kind::Flow)).collect();
+        let plain: Vec<Kind> = others.iter().copied().filter(|row| !matches!(row, Kind::Flow | Kind::Rife)).collect();
         claims.extend(better(table, &group, Kind::Flow, &plain, &[0, 1, 2]));
+        claims.extend(better(table, &group, Kind::Flow, &[Kind::Rife], &[0]));
     }
     claims
 }
@@ -74,17 +75,19 @@ mod tests {
             record("snow-5", Kind::Truth, 40.0, Some(0.01)),
             record("snow-5", Kind::Flow, 30.0, Some(0.02)),
             record("snow-5", Kind::Blend, 25.0, Some(0.015)),
+            record("snow-5", Kind::Rife, 29.0, Some(0.005)),
         ]);
         let claims = judge(&table);
         let told: Vec<(bool, &str)> = claims.iter().map(|c| (c.held, c.what.as_str())).collect();
         assert_eq!(
             told,
             [
-                (true, "snow: cairn-truth beats blend, cairn-flow in PSNR, SSIM, LPIPS"),
+                (false, "snow: cairn-truth beats blend, rife, cairn-flow in PSNR, SSIM, LPIPS"),
                 (false, "snow: cairn-flow beats blend in PSNR, SSIM, LPIPS"),
+                (true, "snow: cairn-flow beats rife in PSNR"),
             ]
         );
-        assert!(claims[0].figures.contains("LPIPS 0.0100, better than 0.0150 of blend"), "{}", claims[0]);
+        assert!(claims[0].figures.contains("LPIPS 0.0100, not better than 0.0050 of rife"), "{}", claims[0]);
         assert!(claims[1].to_string().starts_with("MISSED"), "{}", claims[1]);
     }
 

@@ -149,7 +149,7 @@ impl Measured {
         for (kind, row) in rows.iter_mut() {
             if !(kind.needs_guidance() && guidance.is_none()) {
                 let wanted: Vec<&Truth> = truths.iter().filter(|truth| kind.can_do(truth.phase)).collect();
-                let version = row.version();
+                let version = row.key();
                 let name =
                     |truth: &Truth| digest([SCORES, kind.name(), &version, &ends.key, &truth.key].map(str::as_bytes));
                 let known = wanted.iter().map(|truth| Ok(store.kept_line(&name(truth))?.and_then(|line| parse(&line))));
@@ -224,7 +224,7 @@ fn pictures(
     phases: &[Phase],
     store: &Store,
 ) -> Result<Vec<Picture>> {
-    let name = |phase: &Phase| digest([&row.version(), &ends.key, &phase.to_string()].map(|part| part.as_bytes()));
+    let name = |phase: &Phase| digest([&row.key(), &ends.key, &phase.to_string()].map(|part| part.as_bytes()));
     let names: Vec<String> = phases.iter().map(name).collect();
     // What this program makes is made faster than it is read, and changes with every build.
     if !kind.is_built_in() {

@@ -130,8 +130,7 @@ fn differences(out: &mut String, table: &Table) {
 fn rows(out: &mut String, measured: &Measured, table: &Table) {
     out.push_str("\n## The rows\n\n| row | how it makes its pictures | program and settings |\n|---|---|---|\n");
     for (kind, row) in &measured.rows {
-        // A build's name changes with every build, and with it nothing that a reader could use.
-        let version = if kind.is_built_in() { "this program".to_owned() } else { row.version() };
+        let version = row.version();
         _ = writeln!(out, "| {} (`{}`) | {} | {version} |", kind.label(), kind.name(), kind.description());
     }
     if !measured.left_out.is_empty() {

@@ -61,6 +61,13 @@ impl Table {
                 table.clips.push(Cell { multiplier, group, clip: Some(clip), row, count: scores.len(), score });
             }
         }
+        // A row that cannot do all phases of a multiple would be averaged over easier or harder pictures than the others.
+        let most = |cells: &[Cell], c: &Cell| {
+            let same = cells.iter().filter(|o| (o.multiplier, &o.clip) == (c.multiplier, &c.clip));
+            same.map(|o| o.count).max().unwrap_or(0)
+        };
+        let all = table.clips.clone();
+        table.clips.retain(|cell| cell.count == most(&all, cell));
         for (multiplier, group, row) in unique(table.clips.iter().map(|c| (c.multiplier, c.group.clone(), c.row))) {
             let of = table.clips.iter().filter(|c| c.multiplier == multiplier && c.group == group && c.row == row);
             let scores: Vec<Score> = of.map(|c| c.score).collect();
@@ -195,6 +202,22 @@ pub(super) mod tests {
         assert_eq!(table.clip(2, "snow-6", kind).unwrap().count, 9);
         assert_eq!(table.csv().lines().count(), 1 + 2 + 1);
         assert!(table.group(4, "snow", kind).is_none());
+    }
+
+    #[test]
+    fn a_row_that_cannot_do_all_phases_is_left_out_of_that_multiple() {
+        let mut records = Vec::new();
+        for phase in Phase::all(4) {
+            let multipliers = if phase == Phase::HALF { vec![2, 4] } else { vec![4] };
+            let blend = Record { phase, multipliers, ..record("snow-5", rows::Kind::Blend, 30.0, None) };
+            if phase == Phase::HALF {
+                records.push(Record { row: rows::Kind::Rife, ..blend.clone() });
+            }
+            records.push(blend);
+        }
+        let table = Table::new(&records);
+        assert_eq!(table.rows(2), [rows::Kind::Blend, rows::Kind::Rife]);
+        assert_eq!(table.rows(4), [rows::Kind::Blend]);
     }
 
     #[test]

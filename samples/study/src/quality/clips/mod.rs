@@ -37,6 +37,12 @@ impl Phase {
         multiplier.is_multiple_of(self.of)
     }
 
+    /// The least number of equal steps of an interval on which all of `phases` lie.
+    pub(super) fn common(phases: &[Self]) -> u32 {
+        let on_all = |steps: &u32| phases.iter().all(|phase| phase.belongs_to(*steps));
+        (1..).find(on_all).unwrap_or(1)
+    }
+
     /// As a number inside (0, 1).
     pub(super) fn value(self) -> f32 {
         self.part as f32 / self.of as f32
@@ -184,6 +190,7 @@ mod tests {
         let values: Vec<String> = all.iter().map(ToString::to_string).collect();
         assert_eq!(values.join(" "), "1/6 1/4 1/3 1/2 2/3 3/4 5/6");
         assert_eq!(all.iter().filter(|p| p.belongs_to(4)).count(), 3);
+        assert_eq!((Phase::common(&all), Phase::common(&[Phase::HALF]), Phase::common(&[])), (12, 2, 1));
         assert_eq!((Phase::HALF.step(12), Phase::HALF.step(3)), (Some(6), None));
     }
 

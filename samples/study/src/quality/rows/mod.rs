@@ -1,6 +1,10 @@
 //! What is compared: ways to make pictures between two anchors.
 
+mod flowfps;
+mod minterpolate;
 mod ours;
+pub(super) mod program;
+mod rife;
 mod simple;
 
 use cairn::guidance::Guidance;
@@ -14,12 +18,16 @@ use super::clips::Phase;
 pub(super) enum Kind {
     Repeat,
     Blend,
+    Minterpolate,
+    FlowFps,
+    Rife,
     Flow,
     Truth,
 }
 
 /// All of them, in the order of the tables.
-pub(super) const KINDS: [Kind; 4] = [Kind::Repeat, Kind::Blend, Kind::Flow, Kind::Truth];
+pub(super) const KINDS: [Kind; 7] =
+    [Kind::Repeat, Kind::Blend, Kind::Minterpolate, Kind::FlowFps, Kind::Rife, Kind::Flow, Kind::Truth];
 
 impl Kind {
     /// As it is written in `--rows` and in the CSV files.
@@ -27,6 +35,9 @@ impl Kind {
         match self {
             Self::Repeat => "repeat",
             Self::Blend => "blend",
+            Self::Minterpolate => "minterpolate",
+            Self::FlowFps => "flowfps",
+            Self::Rife => "rife",
             Self::Flow => "cairn-flow",
             Self::Truth => "cairn-truth",
         }
@@ -37,6 +48,9 @@ impl Kind {
         match self {
             Self::Repeat => "repeat",
             Self::Blend => "blend",
+            Self::Minterpolate => "ffmpeg minterpolate",
+            Self::FlowFps => "MVTools FlowFPS",
+            Self::Rife => "RIFE HDv3",
             Self::Flow => "**Cairn**, `picture_flow`",
             Self::Truth => "**Cairn**, true motion and depth",
         }
@@ -47,6 +61,11 @@ impl Kind {
         match self {
             Self::Repeat => "The nearer anchor once more; the earlier one in the middle.",
             Self::Blend => "The mean of both anchors, weighted by the phase.",
+            Self::Minterpolate => {
+                "Block motion in both directions, overlapped blocks; given two anchors on either side."
+            }
+            Self::FlowFps => "Block motion in both directions, refined and made dense, with an occlusion mask.",
+            Self::Rife => "A neural network of 3 million parameters that estimates flow and a mask; the middle only.",
             Self::Flow => "The `cpu` generator with motion found by `picture_flow` in the two anchors, and no depth.",
             Self::Truth => "The `cpu` generator with the clip's own motion and depth.",
         }
@@ -58,8 +77,8 @@ impl Kind {
     }
 
     /// Whether it can make a picture at `phase`.
-    pub(super) fn can_do(self, _phase: Phase) -> bool {
-        true
+    pub(super) fn can_do(self, phase: Phase) -> bool {
+        self != Self::Rife || phase == Phase::HALF
     }
 
     /// Whether it needs the true motion and depth of a clip.
@@ -69,17 +88,23 @@ impl Kind {
 
     /// How many anchors before and behind the interval it looks at.
     pub(super) fn margin(self) -> usize {
-        0
+        match self {
+            Self::Minterpolate | Self::FlowFps => 2,
+            _ => 0,
+        }
     }
 
     /// Makes it ready.
     ///
     /// # Errors
     /// What it needs cannot be had here; says why and what to do.
-    pub(super) fn open(self, _progress: &dyn Progress) -> Result<Box<dyn Row>> {
+    pub(super) fn open(self, progress: &dyn Progress) -> Result<Box<dyn Row>> {
         match self {
             Self::Repeat => Ok(Box::new(simple::Repeat)),
             Self::Blend => Ok(Box::new(simple::Blend)),
+            Self::Minterpolate => Ok(Box::new(minterpolate::Minterpolate::open(progress)?)),
+            Self::FlowFps => Ok(Box::new(flowfps::FlowFps::open(progress)?)),
+            Self::Rife => Ok(Box::new(rife::Rife::open(progress)?)),
             Self::Flow => Ok(Box::new(ours::Flow::new()?)),
             Self::Truth => Ok(Box::new(ours::Truth::new()?)),
         }
@@ -135,14 +160,29 @@ impl Interval<'_> {
 
 /// A way to make pictures, ready for work.
 pub(super) trait Row {
-    /// Everything that decides about its pictures besides the anchors: program, version, settings.
+    /// Program, version and settings, for people.
     fn version(&self) -> String;
+
+    /// Changes with everything that decides about its pictures besides the anchors.
+    fn key(&self) -> String {
+        self.version()
+    }
 
     /// The pictures at `phases` of an interval, in that order.
     ///
     /// # Errors
     /// The program behind it failed, or gave something else than pictures of the anchors' size.
     fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>>;
+}
+
+/// Of the pictures between two anchors, at equal steps, those at `phases`.
+fn at_phases(name: &str, made: &[Picture], phases: &[Phase]) -> Result<Vec<Picture>> {
+    let steps = Phase::common(phases);
+    let found = phases.iter().map(|phase| made.get(phase.step(steps)? as usize - 1).cloned());
+    found.collect::<Option<Vec<Picture>>>().ok_or_else(|| {
+        let cause = format!("it gave {} pictures of {}", made.len(), steps - 1);
+        Error::new(ErrorKind::Unsupported, cause).field(name)
+    })
 }
 
 #[cfg(test)]

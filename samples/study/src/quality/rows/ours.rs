@@ -29,6 +29,10 @@ impl Flow {
 
 impl Row for Flow {
     fn version(&self) -> String {
+        "this program".into()
+    }
+
+    fn key(&self) -> String {
         self.build.clone()
     }
 
@@ -57,6 +61,10 @@ impl Truth {
 
 impl Row for Truth {
     fn version(&self) -> String {
+        "this program".into()
+    }
+
+    fn key(&self) -> String {
         self.build.clone()
     }
 

@@ -1,0 +1,65 @@
+//! ffmpeg's `minterpolate` filter.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use cairn::{Error, ErrorKind, Picture, Result};
+use provision::Progress;
+
+use super::program::{Scratch, not_provided, read_pictures, run};
+use super::{Interval, Row};
+use crate::quality::clips::Phase;
+
+/// Its slowest and best: both directions of motion, overlapped blocks of variable size.
+const SETTINGS: &str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1";
+/// Nothing is lost to the filter's own YUV but rounding: full range, full chroma.
+const TO_YUV: &str = "scale=out_color_matrix=bt709:out_range=full:flags=accurate_rnd+full_chroma_int,format=yuv444p";
+const TO_RGB: &str = "scale=in_color_matrix=bt709:in_range=full:flags=accurate_rnd+full_chroma_int,format=rgb24";
+/// Anchors a second, as the filter is told; its pictures do not depend on it.
+const RATE: u32 = 15;
+
+pub(super) struct Minterpolate {
+    program: PathBuf,
+    version: String,
+}
+
+impl Minterpolate {
+    pub(super) fn open(progress: &dyn Progress) -> Result<Self> {
+        let program = provision::baselines::ffmpeg(progress).map_err(|e| not_provided(&e))?;
+        let said = run("ffmpeg", Command::new(&program).args(["-hide_banner", "-version"]))?;
+        let version = said.split_whitespace().nth(2).unwrap_or("of an unknown version").to_owned();
+        Ok(Self { program, version })
+    }
+}
+
+impl Row for Minterpolate {
+    fn version(&self) -> String {
+        format!("ffmpeg {}, `minterpolate={SETTINGS}` on 8-bit YUV 4:4:4", self.version)
+    }
+
+    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
+        let scratch = Scratch::new()?;
+        let (width, height) = interval.current().size();
+        let input = scratch.pictures("anchors.rgb", interval.anchors)?;
+        let output = scratch.path("frames.rgb");
+        let multiplier = Phase::common(phases);
+        // The filter holds back the last pictures, and what lies behind the interval is not needed.
+        let needed = (interval.at as u32 + 1) * multiplier;
+        let mut command = Command::new(&self.program);
+        command
+            .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
+            .args(["-s", &format!("{width}x{height}"), "-r", &RATE.to_string(), "-i"])
+            .arg(&input)
+            .args(["-vf", &format!("{TO_YUV},minterpolate=fps={}:{SETTINGS},{TO_RGB}", RATE * multiplier)])
+            .args(["-frames:v", &needed.to_string(), "-f", "rawvideo", "-pix_fmt", "rgb24"])
+            .arg(&output);
+        run("ffmpeg", &mut command)?;
+        let made = read_pictures(&output, (width, height))?;
+        let first = interval.at as u32 * multiplier;
+        let steps = phases.iter().map(|phase| phase.step(multiplier).map(|step| (first + step) as usize));
+        let found: Option<Vec<Picture>> = steps.map(|step| made.get(step?).cloned()).collect();
+        found.ok_or_else(|| {
+            Error::new(ErrorKind::Unsupported, format!("it gave {} pictures of {needed}", made.len())).field("ffmpeg")
+        })
+    }
+}

