@@ -38,6 +38,9 @@ pub(super) struct QualityArgs {
     /// Seeds of the scenes
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_values_t = [5, 6, 7])]
     seeds: Vec<u64>,
+    /// Network of LPIPS: alex, vgg or none; its weights are fetched once (64 MB)
+    #[arg(long, value_name = "NET", default_value = "alex")]
+    lpips: String,
     /// One scene at a small size and what needs no other program, to see that everything works
     #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "publish"])]
     smoke: bool,
@@ -66,7 +69,7 @@ impl QualityArgs {
             (self.rows.clone(), self.clips.clone(), self.seeds.clone())
         };
         let Self { smoke, fresh, publish, .. } = *self;
-        Settings { rows, clips, seeds, smoke, fresh, publish, out: self.out.clone() }
+        Settings { rows, clips, seeds, lpips: self.lpips.clone(), smoke, fresh, publish, out: self.out.clone() }
     }
 }
 

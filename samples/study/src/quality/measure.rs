@@ -1,5 +1,6 @@
 //! Makes every row's pictures and scores them.
 
+use std::cell::OnceCell;
 use std::fmt;
 use std::fmt::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +11,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use super::clips::{self, Clip, Phase, Scale};
 use super::rows::{self, Interval, Row};
 use super::store::{Store, digest, digest_picture};
-use crate::metrics::{psnr, ssim};
+use crate::metrics::{Features, Lpips, psnr, ssim};
 use crate::progress::Progress;
 
 /// Part of every score's name: changes when the same pictures would be given another score.
@@ -55,12 +56,22 @@ impl fmt::Display for LeftOut {
     }
 }
 
+/// What is to be measured.
+pub(super) struct Plan {
+    pub(super) rows: Vec<rows::Kind>,
+    pub(super) clips: Vec<clips::Kind>,
+    pub(super) seeds: Vec<u64>,
+    pub(super) scale: Scale,
+}
+
 /// Everything that was measured.
 pub(super) struct Measured {
     pub(super) records: Vec<Record>,
     pub(super) left_out: Vec<LeftOut>,
     pub(super) rows: Vec<(rows::Kind, Box<dyn Row>)>,
     pub(super) clips: Vec<Box<dyn Clip>>,
+    /// What measures LPIPS.
+    pub(super) lpips: Option<Lpips>,
     pub(super) computed: usize,
     pub(super) kept: usize,
     pub(super) interrupted: bool,
@@ -71,10 +82,8 @@ pub(super) struct Measured {
 /// # Errors
 /// A clip or a row that fails while it works; the disk. What cannot be had at all is left out and named.
 pub(super) fn run(
-    rows: &[rows::Kind],
-    clips: &[clips::Kind],
-    seeds: &[u64],
-    scale: Scale,
+    plan: &Plan,
+    lpips: Result<Option<Lpips>>,
     store: &Store,
     progress: &Progress,
     stop: &AtomicBool,
@@ -84,19 +93,24 @@ pub(super) fn run(
         left_out: Vec::new(),
         rows: Vec::new(),
         clips: Vec::new(),
+        lpips: None,
         computed: 0,
         kept: 0,
         interrupted: false,
     };
     progress.phase("opening rows and clips");
-    for &kind in rows {
+    match lpips {
+        Ok(lpips) => measured.lpips = lpips,
+        Err(error) => measured.left_out.push(LeftOut { name: "LPIPS".into(), why: error.to_string() }),
+    }
+    for &kind in &plan.rows {
         match kind.open(progress) {
             Ok(row) => measured.rows.push((kind, row)),
             Err(error) => measured.left_out.push(LeftOut { name: kind.name().into(), why: error.to_string() }),
         }
     }
-    for kind in clips {
-        match kind.open(seeds, scale, progress) {
+    for kind in &plan.clips {
+        match kind.open(&plan.seeds, plan.scale, progress) {
             Ok(clips) => measured.clips.extend(clips),
             Err(error) => measured.left_out.push(LeftOut { name: kind.name().into(), why: error.to_string() }),
         }
@@ -136,7 +150,8 @@ struct Ends {
 impl Measured {
     /// Scores every row on one interval.
     fn interval(&mut self, clip: usize, target: usize, store: &Store, done: &mut dyn FnMut()) -> Result<()> {
-        let Self { clips, rows, records, computed, kept, .. } = self;
+        let Self { clips, rows, records, lpips, computed, kept, .. } = self;
+        let measures = format!("{SCORES} {}", lpips.as_ref().map_or_else(String::new, |l| l.net().to_string()));
         let clip = clips[clip].as_mut();
         let target = clip.targets()[target].clone();
         let (previous, current) = (clip.anchor(target.anchor - 1, store)?, clip.anchor(target.anchor, store)?);
@@ -150,8 +165,9 @@ impl Measured {
             if !(kind.needs_guidance() && guidance.is_none()) {
                 let wanted: Vec<&Truth> = truths.iter().filter(|truth| kind.can_do(truth.phase)).collect();
                 let version = row.key();
-                let name =
-                    |truth: &Truth| digest([SCORES, kind.name(), &version, &ends.key, &truth.key].map(str::as_bytes));
+                let name = |truth: &Truth| {
+                    digest([&measures, kind.name(), &version, &ends.key, &truth.key].map(str::as_bytes))
+                };
                 let known = wanted.iter().map(|truth| Ok(store.kept_line(&name(truth))?.and_then(|line| parse(&line))));
                 let mut scores = known.collect::<Result<Vec<Option<Score>>>>()?;
                 let missing: Vec<usize> = (0..scores.len()).filter(|i| scores[*i].is_none()).collect();
@@ -162,7 +178,7 @@ impl Measured {
                     let made =
                         pictures(*kind, row.as_mut(), clip, target.anchor, &ends, guidance.as_ref(), &phases, store)?;
                     for (i, picture) in missing.into_iter().zip(made) {
-                        let score = wanted[i].score(picture)?;
+                        let score = wanted[i].score(picture, lpips.as_ref())?;
                         store.keep_line(&name(wanted[i]), &line(score))?;
                         scores[i] = Some(score);
                     }
@@ -263,6 +279,8 @@ struct Truth {
     phase: Phase,
     picture: Picture,
     counts: Option<Vec<bool>>,
+    /// What LPIPS sees in it, once somebody asked.
+    features: OnceCell<Features>,
     key: String,
 }
 
@@ -271,11 +289,11 @@ impl Truth {
         let (picture, counts) = (clip.truth(anchor, phase, store)?, clip.scored(anchor, phase, store)?);
         let mask: Vec<u8> = counts.iter().flatten().map(|counts| u8::from(*counts)).collect();
         let key = digest([phase.to_string().as_bytes(), digest_picture(&picture).as_bytes(), &mask]);
-        Ok(Self { phase, picture, counts, key })
+        Ok(Self { phase, picture, counts, features: OnceCell::new(), key })
     }
 
-    /// Scores `picture`. Pixels that do not count are made equal to the truth first, for every row alike.
-    fn score(&self, mut picture: Picture) -> Result<Score> {
+    /// Scores `picture`, in LPIPS where there is something to measure it with. Pixels that do not count are made equal to the truth first, for every row alike.
+    fn score(&self, mut picture: Picture, lpips: Option<&Lpips>) -> Result<Score> {
         if let Some(counts) = &self.counts {
             for ((pixel, truth), counts) in picture.pixels_mut().iter_mut().zip(self.picture.pixels()).zip(counts) {
                 if !counts {
@@ -283,7 +301,17 @@ impl Truth {
                 }
             }
         }
-        Ok(Score { psnr: psnr(&self.picture, &picture)?.min(EQUAL), ssim: ssim(&self.picture, &picture)?, lpips: None })
+        let lpips = match lpips {
+            Some(lpips) => {
+                if self.features.get().is_none() {
+                    // Set once: nobody else holds this.
+                    let _ = self.features.set(lpips.features(&self.picture)?);
+                }
+                self.features.get().map(|truth| lpips.distance_to(truth, &picture)).transpose()?
+            }
+            None => None,
+        };
+        Ok(Score { psnr: psnr(&self.picture, &picture)?.min(EQUAL), ssim: ssim(&self.picture, &picture)?, lpips })
     }
 }
 
@@ -341,11 +369,17 @@ mod tests {
         let mut other = picture.clone();
         other.pixels_mut()[3] = [0, 255, 9, 255];
         let mut counts = vec![true; 256];
-        let mut truth = Truth { phase: Phase::HALF, picture, counts: Some(counts.clone()), key: String::new() };
-        assert!(truth.score(other.clone()).unwrap().psnr < EQUAL);
+        let mut truth = Truth {
+            phase: Phase::HALF,
+            picture,
+            counts: Some(counts.clone()),
+            features: OnceCell::new(),
+            key: String::new(),
+        };
+        assert!(truth.score(other.clone(), None).unwrap().psnr < EQUAL);
         counts[3] = false;
         truth.counts = Some(counts);
-        let score = truth.score(other).unwrap();
+        let score = truth.score(other, None).unwrap();
         assert!(score.psnr == EQUAL && (score.ssim - 1.0).abs() < 1e-9);
     }
 }

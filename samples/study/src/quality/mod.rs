@@ -25,9 +25,11 @@ use std::sync::atomic::AtomicBool;
 use cairn::{Error, ErrorKind, Result};
 
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
+use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use clips::Scale;
-use measure::Measured;
+use measure::{Measured, Plan};
+use rows::program::not_provided;
 use store::Store;
 use table::Table;
 
@@ -46,6 +48,8 @@ pub(crate) struct Settings {
     pub(crate) rows: String,
     pub(crate) clips: String,
     pub(crate) seeds: Vec<u64>,
+    /// The network of LPIPS: alex, vgg or none.
+    pub(crate) lpips: String,
     /// Everything small, and only what this program can do alone.
     pub(crate) smoke: bool,
     /// Make again what other programs made earlier, and score everything again.
@@ -60,6 +64,7 @@ impl Settings {
     pub(crate) fn check(&self) -> Result<()> {
         rows::parse(&self.rows)?;
         clips::parse(&self.clips)?;
+        net(&self.lpips)?;
         if self.seeds.is_empty() {
             return Err(Error::new(ErrorKind::InvalidArgument, "no seed is given")
                 .field("--seeds")
@@ -67,6 +72,28 @@ impl Settings {
         }
         Ok(())
     }
+}
+
+/// Reads the name of a network of LPIPS.
+fn net(name: &str) -> Result<Option<Net>> {
+    match name {
+        "alex" => Ok(Some(Net::Alex)),
+        "vgg" => Ok(Some(Net::Vgg)),
+        "none" => Ok(None),
+        _ => Err(Error::new(ErrorKind::InvalidArgument, format!("LPIPS has no network {name:?}"))
+            .field("--lpips")
+            .remedy("Use alex, vgg or none")),
+    }
+}
+
+/// Loads LPIPS; its weights are fetched where that is allowed and they are not there.
+fn open_lpips(settings: &Settings, progress: &Progress) -> Result<Option<Lpips>> {
+    let Some(net) = net(&settings.lpips)? else { return Ok(None) };
+    let own = std::env::var_os("CAIRN_LPIPS").is_some_and(|folder| !folder.is_empty());
+    if !own && !settings.smoke {
+        provision::lpips_weights(progress).map_err(|e| not_provided(&e))?;
+    }
+    Lpips::find(net).map(Some)
 }
 
 /// What came of it.
@@ -91,12 +118,15 @@ pub(crate) struct Outcome {
 /// Settings that make no sense, a clip that cannot be made, a full disk. A row whose program cannot be had is no error.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
-    let cache = provision::cache_dir()
-        .map_err(|e| Error::new(ErrorKind::Io, e.cause.clone()).field(e.wanted.clone()).remedy(e.remedy.clone()))?;
+    let cache = provision::cache_dir().map_err(|e| not_provided(&e))?;
     let store = Store::new(cache.join("quality"), !settings.fresh);
-    let scale = if settings.smoke { Scale::Smoke } else { Scale::Full };
-    let chosen = (rows::parse(&settings.rows)?, clips::parse(&settings.clips)?);
-    let mut measured = measure::run(&chosen.0, &chosen.1, &settings.seeds, scale, &store, progress, stop)?;
+    let plan = Plan {
+        rows: rows::parse(&settings.rows)?,
+        clips: clips::parse(&settings.clips)?,
+        seeds: settings.seeds.clone(),
+        scale: if settings.smoke { Scale::Smoke } else { Scale::Full },
+    };
+    let mut measured = measure::run(&plan, open_lpips(settings, progress), &store, progress, stop)?;
     let table = Table::new(&measured.records);
     let claims = claims::judge(&table);
 

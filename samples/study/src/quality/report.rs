@@ -152,14 +152,16 @@ fn method(out: &mut String, settings: &Settings) {
     let seeds: Vec<String> = settings.seeds.iter().map(ToString::to_string).collect();
     _ = write!(
         out,
-        "\n## How it was measured\n\n```sh\ncargo run --release -p study -- quality --rows {} --clips {} --seeds {}\n```\n\n\
-         - PSNR over R, G and B; SSIM with a Gaussian window of 11x11, the mean of R, G and B; all on 8-bit display values.\n\
+        "\n## How it was measured\n\n```sh\ncargo run --release -p study -- quality --rows {} --clips {} --seeds {} --lpips {}\n```\n\n\
+         - PSNR over R, G and B; SSIM with a Gaussian window of 11x11, the mean of R, G and B; LPIPS v0.1 with the published weights; all on \
+         8-bit display values at full size.\n\
          - Frames of a clip are averaged first, then the clips of a kind of place; the unit of statistics is the clip. Equal pictures \
          count as 100 dB.\n\
          - `{SUMMARY}` beside this page holds every mean; `{FRAMES}`, in the folder of the run, every frame.\n",
         settings.rows,
         settings.clips,
-        seeds.join(",")
+        seeds.join(","),
+        settings.lpips,
     );
 }
 
