@@ -14,6 +14,7 @@ mod interpolate;
 mod quality;
 mod replay;
 mod rollout;
+mod score;
 mod seed_picture;
 
 const EXAMPLES: &str = "\
@@ -63,6 +64,9 @@ enum Command {
     /// Makes more frames a second of a video, or of a folder of pictures
     #[command(after_help = interpolate::EXAMPLES)]
     Interpolate(interpolate::InterpolateArgs),
+    /// How near pictures are to the true ones: PSNR, SSIM and LPIPS
+    #[command(after_help = score::EXAMPLES)]
+    Score(score::ScoreArgs),
     /// Writes the built-in seed picture, to paint over or to compare with
     SeedPicture(seed_picture::SeedPictureArgs),
 }
@@ -85,6 +89,7 @@ impl Command {
             Self::Demo(args) => args,
             Self::Quality(args) => args,
             Self::Interpolate(args) => args,
+            Self::Score(args) => args,
             Self::SeedPicture(args) => args,
         }
     }

@@ -107,7 +107,8 @@ fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bundle>, Input
     Ok((bundle, input))
 }
 
-fn not_provided(error: &provision::Error, kind: ErrorKind) -> Error {
+/// What could not be fetched, as an error of ours.
+pub(crate) fn not_provided(error: &provision::Error, kind: ErrorKind) -> Error {
     Error::new(kind, error.cause.trim_end_matches(['.', '\n']).to_owned())
         .field(error.wanted.clone())
         .remedy(error.remedy.clone())
