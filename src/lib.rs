@@ -13,6 +13,8 @@
 #[cfg(test)]
 extern crate self as cairn;
 
+pub mod abi;
+
 pub mod present;
 
 pub mod framegen;

@@ -15,7 +15,7 @@ use crate::{Error, ErrorKind, Result};
 pub struct OpenOptions<'a> {
     /// Called from the opening thread after every mebibyte or file.
     pub progress: Option<&'a dyn Fn(OpenProgress)>,
-    /// Set it from any thread to stop at the next mebibyte.
+    /// Set it, from any thread or from `progress` itself, and nothing more is read.
     pub cancel: Option<&'a AtomicBool>,
     /// The most bytes all files may have together; `None`: no limit but memory.
     pub max_bytes: Option<u64>,
@@ -97,22 +97,27 @@ impl Reader<'_> {
     fn read(&mut self, entry: &FileEntry) -> Result<Cow<'static, [u8]>> {
         let mut hash = Sha256::new();
         let Self { container, options, done, total } = self;
+        check_cancel(options)?;
         let bytes = container.read(&entry.path, entry.size, &mut |part| {
-            if options.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
-                return Err(Error::new(ErrorKind::Cancelled, "opening the bundle was cancelled"));
-            }
             hash.update(part);
             *done += part.len() as u64;
             if let Some(progress) = options.progress {
                 progress(OpenProgress { done: *done, total: *total });
             }
-            Ok(())
+            check_cancel(options)
         })?;
         if hex(&hash.finalize()) != entry.sha256 {
             return Err(damaged(&entry.path, "the SHA-256 is not the one in the manifest"));
         }
         Ok(bytes)
     }
+}
+
+fn check_cancel(options: &OpenOptions<'_>) -> Result<()> {
+    if options.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed)) {
+        return Err(Error::new(ErrorKind::Cancelled, "opening the bundle was cancelled"));
+    }
+    Ok(())
 }
 
 /// Lower-case hex.

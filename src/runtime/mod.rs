@@ -13,6 +13,7 @@ mod graph;
 mod lane;
 mod library;
 mod memory;
+mod stop;
 
 pub use cpu::CpuOptions;
 pub use device::Device;
@@ -20,3 +21,4 @@ pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
 pub(crate) use lane::{BindingId, BufferId, Lane, Region};
 pub use library::Ort;
+pub(crate) use stop::StopLane;

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, OnceCell};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::autoencoder::Autoencoder;
@@ -14,7 +15,7 @@ use super::plan::{CachePass, Planner, StepPlan};
 use super::resize::Bilinear;
 use super::statistics::{Stages, Statistics, StepInfo};
 use super::world::World;
-use crate::runtime::{BufferId, Lane, Region};
+use crate::runtime::{BufferId, Lane, Region, StopLane};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// One running instance of a world: KV ring, clocks, noise seed, autoencoder memories.
@@ -42,6 +43,7 @@ pub struct Rollout {
     planes: Vec<f32>,
     to_render: Bilinear,
     statistics: Statistics,
+    stop: Arc<AtomicBool>,
 }
 
 /// What a frozen pass computes, for parity tests and research.
@@ -66,7 +68,8 @@ impl Rollout {
         world.check_point(point)?;
         world.check_room_for_rollout()?;
         let planner = Planner::new(world.manifest(), point, seed)?;
-        let mut lane = world.device().lane()?;
+        let stop = Arc::<AtomicBool>::default();
+        let mut lane: Box<dyn Lane> = Box::new(StopLane::new(world.device(), stop.clone())?);
         let kv = KvMemory::new(&mut *lane, world)?;
         let passes = Passes::new(&mut *lane, world, &kv)?;
         let autoencoder = Autoencoder::new(&mut *lane, world, passes.latent())?;
@@ -85,6 +88,7 @@ impl Rollout {
             planes: numbers::zeroed(world.shapes.picture_len())?,
             to_render: Bilinear::new(world.decoded_size(), world.render_size()),
             statistics: Statistics::default(),
+            stop,
             world: world.clone(),
         })
     }
@@ -316,6 +320,12 @@ impl Rollout {
     /// Figures since it was made; [`reset`](Self::reset) and [`restore`](Self::restore) do not touch them.
     pub fn statistics(&self) -> Statistics {
         Statistics { bytes: self.lane.bytes(), ..self.statistics }
+    }
+
+    /// The flag that ends a step or an append from another thread: while it is set no pass begins, the call fails with
+    /// `Cancelled`, and the rollout is as it was before it. Whoever sets it clears it.
+    pub fn stop_flag(&self) -> &Arc<AtomicBool> {
+        &self.stop
     }
 
     /// Makes a plan in the plan that is kept, and executes it.

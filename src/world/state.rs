@@ -45,11 +45,8 @@ impl Rollout {
     /// # Errors
     /// `OutOfMemory` when the copy does not fit; `Device` when the device cannot be read.
     pub fn save(&self) -> Result<Vec<u8>> {
-        let head =
-            serde_json::to_vec(&self.head()).map_err(|e| damaged(&format!("the head cannot be written: {e}")))?;
-        let planner = self.planner.save();
-        let payload: usize = self.state_buffers().map(|buffer| self.lane.size(buffer)).sum();
-        let len = MAGIC.len() + 12 + head.len() + planner.len() + payload + CHECKSUM;
+        let (head, planner) = self.parts()?;
+        let len = self.len_with(&head, &planner);
         let mut out = Vec::new();
         out.try_reserve_exact(len)
             .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a state of {len} bytes cannot be allocated")))?;
@@ -67,6 +64,28 @@ impl Rollout {
         let checksum = Sha256::digest(&out);
         out.extend_from_slice(&checksum);
         Ok(out)
+    }
+
+    /// Bytes that [`save`](Self::save) makes now. It depends on the world, the operating point and the seed, and on nothing
+    /// else.
+    ///
+    /// # Errors
+    /// None that a caller could bring about.
+    pub fn state_len(&self) -> Result<usize> {
+        let (head, planner) = self.parts()?;
+        Ok(self.len_with(&head, &planner))
+    }
+
+    /// The head and the planner's state.
+    fn parts(&self) -> Result<(Vec<u8>, Vec<u8>)> {
+        let head =
+            serde_json::to_vec(&self.head()).map_err(|e| damaged(&format!("the head cannot be written: {e}")))?;
+        Ok((head, self.planner.save()))
+    }
+
+    fn len_with(&self, head: &[u8], planner: &[u8]) -> usize {
+        let payload: usize = self.state_buffers().map(|buffer| self.lane.size(buffer)).sum();
+        MAGIC.len() + 12 + head.len() + planner.len() + payload + CHECKSUM
     }
 
     /// Takes up a state that [`save`](Self::save) made in a rollout of the same bundle, precision and global window, in

@@ -47,6 +47,20 @@ impl World {
     /// `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict the manifest;
     /// `Device` when ONNX Runtime refuses a graph.
     pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
+        Self::load_with(device, bundle, options, &|_| Ok(()))
+    }
+
+    /// [`World::load`] with a word in between: `proceed` is called before each session is made and after the last, with
+    /// the number of sessions there are to make, and ends the loading where it fails.
+    ///
+    /// # Errors
+    /// As [`World::load`], and whatever `proceed` says.
+    pub fn load_with(
+        device: &Device,
+        bundle: &Arc<Bundle>,
+        options: WorldOptions,
+        proceed: &dyn Fn(u64) -> Result<()>,
+    ) -> Result<Arc<World>> {
         let manifest = bundle.manifest();
         let geometry = bundle.geometry();
         let precision = options.precision.unwrap_or_else(|| device.precision());
@@ -64,7 +78,9 @@ impl World {
         }
 
         let shapes = Shapes::new(manifest, global_window);
+        let sessions = GraphKind::ALL.len() as u64;
         let graph = |kind, what, dimensions: &[(&str, usize)], c: contract::Contract| {
+            proceed(sessions)?;
             device.graph(what, &bundle.model(kind, precision)?, dimensions, c.inputs, c.outputs)
         };
         let transformer = graph(
@@ -75,6 +91,7 @@ impl World {
         )?;
         let encoder = graph(GraphKind::Encoder, "encoder", &[], contract::encoder(&shapes, precision))?;
         let decoder = graph(GraphKind::Decoder, "decoder", &[], contract::decoder(geometry, &shapes, precision))?;
+        proceed(sessions)?;
         Ok(Arc::new(World {
             device: device.clone(),
             manifest: manifest.clone(),

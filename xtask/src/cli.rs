@@ -43,8 +43,12 @@ pub(crate) enum Command {
         #[arg(last = true)]
         arguments: Vec<String>,
     },
-    /// Format the code and apply what clippy can mend by itself
-    Fix,
+    /// Format the code, apply what clippy can mend by itself, and write the C header and abi.txt anew
+    Fix {
+        /// Only write the C header and abi.txt
+        #[arg(long)]
+        abi: bool,
+    },
 }
 
 #[derive(Debug, Args)]

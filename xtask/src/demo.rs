@@ -27,6 +27,8 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
         tools::rust_component("clippy", "cargo-clippy", &console).map_err(text)?;
         tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(text)?;
         tools::mingw(&console).map_err(text)?;
+        // Where they cannot be had, the test of the header says so.
+        _ = (tools::clang("clang++", &console), tools::mingw_compiler(true, &console));
         tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
         pass_through(&mut clone.cargo(["fetch", "--quiet"]))?;
     }
@@ -58,7 +60,7 @@ pub(crate) fn bench(clone: &Clone, arguments: &[String]) -> Result<(), String> {
     pass_through(command.args(arguments))
 }
 
-/// Formats, and applies what clippy can mend.
+/// Formats, applies what clippy can mend, and writes the C header and its record anew.
 pub(crate) fn fix(clone: &Clone) -> Result<(), String> {
     pass_through(&mut clone.cargo([
         "clippy",
@@ -68,5 +70,6 @@ pub(crate) fn fix(clone: &Clone) -> Result<(), String> {
         "--allow-dirty",
         "--allow-staged",
     ]))?;
-    pass_through(&mut clone.cargo(["fmt", "--all"]))
+    pass_through(&mut clone.cargo(["fmt", "--all"]))?;
+    crate::abi::fix(clone)
 }

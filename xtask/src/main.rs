@@ -1,5 +1,6 @@
 //! `cargo xtask`: the one place that knows how things are run in this clone. `cargo xtask help` is its manual.
 
+mod abi;
 mod cli;
 mod clone;
 mod demo;
@@ -20,7 +21,8 @@ fn main() -> ExitCode {
         Command::Demo { arguments } => demo::run(&clone, &arguments).map(|()| true),
         Command::Test(options) => test::run(&clone, &options),
         Command::Bench { arguments } => demo::bench(&clone, &arguments).map(|()| true),
-        Command::Fix => demo::fix(&clone).map(|()| true),
+        Command::Fix { abi: true } => abi::fix(&clone).map(|()| true),
+        Command::Fix { abi: false } => demo::fix(&clone).map(|()| true),
     });
     match result {
         Ok(true) => ExitCode::SUCCESS,

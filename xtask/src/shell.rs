@@ -106,3 +106,13 @@ pub(crate) fn pass_through(command: &mut Command) -> Result<(), String> {
     let status = command.status().map_err(|e| format!("{shown} does not run: {e}"))?;
     if status.success() { Ok(()) } else { Err(format!("\"{shown}\" ended with {status}")) }
 }
+
+/// What a command prints; its messages go to the screen.
+pub(crate) fn output(command: &mut Command) -> Result<String, String> {
+    let shown = show(command);
+    let output = command.stderr(Stdio::inherit()).output().map_err(|e| format!("{shown} does not run: {e}"))?;
+    if !output.status.success() {
+        return Err(format!("\"{shown}\" ended with {}", output.status));
+    }
+    String::from_utf8(output.stdout).map_err(|_| format!("\"{shown}\" printed what is not UTF-8"))
+}

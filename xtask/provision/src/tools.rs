@@ -43,6 +43,47 @@ pub fn chromium(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
+/// Clang's compiler `name` (`clang`, `clang++`), from the PATH or by apt when root; none elsewhere.
+pub fn clang(name: &str, progress: &dyn Progress) -> Option<PathBuf> {
+    on_path(name).or_else(|| {
+        apt("clang", progress).ok()?;
+        on_path(name)
+    })
+}
+
+/// A C or C++ compiler for Windows, and the words that come before its other arguments.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MingwCompiler {
+    /// The program.
+    pub program: PathBuf,
+    /// Its first arguments.
+    pub first: &'static [&'static str],
+}
+
+/// A C compiler for Windows, or with `cpp` a C++ compiler: MinGW-w64's from the PATH or by apt when root, else `ziglang`'s.
+///
+/// # Errors
+/// Neither could be had; says why.
+pub fn mingw_compiler(cpp: bool, progress: &dyn Progress) -> Result<MingwCompiler> {
+    let (name, package) = match cpp {
+        false => ("x86_64-w64-mingw32-gcc", "gcc-mingw-w64-x86-64"),
+        true => ("x86_64-w64-mingw32-g++", "g++-mingw-w64-x86-64"),
+    };
+    let found = on_path(name).or_else(|| {
+        apt(package, progress).ok()?;
+        on_path(name)
+    });
+    if let Some(program) = found {
+        return Ok(MingwCompiler { program, first: &[] });
+    }
+    let programs = zigbuild(progress)?;
+    let first: &[&str] = match cpp {
+        false => &["-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"],
+        true => &["-m", "ziglang", "c++", "-target", "x86_64-windows-gnu"],
+    };
+    Ok(MingwCompiler { program: programs.join(if cfg!(windows) { "python.exe" } else { "python" }), first })
+}
+
 /// A linker for [`WINDOWS_TARGET`]: MinGW from the PATH, by apt when root, else `ziglang` from PyPI.
 ///
 /// # Errors

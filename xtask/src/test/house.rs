@@ -17,13 +17,14 @@ const UNFINISHED: [(&str, &str); 6] =
     [("TO", "DO"), ("FIX", "ME"), ("XX", "X:"), ("todo", "!("), ("unimplemented", "!("), ("#[ign", "ore]")];
 
 /// The rooms of the library from the top down: each may use those after it only.
-const ROOMS: [&str; 6] = ["present", "framegen", "guidance", "world", "runtime", "bundle"];
+const ROOMS: [&str; 7] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle"];
 
 /// Folders at the root; a path in a text that starts with one of them must exist.
-const FOLDERS: [&str; 8] = ["src/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
+const FOLDERS: [&str; 9] =
+    ["src/", "include/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
 
 /// Endings of files that texts refer to.
-const ENDINGS: [&str; 9] = ["rs", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
+const ENDINGS: [&str; 11] = ["rs", "c", "h", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let clone = context.clone;

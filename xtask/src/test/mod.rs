@@ -1,5 +1,6 @@
 //! `cargo xtask test`: named runners, one after the other, and one sum.
 
+mod abi;
 mod browser;
 mod cargo;
 mod house;
@@ -42,6 +43,11 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "docs", what: "documentation without a warning", run: cargo::docs },
     Runner { name: "clippy-windows", what: "no warning for Windows, all targets", run: cargo::clippy_windows },
     Runner { name: "link-windows", what: "the library links for Windows", run: cargo::link_windows },
+    Runner {
+        name: "abi",
+        what: "the C header, the record of the interface, and C programs that use it",
+        run: abi::run,
+    },
     Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
     Runner { name: "pytest", what: "the bundle builder, and parity with the oracle", run: python::run },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },

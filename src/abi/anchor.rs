@@ -1,0 +1,240 @@
+//! Anchors: pictures that a stream is built on, each with its latent and its time.
+
+use super::boundary::call;
+use super::handles::{Handle, Kind, Object, destroy, enter, insert};
+use super::images::{Target, cairn_picture, cairn_target, read_picture};
+use super::results::{CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::structs::{Out, check_out, describe, slice_mut};
+use crate::world::Rollout;
+use crate::{Error, ErrorKind, Picture};
+
+/// A flag of cairn_anchor_info: nothing leads from the anchor before to this one, so that nothing may be generated between
+/// them. It is the first of a rollout, after a reset or a restored state, or a picture that was appended.
+pub const CAIRN_ANCHOR_CUT: u32 = 1;
+
+/// An anchor: a copy that stays as it is, whatever becomes of its rollout.
+pub struct cairn_anchor(());
+
+/// What lies behind a handle of an anchor.
+pub(super) struct Anchor {
+    number: u64,
+    latents_per_second: u32,
+    flags: u32,
+    /// In order of time; the last is the anchor itself.
+    pictures: Vec<Picture>,
+    shape: [u32; 3],
+    latent: Vec<f32>,
+}
+
+impl Handle for cairn_anchor {
+    const KIND: Kind = Kind::Anchor;
+    const NAME: &'static str = "cairn_anchor";
+    type Object = Anchor;
+}
+
+impl Object for Anchor {}
+
+/// What an anchor is.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_anchor_info {
+    /// sizeof(cairn_anchor_info)
+    pub struct_size: u32,
+    /// CAIRN_ANCHOR_CUT, or 0
+    pub flags: u32,
+    /// Number of its latent in the rollout, from 0. It stands at latent / latents_per_second seconds of world time.
+    pub latent: u64,
+    /// Latents per second of world time; 0 for a host's own picture.
+    pub latents_per_second: u32,
+    /// Pictures it has, in order of time; the last is the anchor itself.
+    pub pictures: u32,
+    /// Size of its pictures, in square pixels.
+    pub width: u32,
+    /// See width.
+    pub height: u32,
+    /// Shape of its latent, [channels, height, width]; all 0 where it has none.
+    pub latent_channels: u32,
+    /// See latent_channels.
+    pub latent_height: u32,
+    /// See latent_channels.
+    pub latent_width: u32,
+    /// 0
+    pub reserved: u32,
+}
+describe!(cairn_anchor_info, [], {
+    struct_size, flags, latent, latents_per_second, pictures, width, height, latent_channels, latent_height, latent_width,
+    reserved,
+});
+
+/// Makes an anchor of a picture of the host's own, for frame generation without a world.
+///
+/// number: counts up by one from anchor to anchor.
+/// flags: CAIRN_ANCHOR_CUT where nothing leads to it from the one before, or 0.
+///
+/// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written. The picture is copied.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_OUT_OF_MEMORY.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_anchor_create(
+    picture: *const cairn_picture,
+    number: u64,
+    flags: u32,
+    anchor: *mut *mut cairn_anchor,
+) -> cairn_result {
+    call("cairn_anchor_create", || {
+        check_out(anchor, "anchor")?;
+        if flags & !CAIRN_ANCHOR_CUT != 0 {
+            return Err(Failure::argument("flags", format!("{flags:#x} has an unknown bit")));
+        }
+        // SAFETY: the host's promise about `picture`.
+        let picture = unsafe { read_picture(picture, "picture") }?;
+        let (shape, latent) = ([0; 3], Vec::new());
+        let made = Anchor { number, latents_per_second: 0, flags, pictures: vec![picture], shape, latent };
+        let handle = insert::<cairn_anchor>(made)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { anchor.write(handle) };
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Says what an anchor is.
+///
+/// Ownership: info stays the caller's and is filled on success; on failure it is not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_anchor_get_info(
+    anchor: *const cairn_anchor,
+    info: *mut cairn_anchor_info,
+) -> cairn_result {
+    call("cairn_anchor_get_info", || {
+        let anchor = enter(anchor)?;
+        // SAFETY: the host's promise about `info`.
+        let info = unsafe { Out::new(info, "info") }?;
+        let (width, height) = anchor.size();
+        let [latent_channels, latent_height, latent_width] = anchor.shape;
+        info.write(&cairn_anchor_info {
+            struct_size: 0,
+            flags: anchor.flags,
+            latent: anchor.number,
+            latents_per_second: anchor.latents_per_second,
+            pictures: anchor.pictures.len() as u32,
+            width,
+            height,
+            latent_channels,
+            latent_height,
+            latent_width,
+            reserved: 0,
+        });
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Copies one of an anchor's pictures into the host's memory.
+///
+/// index: 0 to pictures - 1, in order of time.
+/// target: of the anchor's size.
+///
+/// Ownership: the pixels are copied, on success; on failure none is written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_anchor_read_picture(
+    anchor: *const cairn_anchor,
+    index: u32,
+    target: *const cairn_target,
+) -> cairn_result {
+    call("cairn_anchor_read_picture", || {
+        let anchor = enter(anchor)?;
+        let picture = anchor.pictures.get(index as usize).ok_or_else(|| {
+            Failure::argument("index", format!("there is no picture {index}, the anchor has {}", anchor.pictures.len()))
+        })?;
+        // SAFETY: the host's promise about `target`.
+        unsafe { Target::new(target, picture.size(), "target") }?.write(picture);
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Copies an anchor's latent: float32, [channels, height, width], the last index running fastest.
+///
+/// count: numbers there is room for; must be channels * height * width.
+///
+/// Ownership: the numbers are copied, on success; on failure none is written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED for an anchor without a
+/// latent.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_anchor_read_latent(
+    anchor: *const cairn_anchor,
+    values: *mut f32,
+    count: usize,
+) -> cairn_result {
+    call("cairn_anchor_read_latent", || {
+        let anchor = enter(anchor)?;
+        if anchor.latent.is_empty() {
+            return Err(Error::new(ErrorKind::Unsupported, "the host's own picture has no latent").into());
+        }
+        if count != anchor.latent.len() {
+            let why = format!("{count} numbers, the latent has {}", anchor.latent.len());
+            return Err(Failure::argument("count", why));
+        }
+        // SAFETY: the host's promise about `values`.
+        unsafe { slice_mut(values, count, "values") }?.copy_from_slice(&anchor.latent);
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Destroys the handle of an anchor; null is allowed. Guidance and presenters that were given it keep what they need.
+///
+/// Ownership: on success anchor is no handle any more; on failure it is as it was.
+/// Threads: any thread; waits for calls in flight on the anchor.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_anchor_destroy(anchor: *mut cairn_anchor) -> cairn_result {
+    call("cairn_anchor_destroy", || destroy(anchor))
+}
+
+impl Anchor {
+    /// A copy of what `rollout` made last.
+    pub(super) fn of(rollout: &mut Rollout, cut: bool) -> Outcome<Self> {
+        let point = rollout.operating_point().clone();
+        let mut pictures = Vec::new();
+        for i in 0..point.pictures_per_latent {
+            let (width, height) = rollout.world().render_size();
+            let mut picture = Picture::new(width, height)?;
+            rollout.read_picture(i, &mut picture)?;
+            pictures.push(picture);
+        }
+        let shape = rollout.world().manifest().geometry.latent;
+        let mut latent = Vec::new();
+        let values = rollout.latent()?;
+        latent.try_reserve_exact(values.len()).map_err(|_| {
+            Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("a latent of {} numbers cannot be copied", values.len()))
+        })?;
+        latent.extend_from_slice(values);
+        Ok(Self {
+            number: rollout.planner().latents().saturating_sub(1),
+            latents_per_second: point.latents_per_second,
+            flags: if cut { CAIRN_ANCHOR_CUT } else { 0 },
+            pictures,
+            shape: [shape.channels, shape.height, shape.width],
+            latent,
+        })
+    }
+
+    /// `(width, height)` of its pictures.
+    pub(super) fn size(&self) -> (u32, u32) {
+        self.picture().size()
+    }
+
+    /// The picture that the anchor is.
+    pub(super) fn picture(&self) -> &Picture {
+        // It is made with one at least.
+        &self.pictures[self.pictures.len() - 1]
+    }
+}

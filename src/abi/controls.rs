@@ -1,0 +1,39 @@
+//! What the player does in one latent step.
+
+use super::results::Outcome;
+use super::structs::{describe, read};
+use crate::world::{ControlInput, KeySet};
+
+/// Controls of one latent step. All zero: nothing moves, no key is held.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_controls {
+    /// sizeof(cairn_controls)
+    pub struct_size: u32,
+    /// Mouse motion in raw counts, summed over the step, right positive; -32768 to 32768.
+    pub mouse_dx: f32,
+    /// The same, down positive.
+    pub mouse_dy: f32,
+    /// The wheel, up positive; any finite number, of which the sign counts.
+    pub scroll: f32,
+    /// Keys and mouse buttons that are held at any moment of the step, by Windows virtual-key code: bit code % 64 of word
+    /// code / 64. W is 0x57: bit 23 of the second word.
+    pub keys: [u64; 4],
+}
+describe!(cairn_controls, [], { struct_size, mouse_dx, mouse_dy, scroll, keys });
+
+/// Reads and checks the host's controls.
+///
+/// # Safety
+/// `from` is null or points to a readable struct.
+pub(super) unsafe fn read_controls(from: *const cairn_controls, name: &str) -> Outcome<ControlInput> {
+    // SAFETY: the caller's promise is the same.
+    let from = unsafe { read(from, name) }?;
+    Ok(ControlInput::new([from.mouse_dx, from.mouse_dy], KeySet(from.keys), from.scroll)?)
+}
+
+/// Controls as the header has them; the size is the reader's to set.
+pub(super) fn to_header(input: &ControlInput) -> cairn_controls {
+    let [mouse_dx, mouse_dy] = input.mouse();
+    cairn_controls { struct_size: 0, mouse_dx, mouse_dy, scroll: input.scroll(), keys: input.keys().0 }
+}

@@ -1,0 +1,223 @@
+//! Handles: numbers that look like pointers and are never followed.
+//!
+//! ```text
+//! bits 56..64  kind of object, 1 ...      a real pointer has zeroes here
+//! bits 24..56  generation of the slot     starts at random, so that a guess or another library's handle fails
+//! bits  0..24  slot
+//! ```
+
+use std::any::Any;
+use std::collections::hash_map::RandomState;
+use std::hash::BuildHasher;
+use std::ops::Deref;
+use std::sync::Arc;
+
+use parking_lot::RwLock;
+
+use super::gate::Gate;
+use super::results::{
+    CAIRN_ERROR_BUSY, CAIRN_ERROR_INVALID_HANDLE, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED, CAIRN_OK, Failure,
+    Outcome,
+};
+
+const SLOT_BITS: u32 = 24;
+const GENERATION_BITS: u32 = 32;
+const _: () = assert!(size_of::<usize>() == 8, "handles need pointers of 64 bits");
+
+/// The kinds of objects; the number is part of the handle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Kind {
+    Device = 1,
+    World,
+    Rollout,
+    Anchor,
+    Script,
+    Recorder,
+}
+
+/// The opaque type that a handle points to in the header.
+pub(super) trait Handle {
+    const KIND: Kind;
+    /// The header's name of it.
+    const NAME: &'static str;
+    type Object: Object;
+}
+
+/// What lies behind a handle.
+pub(super) trait Object: Any + Send + Sync {
+    /// The handle is gone: calls that still wait for something must come to an end.
+    fn close(&self) {}
+}
+
+static TABLE: RwLock<Table> = RwLock::new(Table { slots: Vec::new(), free: Vec::new() });
+
+struct Table {
+    slots: Vec<Slot>,
+    free: Vec<u32>,
+}
+
+struct Slot {
+    generation: u32,
+    /// The generation it began with: when it comes round again the slot is used no more.
+    first: u32,
+    entry: Option<Entry>,
+}
+
+#[derive(Clone)]
+struct Entry {
+    kind: Kind,
+    gate: Arc<Gate>,
+    object: Arc<dyn Object>,
+}
+
+/// A call's hold on an object. The object's end waits until it is dropped; a panic while it lives poisons the object.
+pub(super) struct Entered<T> {
+    // Given back before the gate is left, so that whoever waits there has the last hold.
+    object: Arc<T>,
+    _pass: Pass,
+}
+
+/// A call inside a gate.
+struct Pass {
+    gate: Arc<Gate>,
+    alone: bool,
+    was_panicking: bool,
+}
+
+impl<T> Deref for Entered<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.object
+    }
+}
+
+impl Drop for Pass {
+    fn drop(&mut self) {
+        if std::thread::panicking() && !self.was_panicking {
+            self.gate.poison();
+        }
+        self.gate.leave(self.alone);
+    }
+}
+
+/// Puts an object, which others may share, into the table; its handle is the caller's to destroy.
+pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*mut H> {
+    let full = || Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "there is no room for another handle. Destroy some objects");
+    let entry = Entry { kind: H::KIND, gate: Arc::default(), object: object.into() };
+    let mut table = TABLE.write();
+    let slot = match table.free.pop() {
+        Some(slot) => slot,
+        None => {
+            let slot = u32::try_from(table.slots.len()).ok().filter(|slot| *slot < 1 << SLOT_BITS).ok_or_else(full)?;
+            // A freed slot must find its place in the list without allocating.
+            let spare = table.slots.len() + 1 - table.free.len();
+            table.free.try_reserve(spare).map_err(|_| full())?;
+            table.slots.try_reserve(1).map_err(|_| full())?;
+            let first = RandomState::new().hash_one(slot) as u32;
+            table.slots.push(Slot { generation: first, first, entry: None });
+            slot
+        }
+    };
+    let place = &mut table.slots[slot as usize];
+    place.entry = Some(entry);
+    Ok(encode::<H>(place.generation, slot))
+}
+
+/// Holds the object of `handle` for a call that others may run beside.
+pub(super) fn enter<H: Handle>(handle: *const H) -> Outcome<Entered<H::Object>> {
+    hold(handle, false)
+}
+
+/// Holds the object of `handle` for a call that excludes others of its kind.
+pub(super) fn enter_alone<H: Handle>(handle: *mut H) -> Outcome<Entered<H::Object>> {
+    hold(handle.cast_const(), true)
+}
+
+fn hold<H: Handle>(handle: *const H, alone: bool) -> Outcome<Entered<H::Object>> {
+    let table = TABLE.read();
+    let entry = table.find(handle)?;
+    let (gate, object) = (entry.gate.clone(), entry.object.clone());
+    if gate.is_poisoned() {
+        return Err(Failure::new(
+            CAIRN_ERROR_POISONED,
+            format!("an earlier call on this {} failed by a fault of the library. Destroy it", H::NAME),
+        ));
+    }
+    let object = (object as Arc<dyn Any + Send + Sync>).downcast().map_err(|_| no_handle::<H>("is of another kind"))?;
+    // Still under the table's lock, so that a destroy on another thread comes either before or waits.
+    if !gate.enter(alone) {
+        return Err(busy::<H>("another call is using it"));
+    }
+    Ok(Entered { object, _pass: Pass { gate, alone, was_panicking: std::thread::panicking() } })
+}
+
+/// Ends a handle: no later call finds it, calls in flight are waited for, and the object goes when no child needs it.
+pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
+    if handle.is_null() {
+        return Ok(CAIRN_OK);
+    }
+    let entry = {
+        let mut table = TABLE.write();
+        let gate = &table.find(handle.cast_const())?.gate;
+        if gate.holds_me() {
+            return Err(busy::<H>("this is a callback of a call on it. Destroy it after that call"));
+        }
+        table.remove(handle.cast_const())
+    };
+    if let Some(entry) = entry {
+        entry.object.close();
+        entry.gate.wait_empty();
+    }
+    Ok(CAIRN_OK)
+}
+
+impl Table {
+    fn find<H: Handle>(&self, handle: *const H) -> Outcome<&Entry> {
+        if handle.is_null() {
+            return Err(no_handle::<H>("is null"));
+        }
+        let (kind, generation, slot) = decode(handle);
+        let slot = self.slots.get(slot).filter(|slot| slot.generation == generation);
+        match slot.and_then(|slot| slot.entry.as_ref()) {
+            Some(entry) if kind != entry.kind as u8 => Err(no_handle::<H>("never was one")),
+            Some(entry) if entry.kind != H::KIND => Err(no_handle::<H>("is of another kind")),
+            Some(entry) => Ok(entry),
+            None => Err(no_handle::<H>("was destroyed, or never was one")),
+        }
+    }
+
+    fn remove<H>(&mut self, handle: *const H) -> Option<Entry> {
+        let (_, _, index) = decode(handle);
+        let slot = self.slots.get_mut(index)?;
+        let entry = slot.entry.take();
+        slot.generation = slot.generation.wrapping_add(1);
+        if slot.generation != slot.first {
+            self.free.push(index as u32);
+        }
+        entry
+    }
+}
+
+fn encode<H: Handle>(generation: u32, slot: u32) -> *mut H {
+    let kind = (H::KIND as usize) << (SLOT_BITS + GENERATION_BITS);
+    std::ptr::without_provenance_mut(kind | (generation as usize) << SLOT_BITS | slot as usize)
+}
+
+/// Kind, generation and slot.
+fn decode<H>(handle: *const H) -> (u8, u32, usize) {
+    let value = handle.addr();
+    ((value >> (SLOT_BITS + GENERATION_BITS)) as u8, (value >> SLOT_BITS) as u32, value & ((1 << SLOT_BITS) - 1))
+}
+
+fn no_handle<H: Handle>(why: &str) -> Failure {
+    Failure::new(CAIRN_ERROR_INVALID_HANDLE, format!("the handle of a {} {why}", H::NAME))
+}
+
+fn busy<H: Handle>(why: &str) -> Failure {
+    Failure::new(CAIRN_ERROR_BUSY, format!("the {} is in use: {why}", H::NAME))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,142 @@
+use std::sync::Barrier;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::super::boundary::call;
+use super::super::results::{CAIRN_ERROR_INTERNAL, cairn_result};
+use super::*;
+
+struct Thing(Arc<AtomicBool>);
+
+impl Object for Thing {}
+
+impl Drop for Thing {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::SeqCst);
+    }
+}
+
+enum First {}
+enum Second {}
+
+impl Handle for First {
+    const KIND: Kind = Kind::Device;
+    const NAME: &'static str = "first";
+    type Object = Thing;
+}
+
+impl Handle for Second {
+    const KIND: Kind = Kind::World;
+    const NAME: &'static str = "second";
+    type Object = Thing;
+}
+
+fn thing() -> (*mut First, Arc<AtomicBool>) {
+    let gone = Arc::new(AtomicBool::new(false));
+    (insert::<First>(Thing(gone.clone())).unwrap(), gone)
+}
+
+fn code<T>(result: Outcome<T>) -> cairn_result {
+    result.map_or_else(|failure| failure.code, |_| CAIRN_OK)
+}
+
+#[test]
+fn a_handle_lives_until_it_is_destroyed() {
+    let (handle, gone) = thing();
+    assert!(enter(handle).is_ok());
+    assert_eq!(destroy(handle).unwrap(), CAIRN_OK);
+    assert!(gone.load(Ordering::SeqCst));
+    assert_eq!(code(enter(handle)), CAIRN_ERROR_INVALID_HANDLE);
+    assert_eq!(code(destroy(handle)), CAIRN_ERROR_INVALID_HANDLE);
+    assert_eq!(destroy(std::ptr::null_mut::<First>()).unwrap(), CAIRN_OK);
+    // The slot is used again, the handle is not.
+    let (next, _) = thing();
+    assert_ne!(next, handle);
+    assert_eq!(code(enter(handle)), CAIRN_ERROR_INVALID_HANDLE);
+    destroy(next).unwrap();
+}
+
+#[test]
+fn what_is_no_handle_of_the_kind_is_refused() {
+    let (handle, _) = thing();
+    let number = handle.addr();
+    let local = 0_u64;
+    assert_eq!(code(enter(handle.cast::<Second>())), CAIRN_ERROR_INVALID_HANDLE);
+    // The kind of the other, with a slot and a generation that are there.
+    let forged = (number & ((1 << 56) - 1)) | (Kind::World as usize) << 56;
+    assert_eq!(code(enter(std::ptr::without_provenance::<Second>(forged))), CAIRN_ERROR_INVALID_HANDLE);
+    for bit in 0..64 {
+        let guess = std::ptr::without_provenance::<First>(number ^ 1 << bit);
+        assert_eq!(code(enter(guess)), CAIRN_ERROR_INVALID_HANDLE, "bit {bit}");
+    }
+    for guess in [0, 1, 7, 4096, usize::MAX, std::ptr::from_ref(&local).addr()] {
+        assert_eq!(code(enter(std::ptr::without_provenance::<First>(guess))), CAIRN_ERROR_INVALID_HANDLE);
+    }
+    assert!(enter(handle).is_ok());
+    destroy(handle).unwrap();
+}
+
+#[test]
+fn destroying_waits_for_calls_in_flight_and_refuses_its_own() {
+    let (handle, gone) = thing();
+    let address = handle.addr();
+    let inside = Barrier::new(2);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let entered = enter(std::ptr::without_provenance::<First>(address)).unwrap();
+            assert_eq!(code(destroy(std::ptr::without_provenance_mut::<First>(address))), CAIRN_ERROR_BUSY);
+            inside.wait();
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            assert!(!gone.load(Ordering::SeqCst));
+            drop(entered);
+        });
+        inside.wait();
+        destroy(handle).unwrap();
+        assert!(gone.load(Ordering::SeqCst));
+    });
+}
+
+#[test]
+fn two_calls_that_must_be_alone_exclude_each_other() {
+    let (handle, _) = thing();
+    let first = enter_alone(handle).unwrap();
+    assert_eq!(code(enter_alone(handle)), CAIRN_ERROR_BUSY);
+    assert!(enter(handle).is_ok());
+    drop(first);
+    assert!(enter_alone(handle).is_ok());
+    destroy(handle).unwrap();
+}
+
+#[test]
+fn a_panic_poisons_what_the_call_had_entered() {
+    let (handle, gone) = thing();
+    let (other, _) = thing();
+    let result = call("f", || {
+        let _entered = enter(handle)?;
+        panic!("a fault made by this test")
+    });
+    assert_eq!(result, CAIRN_ERROR_INTERNAL);
+    assert_eq!(code(enter(handle)), CAIRN_ERROR_POISONED);
+    assert!(enter(other).is_ok());
+    assert_eq!(destroy(handle).unwrap(), CAIRN_OK);
+    assert!(gone.load(Ordering::SeqCst));
+    destroy(other).unwrap();
+}
+
+#[test]
+fn threads_that_create_and_destroy_leave_nothing() {
+    let before = TABLE.read().slots.len();
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                for _ in 0..10_000 {
+                    let (handle, gone) = thing();
+                    assert!(enter(handle).is_ok());
+                    destroy(handle).unwrap();
+                    assert!(gone.load(Ordering::SeqCst));
+                }
+            });
+        }
+    });
+    // Other tests run beside this one.
+    assert!(TABLE.read().slots.len() <= before + 32);
+}

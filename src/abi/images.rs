@@ -1,0 +1,228 @@
+//! Pictures in the host's memory.
+
+use std::ffi::c_void;
+
+use super::results::{Failure, Outcome};
+use super::structs::{describe, read};
+use crate::Picture;
+
+/// Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default.
+pub const CAIRN_FORMAT_RGBA8: u32 = 0;
+/// Four bytes to a pixel, blue first; otherwise the same.
+pub const CAIRN_FORMAT_BGRA8: u32 = 1;
+
+/// A picture in the host's memory that the library reads, only during the call it is given to.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_picture {
+    /// sizeof(cairn_picture)
+    pub struct_size: u32,
+    /// CAIRN_FORMAT_RGBA8 or CAIRN_FORMAT_BGRA8
+    pub format: u32,
+    /// In pixels, 1 to 16384.
+    pub width: u32,
+    /// In pixels, 1 to 16384.
+    pub height: u32,
+    /// The top left pixel; rows run from top to bottom. Any alignment.
+    pub pixels: *const c_void,
+    /// Bytes that may be read from there.
+    pub size: u64,
+    /// Bytes from one row to the next; 0 for width * 4.
+    pub row_pitch: u64,
+}
+describe!(cairn_picture, [], { struct_size, format, width, height, pixels, size, row_pitch });
+
+/// Memory of the host that the library writes a picture into, only during the call it is given to. Bytes between rows are
+/// left alone.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_target {
+    /// sizeof(cairn_target)
+    pub struct_size: u32,
+    /// CAIRN_FORMAT_RGBA8 or CAIRN_FORMAT_BGRA8
+    pub format: u32,
+    /// In pixels; must be the picture's.
+    pub width: u32,
+    /// In pixels; must be the picture's.
+    pub height: u32,
+    /// The top left pixel; rows run from top to bottom. Any alignment.
+    pub pixels: *mut c_void,
+    /// Bytes that may be written from there.
+    pub size: u64,
+    /// Bytes from one row to the next; 0 for width * 4.
+    pub row_pitch: u64,
+}
+describe!(cairn_target, [], { struct_size, format, width, height, pixels, size, row_pitch });
+
+/// Rows in foreign memory.
+#[derive(Debug, Clone, Copy)]
+struct Rows {
+    len: usize,
+    count: usize,
+    pitch: usize,
+}
+
+impl Rows {
+    /// Checks a layout; `field` names the struct, for messages.
+    fn check(width: u32, height: u32, size: u64, pitch: u64, pixels: *const c_void, field: &str) -> Outcome<Self> {
+        let wrong = |part: &str, why: String| Err(Failure::argument(&format!("{field}.{part}"), why));
+        let sides = 1..=crate::MAX_SIDE;
+        if !sides.contains(&width) || !sides.contains(&height) {
+            return wrong("width", format!("{width} x {height} pixels. Use 1 to {} each way", crate::MAX_SIDE));
+        }
+        if pixels.is_null() {
+            return wrong("pixels", "a null pointer".into());
+        }
+        let row = u64::from(width) * 4;
+        let pitch = if pitch == 0 { row } else { pitch };
+        if pitch < row {
+            return wrong("row_pitch", format!("{pitch} bytes are less than a row of {row}"));
+        }
+        let needed = u128::from(pitch) * u128::from(height - 1) + u128::from(row);
+        if u128::from(size) < needed || size > isize::MAX as u64 {
+            return wrong("size", format!("{size} bytes, {needed} are needed"));
+        }
+        // In range: the size holds them.
+        Ok(Self { len: row as usize, count: height as usize, pitch: pitch as usize })
+    }
+}
+
+/// The byte order of a format; `field` names the struct, for messages.
+fn is_bgra(format: u32, field: &str) -> Outcome<bool> {
+    match format {
+        CAIRN_FORMAT_RGBA8 => Ok(false),
+        CAIRN_FORMAT_BGRA8 => Ok(true),
+        other => Err(Failure::argument(&format!("{field}.format"), format!("{other} is no format of this library"))),
+    }
+}
+
+fn swap_red_and_blue(row: &mut [u8]) {
+    row.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel.swap(0, 2));
+}
+
+/// Copies the host's picture.
+///
+/// # Safety
+/// `from` is null or points to a readable struct whose pixels can be read as it says.
+pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Outcome<Picture> {
+    // SAFETY: the caller's promise is the same.
+    let from = unsafe { read(from, name) }?;
+    let bgra = is_bgra(from.format, name)?;
+    let rows = Rows::check(from.width, from.height, from.size, from.row_pitch, from.pixels, name)?;
+    let mut picture = Picture::new(from.width, from.height)?;
+    for (i, row) in picture.rgba_mut().chunks_exact_mut(rows.len).enumerate() {
+        // SAFETY: row `i` lies within the size that was checked, and the picture is memory of our own.
+        unsafe { from.pixels.cast::<u8>().add(i * rows.pitch).copy_to_nonoverlapping(row.as_mut_ptr(), rows.len) };
+        if bgra {
+            swap_red_and_blue(row);
+        }
+    }
+    Ok(picture)
+}
+
+/// A place for a picture of a known size, checked before the work whose result it takes.
+#[derive(Debug)]
+pub(super) struct Target {
+    pixels: *mut u8,
+    rows: Rows,
+    bgra: bool,
+}
+
+impl Target {
+    /// # Safety
+    /// `to` is null or points to a readable struct whose pixels can be written as it says, as long as this lives.
+    pub(super) unsafe fn new(to: *const cairn_target, size: (u32, u32), name: &str) -> Outcome<Self> {
+        // SAFETY: the caller's promise is the same.
+        let to = unsafe { read(to, name) }?;
+        let bgra = is_bgra(to.format, name)?;
+        let rows = Rows::check(to.width, to.height, to.size, to.row_pitch, to.pixels, name)?;
+        if (to.width, to.height) != size {
+            let why = format!("{} x {} pixels where {} x {} come", to.width, to.height, size.0, size.1);
+            return Err(Failure::argument(&format!("{name}.width"), why));
+        }
+        Ok(Self { pixels: to.pixels.cast(), rows, bgra })
+    }
+
+    /// Writes a picture of the size that was checked.
+    pub(super) fn write(self, picture: &Picture) {
+        let Self { pixels, rows, bgra } = self;
+        for (i, row) in picture.rgba().chunks_exact(rows.len).take(rows.count).enumerate() {
+            // SAFETY: row `i` lies within the size that was checked; nobody else uses it, by the promise of `new`.
+            let to = unsafe {
+                let to = pixels.add(i * rows.pitch);
+                to.copy_from_nonoverlapping(row.as_ptr(), rows.len);
+                std::slice::from_raw_parts_mut(to, rows.len)
+            };
+            if bgra {
+                swap_red_and_blue(to);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::results::CAIRN_ERROR_INVALID_ARGUMENT;
+    use super::*;
+
+    fn source(bytes: &[u8]) -> cairn_picture {
+        cairn_picture {
+            struct_size: size_of::<cairn_picture>() as u32,
+            format: CAIRN_FORMAT_RGBA8,
+            width: 2,
+            height: 2,
+            pixels: bytes.as_ptr().cast(),
+            size: bytes.len() as u64,
+            row_pitch: 0,
+        }
+    }
+
+    #[test]
+    fn pictures_come_and_go_in_both_orders_and_any_pitch() {
+        let bytes: Vec<u8> = (1..=23).collect();
+        let from = cairn_picture { format: CAIRN_FORMAT_BGRA8, row_pitch: 15, ..source(&bytes) };
+        // SAFETY: 15 + 8 bytes are there.
+        let picture = unsafe { read_picture(&from, "picture") }.unwrap();
+        assert_eq!(picture.rgba(), [3, 2, 1, 4, 7, 6, 5, 8, 18, 17, 16, 19, 22, 21, 20, 23]);
+        let mut back = [0_u8; 24];
+        let to = cairn_target {
+            struct_size: size_of::<cairn_target>() as u32,
+            format: CAIRN_FORMAT_BGRA8,
+            width: 2,
+            height: 2,
+            pixels: back.as_mut_ptr().cast(),
+            size: 24,
+            row_pitch: 16,
+        };
+        // SAFETY: the bytes are there.
+        unsafe { Target::new(&to, (2, 2), "target") }.unwrap().write(&picture);
+        assert_eq!(back[..8], bytes[..8]);
+        assert_eq!(back[8..16], [0; 8]);
+        assert_eq!(back[16..], bytes[15..]);
+    }
+
+    #[test]
+    fn layouts_that_cannot_be_are_refused() {
+        let bytes = [0_u8; 16];
+        let good = source(&bytes);
+        // SAFETY: 16 bytes are there, and what is refused is not read.
+        let result = |picture: cairn_picture| unsafe { read_picture(&picture, "p") }.map_err(|f| f.code);
+        assert!(result(good).is_ok());
+        for bad in [
+            cairn_picture { width: 0, ..good },
+            cairn_picture { height: 0, ..good },
+            cairn_picture { width: 16_385, ..good },
+            cairn_picture { height: u32::MAX, ..good },
+            cairn_picture { pixels: std::ptr::null(), ..good },
+            cairn_picture { size: 15, ..good },
+            cairn_picture { size: u64::MAX, ..good },
+            cairn_picture { row_pitch: 7, ..good },
+            cairn_picture { row_pitch: 9, ..good },
+            cairn_picture { row_pitch: u64::MAX, ..good },
+            cairn_picture { format: 2, ..good },
+            cairn_picture { width: 3, ..good },
+        ] {
+            assert_eq!(result(bad).unwrap_err(), CAIRN_ERROR_INVALID_ARGUMENT, "{bad:?}");
+        }
+    }
+}

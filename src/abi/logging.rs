@@ -1,0 +1,179 @@
+//! The library's log, handed to the host.
+
+use std::ffi::{c_char, c_void};
+use std::sync::{Arc, OnceLock};
+
+use parking_lot::Mutex;
+
+use super::boundary::call;
+use super::gate::Gate;
+use super::results::{CAIRN_ERROR_BUSY, CAIRN_ERROR_UNSUPPORTED, CAIRN_OK, Failure, cairn_result};
+
+/// No message at all.
+pub const CAIRN_LOG_OFF: u32 = 0;
+/// Something failed.
+pub const CAIRN_LOG_ERROR: u32 = 1;
+/// Something is odd, and the work goes on.
+pub const CAIRN_LOG_WARNING: u32 = 2;
+/// What a user may want to know.
+pub const CAIRN_LOG_INFO: u32 = 3;
+/// What a developer may want to know.
+pub const CAIRN_LOG_DEBUG: u32 = 4;
+/// Everything.
+pub const CAIRN_LOG_TRACE: u32 = 5;
+
+/// Gets one message. level is one of CAIRN_LOG_ERROR to CAIRN_LOG_TRACE; target names the part of the library, such as
+/// "cairn::onnxruntime"; both texts are UTF-8 and valid during the call only. user is what was given with the callback.
+///
+/// It is called on whatever thread has something to say, also on several at once, without any lock held. It may call
+/// Cairn, but not end the call it is in: it must not destroy an object that a call further up is using, and must not throw.
+/// What is logged while it runs, on its own thread, is dropped.
+pub type cairn_log_callback =
+    Option<unsafe extern "C" fn(level: u32, target: *const c_char, message: *const c_char, user: *mut c_void)>;
+
+/// Sets where messages of at least that importance go: level is CAIRN_LOG_OFF to CAIRN_LOG_TRACE. A null callback ends
+/// logging. There is one for the whole process; without one nothing is logged.
+///
+/// When this returns, the callback set before is not running and will not be called again, so what its user pointer points
+/// to may go.
+///
+/// Ownership: user stays the caller's and must live until another callback is set; on failure nothing changes.
+/// Threads: any thread; waits for calls of the former callback. Not from within that callback.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for another level; CAIRN_ERROR_BUSY from within the former callback;
+/// CAIRN_ERROR_UNSUPPORTED when the library is linked into a program whose own logger has the log.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_set_log_callback(
+    level: u32,
+    callback: cairn_log_callback,
+    user: *mut c_void,
+) -> cairn_result {
+    call("cairn_set_log_callback", || {
+        let filter = filter(level).ok_or_else(|| {
+            Failure::argument("level", format!("{level} is none. Use CAIRN_LOG_OFF to CAIRN_LOG_TRACE, 0 to 5"))
+        })?;
+        static OURS: OnceLock<bool> = OnceLock::new();
+        if !OURS.get_or_init(|| log::set_logger(&Forward).is_ok()) {
+            return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, "this program has a logger of its own. Use that"));
+        }
+        let filter = callback.map_or(log::LevelFilter::Off, |_| filter);
+        let sink = callback.map(|callback| Arc::new(Sink { callback, user, filter, gate: Gate::default() }));
+        let former = {
+            let mut current = SINK.lock();
+            if current.as_ref().is_some_and(|sink| sink.gate.holds_me()) {
+                return Err(Failure::new(CAIRN_ERROR_BUSY, "this is the former callback itself. Return from it first"));
+            }
+            log::set_max_level(filter);
+            std::mem::replace(&mut *current, sink)
+        };
+        if let Some(former) = former {
+            former.gate.wait_empty();
+        }
+        Ok(CAIRN_OK)
+    })
+}
+
+static SINK: Mutex<Option<Arc<Sink>>> = Mutex::new(None);
+
+struct Sink {
+    callback: unsafe extern "C" fn(u32, *const c_char, *const c_char, *mut c_void),
+    user: *mut c_void,
+    filter: log::LevelFilter,
+    gate: Gate,
+}
+
+// SAFETY: the pointer is the host's; the documentation of the callback says that it is used on any thread.
+unsafe impl Send for Sink {}
+// SAFETY: as above.
+unsafe impl Sync for Sink {}
+
+struct Forward;
+
+impl log::Log for Forward {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() <= log::max_level()
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        let text = |text: String| text.replace('\0', " ") + "\0";
+        let (target, message) = (text(record.target().to_owned()), text(record.args().to_string()));
+        let sink = {
+            let current = SINK.lock();
+            let Some(sink) = current.as_ref().filter(|s| record.level() <= s.filter && !s.gate.holds_me()) else {
+                return;
+            };
+            // Under the lock, so that whoever replaces the callback waits for this call.
+            sink.gate.enter(false);
+            sink.clone()
+        };
+        // SAFETY: both texts end in a NUL and live through the call; the rest is the host's promise.
+        unsafe { (sink.callback)(number(record.level()), target.as_ptr().cast(), message.as_ptr().cast(), sink.user) };
+        sink.gate.leave(false);
+    }
+
+    fn flush(&self) {}
+}
+
+fn filter(level: u32) -> Option<log::LevelFilter> {
+    Some(match level {
+        CAIRN_LOG_OFF => log::LevelFilter::Off,
+        CAIRN_LOG_ERROR => log::LevelFilter::Error,
+        CAIRN_LOG_WARNING => log::LevelFilter::Warn,
+        CAIRN_LOG_INFO => log::LevelFilter::Info,
+        CAIRN_LOG_DEBUG => log::LevelFilter::Debug,
+        CAIRN_LOG_TRACE => log::LevelFilter::Trace,
+        _ => return None,
+    })
+}
+
+fn number(level: log::Level) -> u32 {
+    match level {
+        log::Level::Error => CAIRN_LOG_ERROR,
+        log::Level::Warn => CAIRN_LOG_WARNING,
+        log::Level::Info => CAIRN_LOG_INFO,
+        log::Level::Debug => CAIRN_LOG_DEBUG,
+        log::Level::Trace => CAIRN_LOG_TRACE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::CStr;
+
+    use super::super::results::CAIRN_ERROR_INVALID_ARGUMENT;
+    use super::*;
+
+    #[derive(Default)]
+    struct Heard(Mutex<Vec<(u32, String)>>);
+
+    unsafe extern "C" fn hear(level: u32, target: *const c_char, message: *const c_char, user: *mut c_void) {
+        // SAFETY: the test gave a `Heard` that outlives the callback, and texts are valid during the call.
+        let (heard, target, message) =
+            unsafe { (&*user.cast::<Heard>(), CStr::from_ptr(target), CStr::from_ptr(message)) };
+        if target.to_bytes() != b"abi-test" {
+            return;
+        }
+        heard.0.lock().push((level, message.to_string_lossy().into_owned()));
+        log::error!(target: "abi-test", "an echo that is dropped");
+        // SAFETY: refused while the callback runs.
+        let refused = unsafe { cairn_set_log_callback(CAIRN_LOG_OFF, None, std::ptr::null_mut()) };
+        assert_eq!(refused, CAIRN_ERROR_BUSY);
+    }
+
+    #[test]
+    fn messages_go_to_the_callback_until_it_is_replaced() {
+        let heard = Heard::default();
+        let user = std::ptr::from_ref(&heard).cast_mut().cast();
+        // SAFETY: `heard` outlives the callback.
+        let set = |level, callback| unsafe { cairn_set_log_callback(level, callback, user) };
+        assert_eq!(set(6, None), CAIRN_ERROR_INVALID_ARGUMENT);
+        assert_eq!(set(CAIRN_LOG_WARNING, Some(hear)), CAIRN_OK);
+        log::warn!(target: "abi-test", "one\0{}", 1);
+        log::info!(target: "abi-test", "not important enough");
+        assert_eq!(set(CAIRN_LOG_TRACE, Some(hear)), CAIRN_OK);
+        log::trace!(target: "abi-test", "two");
+        assert_eq!(set(CAIRN_LOG_TRACE, None), CAIRN_OK);
+        log::error!(target: "abi-test", "too late");
+        assert_eq!(*heard.0.lock(), [(CAIRN_LOG_WARNING, "one 1".to_owned()), (CAIRN_LOG_TRACE, "two".to_owned())]);
+    }
+}

@@ -1,0 +1,43 @@
+//! The C surface: `include/cairn.h` is made from this room and from nothing else.
+//!
+//! Here is marshalling, and no work: what a call does is done by the rooms below. One file for each object and, in the order
+//! of the header:
+//!
+//! | file | what |
+//! |---|---|
+//! | `version`, `results`, `logging` | the two version numbers; results and the last error; the host's log callback |
+//! | `requirements`, `device`, `world` | what is created first |
+//! | `images`, `controls` | what crosses the border in every frame |
+//! | `rollout`, `steps`, `anchor`, `state` | a rollout step by step, by its queue, what it makes, and its state kept |
+//! | `script`, `recorder` | input written down, and played again |
+//! | `statistics` | what can be asked |
+//!
+//! Behind them, and not in the header: `boundary` is the one way in, where panics end; `handles` the table behind every handle,
+//! with a `gate` for each object; `structs` and `text` read and write foreign memory;
+//! `worker` has a rollout's queue; `record` is what the interface promises.
+#![allow(non_camel_case_types, reason = "the names are the header's")]
+#![allow(clippy::missing_safety_doc, reason = "the header says once, for all functions, what pointers must be")]
+
+pub mod anchor;
+pub mod controls;
+pub mod device;
+pub mod images;
+pub mod logging;
+pub mod record;
+pub mod recorder;
+pub mod requirements;
+pub mod results;
+pub mod rollout;
+pub mod script;
+pub mod state;
+pub mod statistics;
+pub mod steps;
+pub mod version;
+pub mod world;
+
+mod boundary;
+mod gate;
+mod handles;
+mod structs;
+mod text;
+mod worker;

@@ -1,0 +1,85 @@
+//! The interface as Rust has it, line by line, to be compared with what a C compiler makes of the header.
+
+use std::fmt::Write as _;
+
+use super::structs::Struct;
+use super::{
+    anchor::*, controls::*, device::*, images::*, logging::*, requirements::*, results::*, rollout::*, statistics::*,
+    steps::*, version::*, world::*,
+};
+
+/// Constants and structs, in the words of `abi.txt`.
+#[doc(hidden)]
+pub fn layout() -> String {
+    let mut text = String::new();
+    for (name, value) in constants() {
+        _ = writeln!(text, "constant {name} {value}");
+    }
+    _ = writeln!(text, "cairn_result {}", size_of::<cairn_result>());
+    structs(&mut text);
+    text
+}
+
+macro_rules! constants {
+    ($($name:ident)*) => { [$((stringify!($name), $name as i64)),*] };
+}
+
+fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
+    constants![
+        CAIRN_ABI_VERSION CAIRN_VERSION
+        CAIRN_OK CAIRN_NOT_READY CAIRN_TRUNCATED CAIRN_QUEUE_FULL
+        CAIRN_ERROR_INVALID_ARGUMENT CAIRN_ERROR_INVALID_HANDLE CAIRN_ERROR_STRUCT_SIZE CAIRN_ERROR_BUSY
+        CAIRN_ERROR_UNSUPPORTED CAIRN_ERROR_OUT_OF_MEMORY CAIRN_ERROR_IO CAIRN_ERROR_INVALID_BUNDLE
+        CAIRN_ERROR_RUNTIME_MISSING CAIRN_ERROR_DEVICE CAIRN_ERROR_INVALID_STATE CAIRN_ERROR_CANCELLED
+        CAIRN_ERROR_POISONED CAIRN_ERROR_INTERNAL
+        CAIRN_LOG_OFF CAIRN_LOG_ERROR CAIRN_LOG_WARNING CAIRN_LOG_INFO CAIRN_LOG_DEBUG CAIRN_LOG_TRACE
+        CAIRN_DEVICE_CPU CAIRN_DEVICE_D3D12 CAIRN_PRECISION_F32 CAIRN_PRECISION_F16 CAIRN_CPU_DETERMINISTIC
+        CAIRN_REQUIREMENT_PLATFORM CAIRN_REQUIREMENT_ONNXRUNTIME CAIRN_REQUIREMENT_MEMORY
+        CAIRN_REQUIREMENT_MET CAIRN_REQUIREMENT_NOT_MET CAIRN_REQUIREMENT_UNKNOWN
+        CAIRN_LOAD_READING CAIRN_LOAD_PREPARING
+        CAIRN_FORMAT_RGBA8 CAIRN_FORMAT_BGRA8
+        CAIRN_MAX_QUEUE CAIRN_STEP_COMMITTED CAIRN_FOREVER CAIRN_ANCHOR_CUT
+    ]
+}
+
+fn structs(text: &mut String) {
+    one::<cairn_cpu_options>(text);
+    one::<cairn_device_info>(text);
+    one::<cairn_adapter>(text);
+    one::<cairn_requirement>(text);
+    one::<cairn_load_progress>(text);
+    one::<cairn_world_options>(text);
+    one::<cairn_world_info>(text);
+    one::<cairn_world_memory>(text);
+    one::<cairn_picture>(text);
+    one::<cairn_target>(text);
+    one::<cairn_controls>(text);
+    one::<cairn_rollout_options>(text);
+    one::<cairn_rollout_info>(text);
+    one::<cairn_step_info>(text);
+    one::<cairn_anchor_info>(text);
+    one::<cairn_rollout_statistics>(text);
+}
+
+fn one<T: Struct>(text: &mut String) {
+    _ = writeln!(text, "struct {} {}", T::NAME, align_of::<T>());
+    for size in T::SIZES {
+        _ = writeln!(text, "size {} {size}", T::NAME);
+    }
+    let mut end = 0;
+    for field in T::FIELDS {
+        // A gap would cross the border with whatever was in it.
+        assert_eq!(field.offset, end, "{}.{} follows the field before it", T::NAME, field.name);
+        end += field.size;
+        _ = writeln!(text, "field {}.{} {} {}", T::NAME, field.name, field.offset, field.size);
+    }
+    assert_eq!(end, size_of::<T>(), "{} ends with its last field", T::NAME);
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn no_struct_has_a_gap() {
+        assert!(super::layout().contains("field cairn_picture.struct_size 0 4"));
+    }
+}

@@ -1,0 +1,185 @@
+//! What there is to run on, and what is missing for it.
+
+use std::ffi::c_char;
+use std::path::Path;
+
+use super::boundary::call;
+use super::device::{CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12, cairn_cpu_options, cpu_options};
+use super::results::{CAIRN_OK, Failure, cairn_result};
+use super::structs::{describe, read_or_default, write_rows};
+use super::text::{fixed_text, optional_text};
+use crate::bundle::available_memory;
+use crate::runtime::{Device, Ort};
+
+/// The operating system and the build of this library.
+pub const CAIRN_REQUIREMENT_PLATFORM: u32 = 1;
+/// ONNX Runtime's library.
+pub const CAIRN_REQUIREMENT_ONNXRUNTIME: u32 = 2;
+/// Memory of the system.
+pub const CAIRN_REQUIREMENT_MEMORY: u32 = 3;
+
+/// It is there.
+pub const CAIRN_REQUIREMENT_MET: u32 = 1;
+/// It is missing, and the device cannot be made.
+pub const CAIRN_REQUIREMENT_NOT_MET: u32 = 2;
+/// It depends on the world, or the system does not tell.
+pub const CAIRN_REQUIREMENT_UNKNOWN: u32 = 3;
+
+/// Something that a device can be made of.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_adapter {
+    /// The stride of the array.
+    pub struct_size: u32,
+    /// CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12
+    pub kind: u32,
+    /// Its place among those of its kind.
+    pub index: u32,
+    /// 0
+    pub reserved: u32,
+    /// The LUID of a Direct3D 12 adapter, low part first; else 0.
+    pub luid: u64,
+    /// Bytes of its own memory; for the processor, of the system's. 0: unknown.
+    pub memory: u64,
+    /// For people; UTF-8.
+    pub name: [c_char; 128],
+}
+describe!(cairn_adapter, [], { struct_size, kind, index, reserved, luid, memory, name });
+
+/// One thing that a device needs.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_requirement {
+    /// The stride of the array.
+    pub struct_size: u32,
+    /// One of CAIRN_REQUIREMENT_PLATFORM and its like; a newer library may have more.
+    pub what: u32,
+    /// CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET or CAIRN_REQUIREMENT_UNKNOWN
+    pub status: u32,
+    /// 0
+    pub reserved: u32,
+    /// What is needed, for people; UTF-8.
+    pub needed: [c_char; 96],
+    /// What was found; UTF-8.
+    pub found: [c_char; 512],
+}
+describe!(cairn_requirement, [], { struct_size, what, status, reserved, needed, found });
+
+/// Lists what devices can be made of: the processor always, and the Direct3D 12 adapters where this build can use them.
+///
+/// adapters: an array of capacity elements, stride bytes apart, usually sizeof(cairn_adapter); null with capacity 0 to learn
+/// the count.
+/// count: gets how many there are in all, which may be more than capacity.
+///
+/// Ownership: the array stays the caller's and is filled on success; on failure it is not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE for a stride that is no size of cairn_adapter.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_adapters(
+    adapters: *mut cairn_adapter,
+    stride: usize,
+    capacity: u32,
+    count: *mut u32,
+) -> cairn_result {
+    call("cairn_adapters", || {
+        let processor = cairn_adapter {
+            struct_size: 0,
+            kind: CAIRN_DEVICE_CPU,
+            index: 0,
+            reserved: 0,
+            luid: 0,
+            memory: total_memory().unwrap_or(0),
+            name: fixed_text(&processor_name()),
+        };
+        // SAFETY: the host's promise about the array and the count.
+        unsafe { write_rows(&[processor], adapters, stride, capacity, count) }?;
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Says what a device of that kind needs and what was found, so that a player can be shown why something is off.
+///
+/// kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
+/// options: what cairn_device_create_cpu would be given; may be null.
+/// requirements: an array of capacity elements, stride bytes apart, usually sizeof(cairn_requirement); null with capacity 0 to
+/// learn the count.
+/// count: gets how many there are in all, which may be more than capacity.
+///
+/// Ownership: the array stays the caller's and is filled on success; on failure it is not written.
+/// Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does.
+/// Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_device_requirements(
+    kind: u32,
+    options: *const cairn_cpu_options,
+    requirements: *mut cairn_requirement,
+    stride: usize,
+    capacity: u32,
+    count: *mut u32,
+) -> cairn_result {
+    call("cairn_device_requirements", || {
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { read_or_default(options, "options") }?;
+        // SAFETY: the host's promise about what options point to.
+        let path = unsafe { optional_text(options.onnxruntime, "options.onnxruntime") }?;
+        let cpu = cpu_options(&options)?;
+        let rows = match kind {
+            CAIRN_DEVICE_CPU => vec![
+                row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, "any system this library runs on", &platform()),
+                match Ort::find(path.map(Path::new)).and_then(|ort| Device::cpu(&ort, cpu).map(|_| ort)) {
+                    Ok(ort) => {
+                        let found = format!("{} at {}", ort.version(), ort.path().display());
+                        row(CAIRN_REQUIREMENT_ONNXRUNTIME, CAIRN_REQUIREMENT_MET, "ONNX Runtime 1.24.x", &found)
+                    }
+                    Err(error) => row(
+                        CAIRN_REQUIREMENT_ONNXRUNTIME,
+                        CAIRN_REQUIREMENT_NOT_MET,
+                        "ONNX Runtime 1.24.x",
+                        &error.to_string(),
+                    ),
+                },
+                row(
+                    CAIRN_REQUIREMENT_MEMORY,
+                    CAIRN_REQUIREMENT_UNKNOWN,
+                    "what cairn_world_get_memory says of the world",
+                    &available_memory().map_or("unknown".into(), |bytes| format!("{} MiB available", bytes >> 20)),
+                ),
+            ],
+            CAIRN_DEVICE_D3D12 => vec![row(
+                CAIRN_REQUIREMENT_PLATFORM,
+                CAIRN_REQUIREMENT_NOT_MET,
+                "Windows, and a build of this library with Direct3D 12",
+                &format!("{}: {}", platform(), Failure::no_d3d12().message),
+            )],
+            other => return Err(Failure::argument("kind", format!("{other} is no kind of device"))),
+        };
+        // SAFETY: the host's promise about the array and the count.
+        unsafe { write_rows(&rows, requirements, stride, capacity, count) }?;
+        Ok(CAIRN_OK)
+    })
+}
+
+fn row(what: u32, status: u32, needed: &str, found: &str) -> cairn_requirement {
+    let (needed, found) = (fixed_text(needed), fixed_text(found));
+    cairn_requirement { struct_size: 0, what, status, reserved: 0, needed, found }
+}
+
+fn platform() -> String {
+    format!("{} on {}", std::env::consts::OS, std::env::consts::ARCH)
+}
+
+fn total_memory() -> Option<u64> {
+    let mut system = sysinfo::System::new().ok()?;
+    system.refresh_memory_specifics(sysinfo::MemoryRefreshKind::nothing().with_ram());
+    Some(system.total_memory()).filter(|bytes| *bytes > 0)
+}
+
+fn processor_name() -> String {
+    let found = sysinfo::System::new().ok().and_then(|mut system| {
+        system.refresh_cpu_list(sysinfo::CpuRefreshKind::nothing());
+        system.cpus().first().map(|cpu| cpu.brand().trim().to_owned())
+    });
+    found.filter(|name| !name.is_empty()).unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH))
+}

@@ -1,0 +1,206 @@
+//! What every call answers, and the message behind a failure.
+
+use std::cell::RefCell;
+use std::ffi::c_char;
+
+use super::text::copy_text;
+use crate::{Error, ErrorKind};
+
+/// What a call answers: 0 is success, a positive number is not an error, a negative one is. Numbers are never used again
+/// for something else; a newer library may answer with numbers this header does not know, whose sign still tells.
+pub type cairn_result = i32;
+
+/// It worked.
+pub const CAIRN_OK: cairn_result = 0;
+/// Not an error: what was asked for is not there yet. Ask again later.
+pub const CAIRN_NOT_READY: cairn_result = 1;
+/// Not an error: a text was longer than the buffer and was cut; the buffer holds its beginning.
+pub const CAIRN_TRUNCATED: cairn_result = 2;
+/// Not an error: the queue is full and nothing was taken. Take results from it, then try again.
+pub const CAIRN_QUEUE_FULL: cairn_result = 3;
+/// An argument is outside its range, not finite, null, misaligned or not UTF-8. The message names it.
+pub const CAIRN_ERROR_INVALID_ARGUMENT: cairn_result = -1;
+/// The handle is null, was destroyed, belongs to another kind of object, or never was one.
+pub const CAIRN_ERROR_INVALID_HANDLE: cairn_result = -2;
+/// A struct_size is no size that the struct ever had, or a larger one with bytes set that this library does not know.
+pub const CAIRN_ERROR_STRUCT_SIZE: cairn_result = -3;
+/// The object is in use by another call that allows no second one beside it. Nothing was done.
+pub const CAIRN_ERROR_BUSY: cairn_result = -4;
+/// A valid request that this build, platform, device or world cannot serve.
+pub const CAIRN_ERROR_UNSUPPORTED: cairn_result = -5;
+/// More memory is needed than there is, or than was allowed. The message has the figures.
+pub const CAIRN_ERROR_OUT_OF_MEMORY: cairn_result = -6;
+/// The operating system refused a file operation.
+pub const CAIRN_ERROR_IO: cairn_result = -7;
+/// The world's bundle is damaged, tampered with, or breaks the format.
+pub const CAIRN_ERROR_INVALID_BUNDLE: cairn_result = -8;
+/// ONNX Runtime is missing or has the wrong version.
+pub const CAIRN_ERROR_RUNTIME_MISSING: cairn_result = -9;
+/// ONNX Runtime or the device failed while running.
+pub const CAIRN_ERROR_DEVICE: cairn_result = -10;
+/// A saved state is damaged, or belongs to another world.
+pub const CAIRN_ERROR_INVALID_STATE: cairn_result = -11;
+/// The host asked to stop.
+pub const CAIRN_ERROR_CANCELLED: cairn_result = -12;
+/// An earlier call on this object failed by a fault of the library. The object can only be destroyed.
+pub const CAIRN_ERROR_POISONED: cairn_result = -13;
+/// A fault of the library. What the call had hold of is poisoned; everything else goes on. Please report the message.
+pub const CAIRN_ERROR_INTERNAL: cairn_result = -14;
+
+/// The name of a result, such as "CAIRN_ERROR_IO"; "unknown result" for a number this library never answers with.
+///
+/// Ownership: the text is static and must not be freed, on success or on failure.
+/// Threads: any thread, at any time.
+/// Results: the text; never null, cannot fail.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub extern "C" fn cairn_result_name(result: cairn_result) -> *const c_char {
+    let name = match result {
+        CAIRN_OK => c"CAIRN_OK",
+        CAIRN_NOT_READY => c"CAIRN_NOT_READY",
+        CAIRN_TRUNCATED => c"CAIRN_TRUNCATED",
+        CAIRN_QUEUE_FULL => c"CAIRN_QUEUE_FULL",
+        CAIRN_ERROR_INVALID_ARGUMENT => c"CAIRN_ERROR_INVALID_ARGUMENT",
+        CAIRN_ERROR_INVALID_HANDLE => c"CAIRN_ERROR_INVALID_HANDLE",
+        CAIRN_ERROR_STRUCT_SIZE => c"CAIRN_ERROR_STRUCT_SIZE",
+        CAIRN_ERROR_BUSY => c"CAIRN_ERROR_BUSY",
+        CAIRN_ERROR_UNSUPPORTED => c"CAIRN_ERROR_UNSUPPORTED",
+        CAIRN_ERROR_OUT_OF_MEMORY => c"CAIRN_ERROR_OUT_OF_MEMORY",
+        CAIRN_ERROR_IO => c"CAIRN_ERROR_IO",
+        CAIRN_ERROR_INVALID_BUNDLE => c"CAIRN_ERROR_INVALID_BUNDLE",
+        CAIRN_ERROR_RUNTIME_MISSING => c"CAIRN_ERROR_RUNTIME_MISSING",
+        CAIRN_ERROR_DEVICE => c"CAIRN_ERROR_DEVICE",
+        CAIRN_ERROR_INVALID_STATE => c"CAIRN_ERROR_INVALID_STATE",
+        CAIRN_ERROR_CANCELLED => c"CAIRN_ERROR_CANCELLED",
+        CAIRN_ERROR_POISONED => c"CAIRN_ERROR_POISONED",
+        CAIRN_ERROR_INTERNAL => c"CAIRN_ERROR_INTERNAL",
+        _ => c"unknown result",
+    };
+    name.as_ptr()
+}
+
+/// The message of the calling thread's latest call that answered with an error: what went wrong, with which argument or
+/// file, and what can be done. It begins with the name of the function. Empty when no call of this thread has failed yet.
+/// Calls that succeed leave it alone.
+///
+/// text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
+/// length: gets the length in bytes of the whole message, without the NUL; may be null.
+///
+/// Ownership: the text is copied; on failure nothing is written.
+/// Threads: any thread, at any time; each thread has its own message.
+/// Results: CAIRN_OK; CAIRN_TRUNCATED; CAIRN_ERROR_INVALID_ARGUMENT, which leaves the message as it was.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_last_error(text: *mut c_char, capacity: usize, length: *mut usize) -> cairn_result {
+    super::boundary::guard(|| {
+        LAST.with_borrow(|last| {
+            // SAFETY: the caller's promise about `text`, `capacity` and `length` is copy_text's.
+            unsafe { copy_text(last, text, capacity, length) }
+        })
+    })
+    .unwrap_or_else(|failure| failure.code)
+}
+
+thread_local! {
+    static LAST: RefCell<String> = const { RefCell::new(String::new()) };
+}
+
+/// Keeps the message of a failed call for this thread.
+pub(super) fn remember(function: &str, failure: &Failure) {
+    // A thread that is ending has no place for it any more.
+    let _ = LAST.try_with(|last| {
+        if let Ok(mut last) = last.try_borrow_mut() {
+            last.clear();
+            last.push_str(function);
+            last.push_str(": ");
+            last.push_str(&failure.message);
+        }
+    });
+}
+
+/// Why a call failed: the code for the program, the message for people.
+#[derive(Debug, Clone)]
+pub(super) struct Failure {
+    pub(super) code: cairn_result,
+    pub(super) message: String,
+}
+
+/// Result of the work behind a call.
+pub(super) type Outcome<T = cairn_result> = Result<T, Failure>;
+
+impl Failure {
+    pub(super) fn new(code: cairn_result, message: impl Into<String>) -> Self {
+        Self { code, message: message.into() }
+    }
+
+    /// An argument that breaks its documented rule.
+    pub(super) fn argument(name: &str, why: impl std::fmt::Display) -> Self {
+        Self::new(CAIRN_ERROR_INVALID_ARGUMENT, format!("{name}: {why}"))
+    }
+
+    /// What only Direct3D 12 could do.
+    pub(super) fn no_d3d12() -> Self {
+        let why = if cfg!(windows) {
+            "this build of the library has no Direct3D 12 part"
+        } else {
+            "Direct3D 12 is not there on this platform"
+        };
+        Self::new(CAIRN_ERROR_UNSUPPORTED, format!("{why}. Use a CPU device"))
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        let code = match error.kind() {
+            ErrorKind::InvalidArgument => CAIRN_ERROR_INVALID_ARGUMENT,
+            ErrorKind::InvalidBundle => CAIRN_ERROR_INVALID_BUNDLE,
+            ErrorKind::Unsupported => CAIRN_ERROR_UNSUPPORTED,
+            ErrorKind::RuntimeMissing => CAIRN_ERROR_RUNTIME_MISSING,
+            ErrorKind::OutOfMemory => CAIRN_ERROR_OUT_OF_MEMORY,
+            ErrorKind::Io => CAIRN_ERROR_IO,
+            ErrorKind::Device => CAIRN_ERROR_DEVICE,
+            ErrorKind::InvalidState => CAIRN_ERROR_INVALID_STATE,
+            ErrorKind::Cancelled => CAIRN_ERROR_CANCELLED,
+        };
+        Self::new(code, error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::CStr;
+
+    use super::*;
+
+    #[test]
+    fn every_result_has_its_name() {
+        let mut named = 0;
+        for code in -100..100 {
+            // SAFETY: the function gives a static text.
+            let name = unsafe { CStr::from_ptr(cairn_result_name(code)) }.to_str().expect("ASCII");
+            named += usize::from(name != "unknown result");
+            assert_eq!(code < 0 && name != "unknown result", name.starts_with("CAIRN_ERROR_"));
+        }
+        assert_eq!(named, 18);
+    }
+
+    #[test]
+    fn a_message_is_the_thread_s_own() {
+        remember("f", &Failure::new(CAIRN_ERROR_IO, "here"));
+        let mut length = 0;
+        let mut text = [0xff_u8; 8];
+        // SAFETY: the buffer has the capacity named.
+        let read = |text: &mut [u8], length: &mut usize| unsafe {
+            cairn_last_error(text.as_mut_ptr().cast(), text.len(), length)
+        };
+        assert_eq!((read(&mut text, &mut length), length), (CAIRN_OK, 7));
+        assert_eq!(&text, b"f: here\0");
+        assert_eq!((read(&mut text[..4], &mut length), length), (CAIRN_TRUNCATED, 7));
+        assert_eq!(&text[..4], b"f: \0");
+        std::thread::spawn(move || {
+            assert_eq!((read(&mut text, &mut length), length), (CAIRN_OK, 0));
+        })
+        .join()
+        .expect("the other thread");
+    }
+}

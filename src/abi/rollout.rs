@@ -1,0 +1,305 @@
+//! Rollouts: running instances of a world.
+
+use std::ffi::c_char;
+
+use super::anchor::cairn_anchor;
+use super::boundary::call;
+use super::controls::{cairn_controls, read_controls};
+use super::handles::{Handle, Kind, destroy, enter, enter_alone, insert};
+use super::images::{cairn_picture, read_picture};
+use super::results::{CAIRN_OK, Failure, cairn_result};
+use super::structs::{Out, check_out, describe, read_or_default};
+use super::text::{fixed_text, optional_text};
+use super::worker::{Job, Running};
+use super::world::cairn_world;
+use crate::world::{OperatingPoint, Rollout, Stage, StepInfo};
+
+/// The longest queue there may be.
+pub const CAIRN_MAX_QUEUE: u32 = 64;
+
+/// A flag of cairn_step_info: keys and values of the latent went into the ring.
+pub const CAIRN_STEP_COMMITTED: u32 = 1;
+
+/// One running instance of a world: its memory of the past, its clocks and its noise.
+pub struct cairn_rollout(());
+
+impl Handle for cairn_rollout {
+    const KIND: Kind = Kind::Rollout;
+    const NAME: &'static str = "cairn_rollout";
+    type Object = Running;
+}
+
+/// How a rollout runs. All zero: as its world, with seed 0.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_rollout_options {
+    /// sizeof(cairn_rollout_options)
+    pub struct_size: u32,
+    /// Steps that may wait, run, or be done and not asked for, 1 to CAIRN_MAX_QUEUE; 0 for 4.
+    pub queue_capacity: u32,
+    /// Decides all noise: the same seed, world, device and controls give the same pictures, bit for bit.
+    pub seed: u64,
+    /// As in cairn_world_options, with the global window of the world; null for the world's.
+    pub operating_point: *const c_char,
+}
+describe!(cairn_rollout_options, [], { struct_size, queue_capacity, seed, operating_point });
+
+/// What a rollout is, and how far.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_rollout_info {
+    /// sizeof(cairn_rollout_info)
+    pub struct_size: u32,
+    /// Pictures that each anchor has.
+    pub pictures_per_latent: u32,
+    /// Latents made so far.
+    pub latents: u64,
+    /// What decides its noise.
+    pub seed: u64,
+    /// Latents per second of world time: what each step's controls are summed over.
+    pub latents_per_second: u32,
+    /// Pictures per second that the operating point means to show.
+    pub presented_rate: u32,
+    /// How it runs, in full; UTF-8.
+    pub operating_point: [c_char; 192],
+}
+describe!(cairn_rollout_info, [], {
+    struct_size, pictures_per_latent, latents, seed, latents_per_second, presented_rate, operating_point,
+});
+
+/// What one step did. Times are nanoseconds of wall time.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_step_info {
+    /// sizeof(cairn_step_info)
+    pub struct_size: u32,
+    /// CAIRN_STEP_COMMITTED, or 0
+    pub flags: u32,
+    /// The number of the latent that was made, from 0.
+    pub latent: u64,
+    /// Denoise passes.
+    pub denoise_passes: u32,
+    /// Passes that make keys and values for the ring.
+    pub cache_passes: u32,
+    /// A picture made a latent.
+    pub encode_ns: u64,
+    /// All denoise passes.
+    pub denoise_ns: u64,
+    /// All cache passes.
+    pub cache_ns: u64,
+    /// Results checked and copied into the ring.
+    pub commit_ns: u64,
+    /// The latent made pictures.
+    pub decode_ns: u64,
+    /// Bytes that went into the ring.
+    pub ring_bytes: u64,
+}
+describe!(cairn_step_info, [], {
+    struct_size, flags, latent, denoise_passes, cache_passes, encode_ns, denoise_ns, cache_ns, commit_ns, decode_ns,
+    ring_bytes,
+});
+
+/// Starts a rollout, empty: the first thing to do is to append a seed picture.
+///
+/// world: kept alive by the rollout. options: may be null for the defaults.
+///
+/// Ownership: on success *rollout is the caller's, for cairn_rollout_destroy; on failure it is not written. What options point to
+/// is read during the call only.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+/// CAIRN_ERROR_OUT_OF_MEMORY with figures; CAIRN_ERROR_DEVICE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_create(
+    world: *const cairn_world,
+    options: *const cairn_rollout_options,
+    rollout: *mut *mut cairn_rollout,
+) -> cairn_result {
+    call("cairn_rollout_create", || {
+        let world = enter(world)?;
+        check_out(rollout, "rollout")?;
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { read_or_default(options, "options") }?;
+        // SAFETY: the host's promise about what options point to.
+        let point = unsafe { optional_text(options.operating_point, "options.operating_point") }?;
+        let point = point.map(str::parse::<OperatingPoint>).transpose()?.unwrap_or_else(|| world.point.clone());
+        let capacity = match options.queue_capacity {
+            0 => 4,
+            capacity @ 1..=CAIRN_MAX_QUEUE => capacity,
+            other => {
+                let why = format!("{other} steps cannot wait. Use 1 to {CAIRN_MAX_QUEUE}, or 0");
+                return Err(Failure::argument("options.queue_capacity", why));
+            }
+        };
+        let made = Rollout::new(&world.world, &point, options.seed)?;
+        let handle = insert::<cairn_rollout>(Running::new(made, capacity as usize))?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { rollout.write(handle) };
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Destroys the handle of a rollout; null is allowed. What is queued is not made any more, and the step in progress ends before
+/// its next pass.
+///
+/// Ownership: on success rollout is no handle any more; on failure it is as it was. Anchors that were taken from it stay.
+/// Threads: any thread; waits for calls in flight on the rollout, and for its worker.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_destroy(rollout: *mut cairn_rollout) -> cairn_result {
+    call("cairn_rollout_destroy", || destroy(rollout))
+}
+
+/// Says what a rollout is, and how far.
+///
+/// Ownership: info stays the caller's and is filled on success; on failure it is not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY while a
+/// step is running.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_get_info(
+    rollout: *const cairn_rollout,
+    info: *mut cairn_rollout_info,
+) -> cairn_result {
+    call("cairn_rollout_get_info", || {
+        let running = enter(rollout)?;
+        // SAFETY: the host's promise about `info`.
+        let info = unsafe { Out::new(info, "info") }?;
+        let core = running.look()?;
+        let (point, planner) = (core.rollout.operating_point(), core.rollout.planner());
+        info.write(&cairn_rollout_info {
+            struct_size: 0,
+            pictures_per_latent: point.pictures_per_latent,
+            latents: planner.latents(),
+            seed: planner.seed(),
+            latents_per_second: point.latents_per_second,
+            presented_rate: point.presented_rate(),
+            operating_point: fixed_text(&point.to_string()),
+        });
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Appends a picture of any size: the seed, or later an edit of the scene. It becomes a latent of its own, with a pass that
+/// puts it into the world's memory. On the calling thread.
+///
+/// info: may be null.
+///
+/// Ownership: the picture is copied; info stays the caller's and is filled on success; on failure it is not written and the
+/// rollout is as it was.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+/// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED when a clock has run out.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_append(
+    rollout: *mut cairn_rollout,
+    picture: *const cairn_picture,
+    info: *mut cairn_step_info,
+) -> cairn_result {
+    call("cairn_rollout_append", || {
+        let running = enter_alone(rollout)?;
+        // SAFETY: the host's promise about `info`.
+        let info = unsafe { Out::optional(info, "info") }?;
+        // SAFETY: the host's promise about `picture`.
+        let picture = unsafe { read_picture(picture, "picture") }?;
+        let made = running.run(&Job::Append(picture))?;
+        info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Makes the next latent with these controls, which stand for 1 / latents_per_second seconds of world time. On the calling
+/// thread.
+///
+/// info: may be null.
+///
+/// Ownership: controls are read during the call; info stays the caller's and is filled on success; on failure it is not
+/// written and the rollout is as it was.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+/// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED for a key that the world does
+/// not know, and when a clock has run out.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_step(
+    rollout: *mut cairn_rollout,
+    controls: *const cairn_controls,
+    info: *mut cairn_step_info,
+) -> cairn_result {
+    call("cairn_rollout_step", || {
+        let running = enter_alone(rollout)?;
+        // SAFETY: the host's promise about `info`.
+        let info = unsafe { Out::optional(info, "info") }?;
+        // SAFETY: the host's promise about `controls`.
+        let controls = unsafe { read_controls(controls, "controls") }?;
+        let made = running.run(&Job::Step(controls))?;
+        info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Back to the start with the same seed: no latents, empty memory.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cairn_result {
+    call("cairn_rollout_reset", || {
+        let running = enter_alone(rollout)?;
+        let mut core = running.alone()?;
+        core.rollout.reset()?;
+        core.cut_next = true;
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Takes a copy of the last anchor: its pictures and its latent.
+///
+/// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also before the first latent; CAIRN_ERROR_BUSY
+/// while a step is running; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_get_anchor(
+    rollout: *const cairn_rollout,
+    anchor: *mut *mut cairn_anchor,
+) -> cairn_result {
+    call("cairn_rollout_get_anchor", || {
+        let running = enter(rollout)?;
+        check_out(anchor, "anchor")?;
+        let made = running.look()?.anchor()?;
+        let handle = insert::<cairn_anchor>(made)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { anchor.write(handle) };
+        Ok(CAIRN_OK)
+    })
+}
+
+/// A step as the header has it.
+pub(super) fn step_info(info: &StepInfo) -> cairn_step_info {
+    let count = |stage: Stage| u32::try_from(stage.count).unwrap_or(u32::MAX);
+    cairn_step_info {
+        struct_size: 0,
+        flags: if info.committed { CAIRN_STEP_COMMITTED } else { 0 },
+        latent: info.latent,
+        denoise_passes: count(info.stages.denoise),
+        cache_passes: count(info.stages.cache),
+        encode_ns: nanoseconds(info.stages.encode),
+        denoise_ns: nanoseconds(info.stages.denoise),
+        cache_ns: nanoseconds(info.stages.cache),
+        commit_ns: nanoseconds(info.stages.commit),
+        decode_ns: nanoseconds(info.stages.decode),
+        ring_bytes: info.ring_bytes,
+    }
+}
+
+/// A stage's time as the header has it.
+pub(super) fn nanoseconds(stage: Stage) -> u64 {
+    u64::try_from(stage.time.as_nanos()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,209 @@
+//! The queue of a rollout: steps on a thread of its own, and what became of them.
+
+use std::time::Duration;
+
+use super::anchor::cairn_anchor;
+use super::boundary::call;
+use super::controls::{cairn_controls, read_controls};
+use super::handles::{enter, insert};
+use super::images::{cairn_picture, read_picture};
+use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Outcome, cairn_result};
+use super::rollout::{cairn_rollout, cairn_step_info, step_info};
+use super::structs::{Out, check_out};
+use super::worker::{Job, Ticket};
+
+/// A timeout that never comes.
+pub const CAIRN_FOREVER: u64 = u64::MAX;
+
+/// Queues a step for the rollout's own thread, which makes one after the other in the order they were queued. A step that
+/// fails takes those queued behind it with it, and the rollout is as before it.
+///
+/// ticket: gets the number to ask for the result with.
+///
+/// Ownership: controls are read during the call; *ticket is written on success only, not on failure.
+/// Threads: any thread, at any time. Returns at once.
+/// Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+/// CAIRN_ERROR_OUT_OF_MEMORY.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_submit(
+    rollout: *const cairn_rollout,
+    controls: *const cairn_controls,
+    ticket: *mut u64,
+) -> cairn_result {
+    call("cairn_rollout_submit", || {
+        check_out(ticket, "ticket")?;
+        // SAFETY: the host's promise about `controls`.
+        let controls = unsafe { read_controls(controls, "controls") }?;
+        // SAFETY: the host's promise about `ticket`.
+        unsafe { submit(rollout, Job::Step(controls), ticket) }
+    })
+}
+
+/// Queues the append of a picture, as cairn_rollout_append does it.
+///
+/// ticket: gets the number to ask for the result with.
+///
+/// Ownership: the picture is copied; *ticket is written on success only, not on failure.
+/// Threads: any thread, at any time. Returns at once.
+/// Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+/// CAIRN_ERROR_OUT_OF_MEMORY.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_submit_picture(
+    rollout: *const cairn_rollout,
+    picture: *const cairn_picture,
+    ticket: *mut u64,
+) -> cairn_result {
+    call("cairn_rollout_submit_picture", || {
+        check_out(ticket, "ticket")?;
+        // SAFETY: the host's promise about `picture`.
+        let picture = unsafe { read_picture(picture, "picture") }?;
+        // SAFETY: the host's promise about `ticket`.
+        unsafe { submit(rollout, Job::Append(picture), ticket) }
+    })
+}
+
+/// Asks for the result of a queued step, without waiting. Every ticket has one result, which is given once and makes room in
+/// the queue; a failed step's message becomes the last error of the thread that asks.
+///
+/// info, anchor: get what the step did and made; each may be null, and an anchor that nobody wants is gone.
+///
+/// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_NOT_READY while it waits or runs; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for a
+/// ticket that was given its result; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_CANCELLED; and what cairn_rollout_step and
+/// cairn_rollout_append answer.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_poll(
+    rollout: *const cairn_rollout,
+    ticket: u64,
+    info: *mut cairn_step_info,
+    anchor: *mut *mut cairn_anchor,
+) -> cairn_result {
+    // SAFETY: the host's promise is the same.
+    call("cairn_rollout_poll", || unsafe { result(rollout, ticket, Some(Duration::ZERO), info, anchor) })
+}
+
+/// As cairn_rollout_poll, and waits for the step to end.
+///
+/// timeout_ns: how long at most; CAIRN_FOREVER for as long as it takes. A paused queue ends nothing.
+///
+/// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
+/// Threads: any thread, at any time. Destroying the rollout ends the wait with CAIRN_ERROR_CANCELLED.
+/// Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; and all others of cairn_rollout_poll.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_wait(
+    rollout: *const cairn_rollout,
+    ticket: u64,
+    timeout_ns: u64,
+    info: *mut cairn_step_info,
+    anchor: *mut *mut cairn_anchor,
+) -> cairn_result {
+    let timeout = (timeout_ns != CAIRN_FOREVER).then(|| Duration::from_nanos(timeout_ns));
+    // SAFETY: the host's promise is the same.
+    call("cairn_rollout_wait", || unsafe { result(rollout, ticket, timeout, info, anchor) })
+}
+
+/// Ends everything that is going on in a rollout: queued steps are not made, and a step in progress, queued or on another
+/// thread, ends before its next pass. Each answers CAIRN_ERROR_CANCELLED, and the rollout is as before it. What is submitted
+/// later is not concerned. Does not wait.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_cancel(rollout: *const cairn_rollout) -> cairn_result {
+    call("cairn_rollout_cancel", || {
+        enter(rollout)?.cancel();
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_pause(rollout: *const cairn_rollout) -> cairn_result {
+    call("cairn_rollout_pause", || {
+        enter(rollout)?.pause(true);
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Lets a held queue go on.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK, also when it was not paused; CAIRN_ERROR_INVALID_HANDLE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_resume(rollout: *const cairn_rollout) -> cairn_result {
+    call("cairn_rollout_resume", || {
+        enter(rollout)?.pause(false);
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Lets exactly one step of a held queue run.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: any thread, at any time. Does not wait for the step.
+/// Results: CAIRN_OK; CAIRN_NOT_READY when no step is queued that was not let go already; CAIRN_ERROR_INVALID_HANDLE;
+/// CAIRN_ERROR_INVALID_ARGUMENT when the queue is not paused.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_single_step(rollout: *const cairn_rollout) -> cairn_result {
+    call("cairn_rollout_single_step", || Ok(if enter(rollout)?.single()? { CAIRN_OK } else { CAIRN_NOT_READY }))
+}
+
+/// # Safety
+/// `ticket` was checked and can be written.
+unsafe fn submit(rollout: *const cairn_rollout, job: Job, ticket: *mut u64) -> Outcome {
+    let Some(number) = enter(rollout)?.submit(job)? else { return Ok(CAIRN_QUEUE_FULL) };
+    // SAFETY: the caller's promise.
+    unsafe { ticket.write(number) };
+    Ok(CAIRN_OK)
+}
+
+/// # Safety
+/// As cairn_rollout_poll has it.
+unsafe fn result(
+    rollout: *const cairn_rollout,
+    ticket: u64,
+    timeout: Option<Duration>,
+    info: *mut cairn_step_info,
+    anchor: *mut *mut cairn_anchor,
+) -> Outcome {
+    let running = enter(rollout)?;
+    // SAFETY: the host's promise about `info`.
+    let info = unsafe { Out::optional(info, "info") }?;
+    if !anchor.is_null() {
+        check_out(anchor, "anchor")?;
+    }
+    let mut handle = std::ptr::null_mut();
+    let became = running.ticket(ticket, timeout, |done| {
+        if !anchor.is_null() {
+            handle = insert::<cairn_anchor>(done.anchor.clone())?;
+        }
+        Ok(())
+    })?;
+    match became {
+        Ticket::Open => Ok(CAIRN_NOT_READY),
+        Ticket::Over(done) => {
+            let done = done?;
+            info.into_iter().for_each(|info| info.write(&step_info(&done.info)));
+            if !anchor.is_null() {
+                // SAFETY: checked above; writable by the host's promise.
+                unsafe { anchor.write(handle) };
+            }
+            Ok(CAIRN_OK)
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Text in both directions: UTF-8, ended by a NUL, never kept.
+
+use std::ffi::c_char;
+
+use super::results::{CAIRN_OK, CAIRN_TRUNCATED, Failure, Outcome};
+
+/// The longest text that is read, in bytes without its NUL: longer than any path a system takes.
+const MAX_TEXT: usize = 65_535;
+
+/// Reads a text that may be null. `name` is the argument's, for messages.
+///
+/// # Safety
+/// `text` is null or points to bytes that can be read up to the first NUL, or up to 65,536 of them.
+pub(super) unsafe fn optional_text<'a>(text: *const c_char, name: &str) -> Outcome<Option<&'a str>> {
+    if text.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the caller's promise covers every byte up to the first NUL.
+    let is_end = |&i: &usize| unsafe { *text.add(i) } == 0;
+    let len = (0..=MAX_TEXT)
+        .find(is_end)
+        .ok_or_else(|| Failure::argument(name, format!("the text has no NUL in its first {} bytes", MAX_TEXT + 1)))?;
+    // SAFETY: these bytes were just read.
+    let bytes = unsafe { std::slice::from_raw_parts(text.cast::<u8>(), len) };
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Ok(Some(text)),
+        Err(e) => Err(Failure::argument(name, format!("the text is not UTF-8 (byte {})", e.valid_up_to()))),
+    }
+}
+
+/// Reads a text that must be there.
+///
+/// # Safety
+/// As [`optional_text`].
+pub(super) unsafe fn required_text<'a>(text: *const c_char, name: &str) -> Outcome<&'a str> {
+    // SAFETY: the caller's promise is the same.
+    unsafe { optional_text(text, name) }?.ok_or_else(|| Failure::argument(name, "a null pointer where text must be"))
+}
+
+/// Copies `from` into a caller's buffer as far as it goes, whole characters only, with a NUL behind; `length` gets the
+/// whole length. The result says whether all of it went.
+///
+/// # Safety
+/// `text` is null or has `capacity` writable bytes; `length` is null or can be written.
+pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, length: *mut usize) -> Outcome {
+    if text.is_null() && capacity > 0 {
+        return Err(Failure::argument("text", "a null pointer with a capacity"));
+    }
+    if !length.is_aligned() {
+        return Err(Failure::argument("length", "the pointer is misaligned"));
+    }
+    if !length.is_null() {
+        // SAFETY: not null, aligned, and writable by the caller's promise.
+        unsafe { length.write(from.len()) };
+    }
+    if text.is_null() {
+        return Ok(CAIRN_OK);
+    }
+    let Some(room) = capacity.checked_sub(1) else { return Ok(CAIRN_TRUNCATED) };
+    let cut = cut(from, room);
+    // SAFETY: `cut` and its NUL are no longer than the caller's capacity, and cannot overlap text of our own.
+    unsafe {
+        text.cast::<u8>().copy_from_nonoverlapping(cut.as_ptr(), cut.len());
+        text.add(cut.len()).write(0);
+    }
+    Ok(if cut.len() == from.len() { CAIRN_OK } else { CAIRN_TRUNCATED })
+}
+
+/// Text as a fixed array of a struct, cut where it is too long, zeroes behind.
+pub(super) fn fixed_text<const N: usize>(from: &str) -> [c_char; N] {
+    let mut text = [0; N];
+    for (to, byte) in text.iter_mut().zip(cut(from, N.saturating_sub(1)).bytes()) {
+        *to = byte as c_char;
+    }
+    text
+}
+
+/// The longest beginning of whole characters that has at most `most` bytes, and ends before the first NUL.
+fn cut(text: &str, most: usize) -> &str {
+    let text = text.split('\0').next().unwrap_or_default();
+    let end = (0..=most.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
+    &text[..end]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_cut_between_characters() {
+        assert_eq!(cut("aé", 3), "aé");
+        assert_eq!(cut("aé", 2), "a");
+        assert_eq!(cut("a\0b", 9), "a");
+        assert_eq!(fixed_text::<4>("abcdef"), [b'a' as c_char, b'b' as c_char, b'c' as c_char, 0]);
+        assert_eq!(fixed_text::<1>("abc"), [0]);
+    }
+
+    #[test]
+    fn what_is_no_text_is_refused() {
+        // SAFETY: each is ended by a NUL, or has 65,536 bytes.
+        unsafe {
+            assert!(required_text(std::ptr::null(), "a").is_err());
+            assert_eq!(optional_text(std::ptr::null(), "a").unwrap(), None);
+            assert!(required_text(c"\xff\xfe".as_ptr(), "a").unwrap_err().message.contains("UTF-8 (byte 0)"));
+            let endless = vec![b'a'; MAX_TEXT + 1];
+            assert!(required_text(endless.as_ptr().cast(), "a").is_err());
+            assert_eq!(required_text(c"h\xc3\xb6".as_ptr(), "a").unwrap(), "hö");
+        }
+    }
+
+    #[test]
+    fn nothing_is_written_past_the_capacity() {
+        let mut buffer = [7 as c_char; 8];
+        let mut length = 0;
+        // SAFETY: the capacity named is less than what is there.
+        let result = unsafe { copy_text("añb", buffer.as_mut_ptr(), 3, &mut length) }.unwrap();
+        assert_eq!((result, length, buffer), (CAIRN_TRUNCATED, 4, [b'a' as c_char, 0, 7, 7, 7, 7, 7, 7]));
+        // SAFETY: nothing is written without a capacity.
+        assert_eq!(unsafe { copy_text("ab", buffer.as_mut_ptr(), 0, std::ptr::null_mut()) }.unwrap(), CAIRN_TRUNCATED);
+        // SAFETY: as above.
+        assert!(unsafe { copy_text("ab", std::ptr::null_mut(), 1, &mut length) }.is_err());
+    }
+}

@@ -1,0 +1,351 @@
+//! A rollout with its queue: steps in order, one at a time, on the caller's thread or on a worker's.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
+
+use super::anchor::Anchor;
+use super::boundary::guard;
+use super::handles::Object;
+use super::results::{
+    CAIRN_ERROR_BUSY, CAIRN_ERROR_CANCELLED, CAIRN_ERROR_INTERNAL, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED,
+    Failure, Outcome,
+};
+use crate::Picture;
+use crate::world::{ControlInput, Rollout, Statistics, StepInfo};
+
+/// What lies behind a handle of a rollout.
+pub(super) struct Running {
+    shared: Arc<Shared>,
+    /// Started by the first submit.
+    worker: Mutex<Option<JoinHandle<()>>>,
+    capacity: usize,
+}
+
+/// What the caller's threads and the worker share.
+struct Shared {
+    core: Mutex<Core>,
+    queue: Mutex<Queue>,
+    changed: Condvar,
+    /// Ends the step in progress; set and cleared with the queue locked.
+    stop: Arc<AtomicBool>,
+    /// A step on the worker ended by a fault of the library.
+    broken: AtomicBool,
+    /// As of the end of the last step, so that asking does not wait for one.
+    statistics: Mutex<Statistics>,
+}
+
+/// The rollout itself.
+pub(super) struct Core {
+    pub(super) rollout: Rollout,
+    /// Whether nothing leads to the last latent from the one before.
+    cut: bool,
+    /// Whether nothing will lead to the next one.
+    pub(super) cut_next: bool,
+}
+
+/// What waits, what runs, and what nobody has asked for yet.
+#[derive(Default)]
+struct Queue {
+    tickets: u64,
+    waiting: VecDeque<(u64, Job)>,
+    running: Option<u64>,
+    done: VecDeque<(u64, Outcome<Done>)>,
+    paused: bool,
+    /// Steps that may run although it is paused.
+    singles: usize,
+    closing: bool,
+}
+
+/// What can be submitted.
+pub(super) enum Job {
+    Step(ControlInput),
+    Append(Picture),
+}
+
+/// What a step on the worker made.
+#[derive(Clone)]
+pub(super) struct Done {
+    pub(super) info: StepInfo,
+    pub(super) anchor: Arc<Anchor>,
+}
+
+/// What has become of a ticket.
+pub(super) enum Ticket {
+    /// It waits or runs.
+    Open,
+    /// It is over; asking again is an error.
+    Over(Outcome<Done>),
+}
+
+impl Object for Running {
+    fn close(&self) {
+        let mut queue = self.shared.queue.lock();
+        queue.closing = true;
+        self.shared.stop.store(true, Ordering::SeqCst);
+        queue.give_up("its rollout was destroyed");
+        self.shared.changed.notify_all();
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.close();
+        if let Some(worker) = self.worker.lock().take() {
+            // Its panics end in `guard`.
+            _ = worker.join();
+        }
+    }
+}
+
+impl Running {
+    pub(super) fn new(rollout: Rollout, capacity: usize) -> Self {
+        let stop = rollout.stop_flag().clone();
+        let core = Mutex::new(Core { rollout, cut: true, cut_next: true });
+        let shared = Shared {
+            core,
+            queue: Mutex::default(),
+            changed: Condvar::new(),
+            stop,
+            broken: AtomicBool::new(false),
+            statistics: Mutex::default(),
+        };
+        Self { shared: Arc::new(shared), worker: Mutex::new(None), capacity }
+    }
+
+    /// The rollout for a call on the caller's own thread, while nothing is queued.
+    pub(super) fn alone(&self) -> Outcome<MutexGuard<'_, Core>> {
+        self.shared.check()?;
+        let queue = self.shared.queue.lock();
+        if queue.running.is_some() || !queue.waiting.is_empty() {
+            return Err(busy("steps are queued on it. Wait for them, or cancel them"));
+        }
+        let core = self.shared.core.try_lock().ok_or_else(|| busy("another call is using it"))?;
+        // What was cancelled before has ended.
+        self.shared.stop.store(queue.closing, Ordering::SeqCst);
+        Ok(core)
+    }
+
+    /// The rollout for a call that only looks, while no step is running.
+    pub(super) fn look(&self) -> Outcome<MutexGuard<'_, Core>> {
+        self.shared.check()?;
+        self.shared.core.try_lock().ok_or_else(|| busy("a step is running"))
+    }
+
+    /// Does one step on the caller's own thread.
+    pub(super) fn run(&self, job: &Job) -> Outcome<StepInfo> {
+        let mut core = self.alone()?;
+        let result = core.run(job);
+        *self.shared.statistics.lock() = core.rollout.statistics();
+        result
+    }
+
+    /// Queues a step; none when the queue is full.
+    pub(super) fn submit(&self, job: Job) -> Outcome<Option<u64>> {
+        self.shared.check()?;
+        self.start()?;
+        let mut queue = self.shared.queue.lock();
+        if queue.depth() + queue.done.len() >= self.capacity {
+            return Ok(None);
+        }
+        if queue.closing {
+            return Err(Failure::new(CAIRN_ERROR_CANCELLED, "the rollout is being destroyed"));
+        }
+        queue.tickets += 1;
+        let ticket = queue.tickets;
+        queue.waiting.push_back((ticket, job));
+        self.shared.changed.notify_all();
+        Ok(Some(ticket))
+    }
+
+    /// What has become of a ticket, after waiting for it at most `timeout`; `None` waits for ever. `take` gets what its step
+    /// made, and only when that works the ticket is over.
+    pub(super) fn ticket(
+        &self,
+        ticket: u64,
+        timeout: Option<Duration>,
+        take: impl FnOnce(&Done) -> Outcome<()>,
+    ) -> Outcome<Ticket> {
+        let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+        let mut queue = self.shared.queue.lock();
+        loop {
+            if let Some(at) = queue.done.iter().position(|(done, _)| *done == ticket) {
+                if let Ok(done) = &queue.done[at].1 {
+                    take(done)?;
+                }
+                return match queue.done.remove(at) {
+                    Some((_, result)) => Ok(Ticket::Over(result)),
+                    None => Ok(Ticket::Open),
+                };
+            }
+            let open = queue.running == Some(ticket) || queue.waiting.iter().any(|(waiting, _)| *waiting == ticket);
+            if !open {
+                return Err(Failure::argument("ticket", format!("{ticket} is none, or was asked for already")));
+            }
+            match deadline {
+                Some(deadline) => {
+                    if self.shared.changed.wait_until(&mut queue, deadline).timed_out() {
+                        return Ok(Ticket::Open);
+                    }
+                }
+                // Also where the deadline lies beyond what the clock can show.
+                None => self.shared.changed.wait(&mut queue),
+            }
+        }
+    }
+
+    /// Ends the step in progress before its next pass, on whatever thread, and all that are queued.
+    pub(super) fn cancel(&self) {
+        let mut queue = self.shared.queue.lock();
+        self.shared.stop.store(true, Ordering::SeqCst);
+        queue.give_up("it was cancelled");
+        self.shared.changed.notify_all();
+    }
+
+    /// Holds the queue after the step in progress, or lets it go on.
+    pub(super) fn pause(&self, paused: bool) {
+        let mut queue = self.shared.queue.lock();
+        queue.paused = paused;
+        queue.singles = 0;
+        self.shared.changed.notify_all();
+    }
+
+    /// Lets one queued step run although the queue is held; `false` when there is none left to run.
+    pub(super) fn single(&self) -> Outcome<bool> {
+        let mut queue = self.shared.queue.lock();
+        if !queue.paused {
+            return Err(Failure::argument("rollout", "it is not paused. Pause it first"));
+        }
+        if queue.singles >= queue.waiting.len() {
+            return Ok(false);
+        }
+        queue.singles += 1;
+        self.shared.changed.notify_all();
+        Ok(true)
+    }
+
+    /// Figures as of the last step's end, and steps that wait or run.
+    pub(super) fn statistics(&self) -> (Statistics, usize) {
+        let depth = self.shared.queue.lock().depth();
+        (*self.shared.statistics.lock(), depth)
+    }
+
+    fn start(&self) -> Outcome<()> {
+        let mut worker = self.worker.lock();
+        if worker.is_some() {
+            return Ok(());
+        }
+        // Room for all that can be queued, so that nothing later can fail for want of it.
+        let full = || Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "the queue cannot be allocated");
+        {
+            let mut queue = self.shared.queue.lock();
+            queue.waiting.try_reserve(self.capacity).map_err(|_| full())?;
+            queue.done.try_reserve(self.capacity).map_err(|_| full())?;
+        }
+        let shared = self.shared.clone();
+        let thread = std::thread::Builder::new().name("cairn-rollout".into()).spawn(move || shared.work());
+        let thread = thread.map_err(|e| {
+            Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("the system gives no thread for the queue: {e}"))
+        })?;
+        *worker = Some(thread);
+        Ok(())
+    }
+}
+
+impl Core {
+    fn run(&mut self, job: &Job) -> Outcome<StepInfo> {
+        let (info, appended) = match job {
+            Job::Step(controls) => (self.rollout.step(controls)?, false),
+            Job::Append(picture) => (self.rollout.append(picture)?, true),
+        };
+        self.cut = appended || self.cut_next;
+        self.cut_next = false;
+        Ok(info)
+    }
+
+    /// Notes that the past is another one.
+    pub(super) fn restored(&mut self) {
+        self.cut = true;
+        self.cut_next = false;
+    }
+
+    /// The anchor that the last step made.
+    pub(super) fn anchor(&mut self) -> Outcome<Anchor> {
+        Anchor::of(&mut self.rollout, self.cut)
+    }
+}
+
+impl Shared {
+    fn check(&self) -> Outcome<()> {
+        if self.broken.load(Ordering::SeqCst) {
+            let why = "a step of this rollout ended by a fault of the library. Destroy it";
+            return Err(Failure::new(CAIRN_ERROR_POISONED, why));
+        }
+        Ok(())
+    }
+
+    /// The worker's life: one step after the other until the rollout is destroyed.
+    fn work(&self) {
+        while let Some((ticket, job)) = self.next() {
+            let result = guard(|| {
+                let mut core = self.core.lock();
+                let info = core.run(&job)?;
+                *self.statistics.lock() = core.rollout.statistics();
+                Ok(Done { info, anchor: Arc::new(core.anchor()?) })
+            });
+            let mut queue = self.queue.lock();
+            queue.running = None;
+            let failed = result.is_err();
+            if result.as_ref().is_err_and(|failure| failure.code == CAIRN_ERROR_INTERNAL) {
+                self.broken.store(true, Ordering::SeqCst);
+            }
+            queue.done.push_back((ticket, result));
+            if failed {
+                // Their controls were meant for a world that did not come about.
+                queue.give_up("a step before it failed");
+            }
+            self.changed.notify_all();
+        }
+    }
+
+    fn next(&self) -> Option<(u64, Job)> {
+        let mut queue = self.queue.lock();
+        loop {
+            if queue.closing {
+                return None;
+            }
+            let held = queue.paused && queue.singles == 0;
+            if let Some((ticket, job)) = (!held).then(|| queue.waiting.pop_front()).flatten() {
+                queue.singles = queue.singles.saturating_sub(1);
+                queue.running = Some(ticket);
+                self.stop.store(false, Ordering::SeqCst);
+                return Some((ticket, job));
+            }
+            self.changed.wait(&mut queue);
+        }
+    }
+}
+
+impl Queue {
+    /// Steps that wait or run.
+    fn depth(&self) -> usize {
+        self.waiting.len() + usize::from(self.running.is_some())
+    }
+
+    /// Ends what waits.
+    fn give_up(&mut self, why: &str) {
+        self.singles = 0;
+        while let Some((ticket, _)) = self.waiting.pop_front() {
+            let failure = Failure::new(CAIRN_ERROR_CANCELLED, format!("the queued step was not made: {why}"));
+            self.done.push_back((ticket, Err(failure)));
+        }
+    }
+}
+
+fn busy(why: &str) -> Failure {
+    Failure::new(CAIRN_ERROR_BUSY, format!("the rollout is in use: {why}"))
+}

@@ -1,0 +1,370 @@
+//! Worlds: bundles loaded on a device.
+
+use std::cell::Cell;
+use std::ffi::{c_char, c_void};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::boundary::call;
+use super::device::{cairn_device, precision, precision_number};
+use super::handles::{Handle, Kind, Object, destroy, enter, insert};
+use super::results::{CAIRN_ERROR_UNSUPPORTED, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::structs::{Out, check_out, describe, read};
+use super::text::{copy_text, fixed_text, optional_text};
+use crate::bundle::{Bundle, OpenOptions};
+use crate::runtime::Device;
+use crate::world::{OperatingPoint, Preset, World, WorldOptions};
+use crate::{Error, ErrorKind};
+
+/// A stage of loading: files are read and checked; done and total count bytes.
+pub const CAIRN_LOAD_READING: u32 = 1;
+/// A stage of loading: ONNX Runtime prepares the graphs; done and total count graphs.
+pub const CAIRN_LOAD_PREPARING: u32 = 2;
+
+/// How far loading is.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_load_progress {
+    /// sizeof(cairn_load_progress), as this library has it.
+    pub struct_size: u32,
+    /// CAIRN_LOAD_READING, then CAIRN_LOAD_PREPARING
+    pub stage: u32,
+    /// What of the stage is done.
+    pub done: u64,
+    /// What there is to do.
+    pub total: u64,
+}
+describe!(cairn_load_progress, [], { struct_size, stage, done, total });
+
+/// Gets the progress of a load, on the thread that called cairn_world_load, after every mebibyte and every graph, without any
+/// lock held. progress is valid during the call only; user is what the options have. A result that is not 0 ends the load
+/// with CAIRN_ERROR_CANCELLED before anything more is read or run. It may call Cairn, except to destroy the device, and must
+/// not throw.
+pub type cairn_load_callback =
+    Option<unsafe extern "C" fn(progress: *const cairn_load_progress, user: *mut c_void) -> u32>;
+
+/// A loaded world. It may have any number of rollouts, which share its weights.
+pub struct cairn_world(());
+
+/// What lies behind a handle of a world.
+pub(super) struct LoadedWorld {
+    pub(super) world: Arc<World>,
+    /// What rollouts run at unless told otherwise.
+    pub(super) point: OperatingPoint,
+    licence: Option<String>,
+}
+
+impl Handle for cairn_world {
+    const KIND: Kind = Kind::World;
+    const NAME: &'static str = "cairn_world";
+    type Object = LoadedWorld;
+}
+
+impl Object for LoadedWorld {}
+
+/// Which world to load, and how.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_world_options {
+    /// sizeof(cairn_world_options)
+    pub struct_size: u32,
+    /// CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16; 0 for what the device is best at.
+    pub precision: u32,
+    /// The bundle: a directory or an archive, UTF-8. Null for the world embedded in this library, where there is one.
+    pub path: *const c_char,
+    /// How rollouts run, UTF-8: a preset ("coherence", "baseline-128", "baseline-112", "baseline-doubled", "decoded-60", "heavy",
+    /// "stock"), with changes after commas where needed: "stock,g64,native". Null for "stock" at the bundle's own window. Its
+    /// global window is the world's for good; the rest may differ from rollout to rollout.
+    pub operating_point: *const c_char,
+    /// Bytes that the world with one rollout may take; 0 for what the system has available.
+    pub memory_limit: u64,
+    /// Gets the progress and can end the load; null for none.
+    pub progress: cairn_load_callback,
+    /// Handed to the callback.
+    pub user: *mut c_void,
+}
+describe!(cairn_world_options, [], {
+    struct_size, precision, path, operating_point, memory_limit, progress, user,
+});
+
+/// What a world is.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_world_info {
+    /// sizeof(cairn_world_info)
+    pub struct_size: u32,
+    /// What the graphs compute in: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
+    pub precision: u32,
+    /// Size of the pictures that anchors have, in square pixels.
+    pub render_width: u32,
+    /// See render_width.
+    pub render_height: u32,
+    /// Size of the pictures as the autoencoder makes them, which may be squeezed.
+    pub decoded_width: u32,
+    /// See decoded_width.
+    pub decoded_height: u32,
+    /// Shape of a latent: [channels, height, width].
+    pub latent_channels: u32,
+    /// See latent_channels.
+    pub latent_height: u32,
+    /// See latent_channels.
+    pub latent_width: u32,
+    /// Tokens of a latent.
+    pub tokens: u32,
+    /// Layers of the transformer.
+    pub layers: u32,
+    /// Pictures that a latent decodes to.
+    pub pictures_per_latent: u32,
+    /// Latents that a local layer remembers.
+    pub local_window: u32,
+    /// g: latents that a global layer looks back over, as loaded.
+    pub global_window: u32,
+    /// The largest g that the bundle allows.
+    pub max_global_window: u32,
+    /// g is a multiple of this.
+    pub global_dilation: u32,
+    /// Latents per second of world time that the model was made for.
+    pub latents_per_second: u32,
+    /// Keys that it knows: virtual-key codes from 0 to this, less one.
+    pub keys: u32,
+    /// The world's name, for people; UTF-8.
+    pub name: [c_char; 128],
+    /// The licence as an SPDX expression; the text is had from cairn_world_get_licence.
+    pub licence: [c_char; 64],
+    /// The bundle's identity: SHA-256 of its manifest, in hexadecimal.
+    pub digest: [c_char; 72],
+}
+describe!(cairn_world_info, [], {
+    struct_size, precision, render_width, render_height, decoded_width, decoded_height, latent_channels, latent_height,
+    latent_width, tokens, layers, pictures_per_latent, local_window, global_window, max_global_window, global_dilation,
+    latents_per_second, keys, name, licence, digest,
+});
+
+/// Bytes that a world and one rollout need.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_world_memory {
+    /// sizeof(cairn_world_memory)
+    pub struct_size: u32,
+    /// 0
+    pub reserved: u32,
+    /// The bundle's files, while they are loaded.
+    pub bundle: u64,
+    /// Weights as ONNX Runtime holds them.
+    pub weights: u64,
+    /// Keys and values of one rollout's ring: what each further rollout takes, with the slabs.
+    pub ring: u64,
+    /// Keys and values of the current latent.
+    pub slabs: u64,
+    /// Intermediate values of a pass.
+    pub intermediates: u64,
+    /// Intermediate values, pictures and memories of encoder and decoder.
+    pub autoencoder: u64,
+    /// What ONNX Runtime's allocator keeps beyond the values.
+    pub arena: u64,
+    /// The sum.
+    pub total: u64,
+}
+describe!(cairn_world_memory, [], {
+    struct_size, reserved, bundle, weights, ring, slabs, intermediates, autoencoder, arena, total,
+});
+
+/// Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs.
+/// Takes seconds to minutes with real weights, so call it off the render thread; the callback tells how far it is and can end
+/// it.
+///
+/// device: kept alive by the world.
+///
+/// Ownership: on success *world is the caller's, for cairn_world_destroy; on failure it is not written and nothing is kept. What
+/// options point to is read during the call only.
+/// Threads: any thread, at any time, several loads beside each other too.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that the world does
+/// not fit; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
+/// the format, a precision the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with figures;
+/// CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_world_load(
+    device: *const cairn_device,
+    options: *const cairn_world_options,
+    world: *mut *mut cairn_world,
+) -> cairn_result {
+    call("cairn_world_load", || {
+        let device = enter(device)?;
+        check_out(world, "world")?;
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { read(options, "options") }?;
+        // SAFETY: the host's promise about what options point to.
+        let path = unsafe { optional_text(options.path, "options.path") }?;
+        // SAFETY: as above.
+        let point = unsafe { optional_text(options.operating_point, "options.operating_point") }?;
+        let path = path.ok_or_else(|| {
+            Failure::new(CAIRN_ERROR_UNSUPPORTED, "options.path: this library has no embedded world. Give a path")
+        })?;
+        let loaded = load(&device, path, point, &options)?;
+        let handle = insert::<cairn_world>(loaded)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { world.write(handle) };
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Says what a world is.
+///
+/// Ownership: info stays the caller's and is filled on success; on failure it is not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_world_get_info(world: *const cairn_world, info: *mut cairn_world_info) -> cairn_result {
+    call("cairn_world_get_info", || {
+        let loaded = enter(world)?;
+        // SAFETY: the host's promise about `info`.
+        let info = unsafe { Out::new(info, "info") }?;
+        let world = &loaded.world;
+        let manifest = world.manifest();
+        let geometry = &manifest.geometry;
+        let ((render_width, render_height), (decoded_width, decoded_height)) =
+            (world.render_size(), world.decoded_size());
+        info.write(&cairn_world_info {
+            struct_size: 0,
+            precision: precision_number(world.precision()),
+            render_width,
+            render_height,
+            decoded_width,
+            decoded_height,
+            latent_channels: geometry.latent.channels,
+            latent_height: geometry.latent.height,
+            latent_width: geometry.latent.width,
+            tokens: geometry.tokens,
+            layers: geometry.layers,
+            pictures_per_latent: geometry.autoencoder.temporal,
+            local_window: geometry.local.window,
+            global_window: world.global_window(),
+            max_global_window: geometry.global.max_window,
+            global_dilation: geometry.global.dilation,
+            latents_per_second: manifest.rates.latents_per_second,
+            keys: manifest.controls.buttons,
+            name: fixed_text(&manifest.name),
+            licence: fixed_text(&manifest.licence.spdx),
+            digest: fixed_text(world.digest()),
+        });
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Says how much memory a world with one rollout needs, as it was found before loading.
+///
+/// Ownership: memory stays the caller's and is filled on success; on failure it is not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_world_get_memory(
+    world: *const cairn_world,
+    memory: *mut cairn_world_memory,
+) -> cairn_result {
+    call("cairn_world_get_memory", || {
+        let loaded = enter(world)?;
+        // SAFETY: the host's promise about `memory`.
+        let memory = unsafe { Out::new(memory, "memory") }?;
+        let need = loaded.world.memory_need();
+        memory.write(&cairn_world_memory {
+            struct_size: 0,
+            reserved: 0,
+            bundle: need.bundle,
+            weights: need.weights,
+            ring: need.ring,
+            slabs: need.slabs,
+            intermediates: need.intermediates,
+            autoencoder: need.autoencoder,
+            arena: need.arena,
+            total: need.total,
+        });
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Copies the text of the world's licence; empty where the bundle has none.
+///
+/// text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
+/// length: gets the length in bytes of the whole text, without the NUL; may be null.
+///
+/// Ownership: the text is copied; on failure nothing is written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_TRUNCATED; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_world_get_licence(
+    world: *const cairn_world,
+    text: *mut c_char,
+    capacity: usize,
+    length: *mut usize,
+) -> cairn_result {
+    call("cairn_world_get_licence", || {
+        let world = enter(world)?;
+        // SAFETY: the host's promise about the buffer.
+        unsafe { copy_text(world.licence.as_deref().unwrap_or_default(), text, capacity, length) }
+    })
+}
+
+/// Destroys the handle of a world; null is allowed. Its rollouts keep it alive.
+///
+/// Ownership: on success world is no handle any more; on failure it is as it was.
+/// Threads: any thread; waits for calls in flight on the world.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_world_destroy(world: *mut cairn_world) -> cairn_result {
+    call("cairn_world_destroy", || destroy(world))
+}
+
+fn load(device: &Device, path: &str, point: Option<&str>, options: &cairn_world_options) -> Outcome<LoadedWorld> {
+    let point = point.map(str::parse::<OperatingPoint>).transpose()?;
+    let report = Report { callback: options.progress, user: options.user, stopped: AtomicBool::new(false) };
+    let read = |progress: crate::bundle::OpenProgress| report.tell(CAIRN_LOAD_READING, progress.done, progress.total);
+    let open = OpenOptions { progress: Some(&read), cancel: Some(&report.stopped), max_bytes: None };
+    let bundle = Bundle::open_with(Path::new(path), &open)?;
+    let point = point.unwrap_or_else(|| OperatingPoint {
+        global_window: bundle.geometry().global.window,
+        ..Preset::Stock.operating_point()
+    });
+    point.check_for(bundle.geometry())?;
+    let world_options = WorldOptions {
+        global_window: Some(point.global_window),
+        precision: precision(options.precision, "options.precision")?,
+        memory_limit: Some(options.memory_limit).filter(|limit| *limit > 0),
+    };
+    let prepared = Cell::new(0);
+    let world = World::load_with(device, &bundle, world_options, &|total| {
+        report.tell(CAIRN_LOAD_PREPARING, prepared.replace(prepared.get() + 1), total);
+        report.check()
+    })?;
+    Ok(LoadedWorld { licence: bundle.licence_text().map(str::to_owned), world, point })
+}
+
+/// The host's callback, and what it decided.
+struct Report {
+    callback: cairn_load_callback,
+    user: *mut c_void,
+    stopped: AtomicBool,
+}
+
+impl Report {
+    fn tell(&self, stage: u32, done: u64, total: u64) {
+        let Some(callback) = self.callback else { return };
+        let progress = cairn_load_progress { struct_size: size_of::<cairn_load_progress>() as u32, stage, done, total };
+        // SAFETY: the struct lives through the call; the rest is the host's promise.
+        if unsafe { callback(&progress, self.user) } != 0 {
+            self.stopped.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn check(&self) -> crate::Result<()> {
+        if self.stopped.load(Ordering::Relaxed) {
+            return Err(Error::new(ErrorKind::Cancelled, "loading was cancelled"));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,67 @@
+//! A lane that can be told to stop.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::lane::{BindingId, BufferId, Bytes, Lane, Region};
+use super::{Device, Graph};
+use crate::bundle::Precision;
+use crate::{Error, ErrorKind, Result};
+
+/// A lane that begins no run while its flag is set. All else goes on, so that what a failed run left can be put right.
+pub(crate) struct StopLane {
+    inner: Box<dyn Lane>,
+    stop: Arc<AtomicBool>,
+}
+
+impl StopLane {
+    /// A lane of `device` that heeds `stop`.
+    pub(crate) fn new(device: &Device, stop: Arc<AtomicBool>) -> Result<Self> {
+        Ok(Self { inner: device.lane()?, stop })
+    }
+}
+
+impl Lane for StopLane {
+    fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
+        self.inner.buffer(bytes)
+    }
+
+    fn size(&self, of: BufferId) -> usize {
+        self.inner.size(of)
+    }
+
+    fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId> {
+        self.inner.bind(graph, tensors)
+    }
+
+    fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()> {
+        self.inner.upload(to, at, bytes)
+    }
+
+    fn clear(&mut self, buffer: BufferId) -> Result<()> {
+        self.inner.clear(buffer)
+    }
+
+    fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
+        self.inner.copy(to, from, regions)
+    }
+
+    fn run(&mut self, binding: BindingId) -> Result<()> {
+        if self.stop.load(Ordering::SeqCst) {
+            return Err(Error::new(ErrorKind::Cancelled, "the step was cancelled"));
+        }
+        self.inner.run(binding)
+    }
+
+    fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
+        self.inner.read(from, at, into)
+    }
+
+    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool> {
+        self.inner.finite(of, precision)
+    }
+
+    fn bytes(&self) -> Bytes {
+        self.inner.bytes()
+    }
+}

@@ -1,0 +1,376 @@
+/* Rollouts: by hand and by the queue, cancelled, held, saved, and destroyed in every order. */
+#include <pthread.h>
+#include <stdint.h>
+#include <unistd.h>
+
+#include "check.h"
+
+static cairn_device *device;
+static cairn_world *world;
+
+static cairn_rollout *make_rollout(uint64_t seed, uint32_t capacity)
+{
+    cairn_rollout_options options = {.struct_size = sizeof options, .seed = seed, .queue_capacity = capacity};
+    cairn_rollout *rollout = NULL;
+    OK(cairn_rollout_create(world, &options, &rollout));
+    return rollout;
+}
+
+static cairn_rollout *make_seeded(uint64_t seed)
+{
+    cairn_rollout *rollout = make_rollout(seed, 0);
+    cairn_picture picture = seed_picture();
+    OK(cairn_rollout_append(rollout, &picture, NULL));
+    return rollout;
+}
+
+/* An anchor's picture and latent as a number. */
+static uint64_t anchor_print(cairn_anchor *anchor)
+{
+    static _Thread_local unsigned char pixels[72][128][4];
+    static _Thread_local float latent[4 * 4 * 8];
+    cairn_target target = {.struct_size = sizeof target, .width = 128, .height = 72, .pixels = pixels, .size = sizeof pixels};
+    OK(cairn_anchor_read_picture(anchor, 0, &target));
+    OK(cairn_anchor_read_latent(anchor, latent, 4 * 4 * 8));
+    uint64_t hash = 1469598103934665603ull;
+    const unsigned char *parts[2] = {&pixels[0][0][0], (const unsigned char *)latent};
+    const size_t sizes[2] = {sizeof pixels, sizeof latent};
+    for (int p = 0; p < 2; p++) {
+        for (size_t i = 0; i < sizes[p]; i++) {
+            hash = (hash ^ parts[p][i]) * 1099511628211ull;
+        }
+    }
+    return hash;
+}
+
+static uint64_t last_print(cairn_rollout *rollout)
+{
+    cairn_anchor *anchor = NULL;
+    OK(cairn_rollout_get_anchor(rollout, &anchor));
+    uint64_t print = anchor_print(anchor);
+    OK(cairn_anchor_destroy(anchor));
+    return print;
+}
+
+enum { STEPS = 6 };
+
+/* What STEPS steps of a seeded rollout make. */
+static void by_hand(uint64_t seed, uint64_t prints[STEPS])
+{
+    cairn_rollout *rollout = make_seeded(seed);
+    for (int i = 0; i < STEPS; i++) {
+        cairn_controls c = controls(i);
+        cairn_step_info info = {.struct_size = sizeof info};
+        OK(cairn_rollout_step(rollout, &c, &info));
+        CHECK(info.latent == (uint64_t)i + 1 && info.denoise_passes == 4 && info.cache_passes == 1);
+        CHECK((info.flags & CAIRN_STEP_COMMITTED) && info.denoise_ns > 0 && info.ring_bytes > 0);
+        prints[i] = last_print(rollout);
+    }
+    OK(cairn_rollout_destroy(rollout));
+}
+
+static void a_rollout_says_how_far_it_is(void)
+{
+    cairn_rollout *rollout = make_rollout(7, 0);
+    cairn_anchor *anchor = NULL;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_get_anchor(rollout, &anchor));
+    cairn_rollout_info info = {.struct_size = sizeof info};
+    OK(cairn_rollout_get_info(rollout, &info));
+    CHECK(info.latents == 0 && info.seed == 7 && info.latents_per_second == 15 && info.pictures_per_latent == 1);
+    CHECK(strstr(info.operating_point, "g16,stock") == info.operating_point);
+    cairn_picture picture = seed_picture();
+    OK(cairn_rollout_append(rollout, &picture, NULL));
+    OK(cairn_rollout_get_info(rollout, &info));
+    CHECK(info.latents == 1);
+    OK(cairn_rollout_get_anchor(rollout, &anchor));
+    cairn_anchor_info about = {.struct_size = sizeof about};
+    OK(cairn_anchor_get_info(anchor, &about));
+    CHECK(about.latent == 0 && about.flags == CAIRN_ANCHOR_CUT && about.pictures == 1);
+    CHECK(about.width == 128 && about.height == 72 && about.latent_channels == 4);
+    /* The anchor stays when all else goes. */
+    OK(cairn_rollout_destroy(rollout));
+    anchor_print(anchor);
+    OK(cairn_anchor_destroy(anchor));
+}
+
+static void only_a_stated_cut_is_one(void)
+{
+    cairn_rollout *rollout = make_seeded(1);
+    cairn_picture picture = seed_picture();
+    cairn_controls c = controls(0);
+    for (int i = 0; i < 4; i++) {
+        if (i == 2) {
+            OK(cairn_rollout_append(rollout, &picture, NULL));
+        } else {
+            OK(cairn_rollout_step(rollout, &c, NULL));
+        }
+        cairn_anchor *anchor = NULL;
+        OK(cairn_rollout_get_anchor(rollout, &anchor));
+        cairn_anchor_info about = {.struct_size = sizeof about};
+        OK(cairn_anchor_get_info(anchor, &about));
+        CHECK((about.flags == CAIRN_ANCHOR_CUT) == (i == 2));
+        OK(cairn_anchor_destroy(anchor));
+    }
+    OK(cairn_rollout_destroy(rollout));
+}
+
+static void the_queue_makes_what_hands_make(void)
+{
+    uint64_t prints[STEPS];
+    by_hand(3, prints);
+    cairn_rollout *rollout = make_rollout(3, 2);
+    uint64_t tickets[STEPS + 1];
+    int submitted = 0, asked = 0;
+    while (asked <= STEPS) {
+        cairn_result r = CAIRN_OK;
+        while (submitted <= STEPS && r == CAIRN_OK) {
+            if (submitted == 0) {
+                cairn_picture picture = seed_picture();
+                r = cairn_rollout_submit_picture(rollout, &picture, &tickets[0]);
+            } else {
+                cairn_controls c = controls(submitted - 1);
+                r = cairn_rollout_submit(rollout, &c, &tickets[submitted]);
+            }
+            submitted += r == CAIRN_OK;
+        }
+        CHECK(r == CAIRN_OK || r == CAIRN_QUEUE_FULL);
+        CHECK(submitted - asked <= 2);
+        cairn_anchor *anchor = NULL;
+        cairn_step_info info = {.struct_size = sizeof info};
+        OK(cairn_rollout_wait(rollout, tickets[asked], CAIRN_FOREVER, &info, &anchor));
+        CHECK(info.latent == (uint64_t)asked);
+        CHECK(asked == 0 || anchor_print(anchor) == prints[asked - 1]);
+        OK(cairn_anchor_destroy(anchor));
+        ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_poll(rollout, tickets[asked], NULL, NULL));
+        asked++;
+    }
+    OK(cairn_rollout_destroy(rollout));
+}
+
+static void a_held_queue_goes_step_by_step(void)
+{
+    cairn_rollout *rollout = make_seeded(1);
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_single_step(rollout));
+    OK(cairn_rollout_pause(rollout));
+    ANSWERS(CAIRN_NOT_READY, cairn_rollout_single_step(rollout));
+    cairn_controls c = controls(1);
+    uint64_t tickets[2];
+    OK(cairn_rollout_submit(rollout, &c, &tickets[0]));
+    OK(cairn_rollout_submit(rollout, &c, &tickets[1]));
+    ANSWERS(CAIRN_NOT_READY, cairn_rollout_wait(rollout, tickets[0], 20 * 1000 * 1000, NULL, NULL));
+    ANSWERS(CAIRN_ERROR_BUSY, cairn_rollout_step(rollout, &c, NULL));
+    ANSWERS(CAIRN_ERROR_BUSY, cairn_rollout_reset(rollout));
+    OK(cairn_rollout_single_step(rollout));
+    OK(cairn_rollout_wait(rollout, tickets[0], CAIRN_FOREVER, NULL, NULL));
+    ANSWERS(CAIRN_NOT_READY, cairn_rollout_wait(rollout, tickets[1], 20 * 1000 * 1000, NULL, NULL));
+    OK(cairn_rollout_resume(rollout));
+    OK(cairn_rollout_wait(rollout, tickets[1], CAIRN_FOREVER, NULL, NULL));
+    OK(cairn_rollout_destroy(rollout));
+}
+
+static void cancelling_leaves_the_rollout_whole(void)
+{
+    uint64_t prints[STEPS];
+    by_hand(5, prints);
+    for (int moment = 0; moment < 20; moment++) {
+        cairn_rollout *rollout = make_seeded(5);
+        cairn_controls c = controls(0);
+        uint64_t tickets[3];
+        for (int i = 0; i < 3; i++) {
+            OK(cairn_rollout_submit(rollout, &c, &tickets[i]));
+        }
+        usleep((useconds_t)moment * 300);
+        OK(cairn_rollout_cancel(rollout));
+        int made = 0, cancelled = 0;
+        for (int i = 0; i < 3; i++) {
+            cairn_result r = cairn_rollout_wait(rollout, tickets[i], CAIRN_FOREVER, NULL, NULL);
+            CHECK(r == CAIRN_OK || r == CAIRN_ERROR_CANCELLED);
+            CHECK(!(r == CAIRN_OK && cancelled));
+            made += r == CAIRN_OK;
+            cancelled += r != CAIRN_OK;
+        }
+        cairn_rollout_info info = {.struct_size = sizeof info};
+        OK(cairn_rollout_get_info(rollout, &info));
+        CHECK(info.latents == 1 + (uint64_t)made);
+        /* What was cancelled left no trace. */
+        if (made == 0) {
+            for (int i = 0; i < 2; i++) {
+                c = controls(i);
+                OK(cairn_rollout_step(rollout, &c, NULL));
+                CHECK(last_print(rollout) == prints[i]);
+            }
+        }
+        OK(cairn_rollout_destroy(rollout));
+    }
+}
+
+static void a_state_goes_on_bit_for_bit(void)
+{
+    uint64_t prints[STEPS];
+    by_hand(9, prints);
+    cairn_rollout *rollout = make_seeded(9), *other = make_rollout(1, 0);
+    cairn_controls c;
+    for (int i = 0; i < 3; i++) {
+        c = controls(i);
+        OK(cairn_rollout_step(rollout, &c, NULL));
+    }
+    size_t size = 0, again = 0;
+    OK(cairn_rollout_save(rollout, NULL, 0, &size));
+    unsigned char *state = malloc(size);
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_save(rollout, state, size - 1, &again));
+    OK(cairn_rollout_save(rollout, state, size, &again));
+    CHECK(again == size);
+    OK(cairn_rollout_save_file(rollout, "state.bin"));
+    ANSWERS(CAIRN_ERROR_IO, cairn_rollout_save_file(rollout, "no/such/folder/state.bin"));
+    for (int from_file = 0; from_file < 2; from_file++) {
+        if (from_file) {
+            OK(cairn_rollout_restore_file(other, "state.bin"));
+        } else {
+            OK(cairn_rollout_restore(other, state, size));
+        }
+        CHECK(last_print(other) == prints[2]);
+        for (int i = 3; i < STEPS; i++) {
+            c = controls(i);
+            OK(cairn_rollout_step(other, &c, NULL));
+            CHECK(last_print(other) == prints[i]);
+        }
+    }
+    /* A damaged state changes nothing. */
+    for (size_t at = 0; at < size; at += size / 50) {
+        state[at] ^= 4;
+        cairn_result r = cairn_rollout_restore(other, state, size);
+        CHECK(r == CAIRN_ERROR_INVALID_STATE || r == CAIRN_ERROR_UNSUPPORTED);
+        state[at] ^= 4;
+        ANSWERS(CAIRN_ERROR_INVALID_STATE, cairn_rollout_restore(other, state, at));
+    }
+    CHECK(last_print(other) == prints[STEPS - 1]);
+    ANSWERS(CAIRN_ERROR_IO, cairn_rollout_restore_file(other, "no-such-state.bin"));
+    ANSWERS(CAIRN_ERROR_INVALID_STATE, cairn_rollout_restore_file(other, "."));
+    free(state);
+    OK(cairn_rollout_destroy(rollout));
+    OK(cairn_rollout_destroy(other));
+}
+
+static void wrong_controls_are_refused(void)
+{
+    cairn_rollout *rollout = make_seeded(1);
+    const float bad[] = {0.0f / 0.0f, 1.0f / 0.0f, -1.0f / 0.0f, 32769.0f, -1e30f};
+    for (int i = 0; i < 5; i++) {
+        cairn_controls c = controls(0);
+        uint64_t ticket = 77;
+        c.mouse_dx = bad[i];
+        ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_step(rollout, &c, NULL));
+        c = controls(0);
+        c.mouse_dy = bad[i];
+        ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_submit(rollout, &c, &ticket));
+        CHECK(ticket == 77);
+        c = controls(0);
+        c.scroll = bad[i];
+        if (i < 3) {
+            ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_step(rollout, &c, NULL));
+        }
+    }
+    OK(cairn_rollout_destroy(rollout));
+}
+
+static void *wait_for_ever(void *argument)
+{
+    void **pair = argument;
+    ANSWERS(CAIRN_ERROR_CANCELLED,
+            cairn_rollout_wait(pair[0], *(uint64_t *)pair[1], CAIRN_FOREVER, NULL, NULL));
+    return NULL;
+}
+
+static void destroying_ends_who_waits(void)
+{
+    for (int paused = 0; paused < 2; paused++) {
+        cairn_rollout *rollout = make_seeded(1);
+        cairn_controls c = controls(0);
+        uint64_t tickets[2];
+        if (paused) OK(cairn_rollout_pause(rollout));
+        for (int i = 0; i < 2; i++) OK(cairn_rollout_submit(rollout, &c, &tickets[i]));
+        void *pair[2] = {rollout, &tickets[1]};
+        pthread_t thread;
+        if (paused) {
+            CHECK(pthread_create(&thread, NULL, wait_for_ever, pair) == 0);
+            usleep(20000);
+        }
+        OK(cairn_rollout_destroy(rollout));
+        if (paused) pthread_join(thread, NULL);
+        ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_rollout_poll(rollout, tickets[0], NULL, NULL));
+    }
+}
+
+static void everything_may_go_in_every_order(void)
+{
+    for (int order = 0; order < 24; order++) {
+        cairn_device *d = make_device();
+        cairn_world *w = make_world(d);
+        cairn_rollout *r = NULL;
+        cairn_anchor *a = NULL;
+        uint64_t ticket = 0;
+        cairn_picture picture = seed_picture();
+        cairn_controls c = controls(0);
+        OK(cairn_rollout_create(w, NULL, &r));
+        OK(cairn_rollout_append(r, &picture, NULL));
+        OK(cairn_rollout_get_anchor(r, &a));
+        OK(cairn_rollout_submit(r, &c, &ticket)); /* work in flight */
+        int left[4] = {0, 1, 2, 3}, n = order;
+        for (int i = 4; i > 0; i--) {
+            int pick = n % i, what = left[pick];
+            n /= i;
+            memmove(&left[pick], &left[pick + 1], sizeof(int) * (size_t)(3 - pick));
+            if (what == 0) OK(cairn_device_destroy(d));
+            if (what == 1) OK(cairn_world_destroy(w));
+            if (what == 2) OK(cairn_rollout_destroy(r));
+            if (what == 3) OK(cairn_anchor_destroy(a));
+        }
+    }
+}
+
+/* Two threads that step one rollout: each step is made whole or refused as busy. */
+static cairn_rollout *contested;
+static int contested_made;
+
+static void *step_hard(void *unused)
+{
+    (void)unused;
+    for (int i = 0; i < 40; i++) {
+        cairn_controls c = controls(0);
+        cairn_result r = cairn_rollout_step(contested, &c, NULL);
+        CHECK(r == CAIRN_OK || r == CAIRN_ERROR_BUSY);
+        if (r == CAIRN_OK) __atomic_add_fetch(&contested_made, 1, __ATOMIC_SEQ_CST);
+    }
+    return NULL;
+}
+
+static void a_second_thread_is_refused_and_not_harmful(void)
+{
+    contested = make_seeded(1);
+    pthread_t threads[3];
+    for (int i = 0; i < 3; i++) CHECK(pthread_create(&threads[i], NULL, step_hard, NULL) == 0);
+    for (int i = 0; i < 3; i++) pthread_join(threads[i], NULL);
+    cairn_rollout_info info = {.struct_size = sizeof info};
+    OK(cairn_rollout_get_info(contested, &info));
+    CHECK(info.latents == 1 + (uint64_t)contested_made && contested_made >= 40);
+    OK(cairn_rollout_destroy(contested));
+}
+
+int main(void)
+{
+    device = make_device();
+    world = make_world(device);
+    RUN(a_rollout_says_how_far_it_is);
+    RUN(only_a_stated_cut_is_one);
+    RUN(the_queue_makes_what_hands_make);
+    RUN(a_held_queue_goes_step_by_step);
+    RUN(cancelling_leaves_the_rollout_whole);
+    RUN(a_state_goes_on_bit_for_bit);
+    RUN(wrong_controls_are_refused);
+    RUN(destroying_ends_who_waits);
+    RUN(everything_may_go_in_every_order);
+    RUN(a_second_thread_is_refused_and_not_harmful);
+    cairn_world_destroy(world);
+    cairn_device_destroy(device);
+    return failed_tests != 0;
+}

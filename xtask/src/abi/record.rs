@@ -1,0 +1,144 @@
+//! `abi.txt`: one line for each thing that hosts rely on. What is added adds lines; a line that goes or changes breaks hosts.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::process::Command;
+
+use super::declarations::Declarations;
+use crate::clone::Clone;
+
+/// Where it lies.
+pub(crate) const RECORD: &str = "abi.txt";
+
+const INTRODUCTION: &str = "\
+# What hosts of the library rely on, written by `cargo xtask fix` and compared by `cargo xtask test abi` with what a C compiler
+# makes of include/cairn.h. New lines are welcome. A line that goes or changes breaks hosts: CAIRN_ABI_VERSION must rise with it.
+";
+
+/// The command that prints constants and structs as Rust has them.
+pub(crate) fn rust_layout(clone: &Clone) -> Command {
+    clone.cargo(["run", "--quiet", "--package", "cairn", "--example", "interface"])
+}
+
+/// The whole record: the layout, and the declarations that have none.
+pub(crate) fn compose(layout: &str, declarations: &Declarations) -> String {
+    let mut record = format!("{INTRODUCTION}{layout}");
+    for line in &declarations.typedefs {
+        _ = writeln!(record, "type {line}");
+    }
+    for function in &declarations.functions {
+        _ = writeln!(record, "function {}", function.prototype);
+    }
+    record
+}
+
+/// A C program that prints the layout as a C compiler has it, in the words of the Rust side.
+pub(crate) fn c_program(declarations: &Declarations) -> String {
+    let mut program = String::from(
+        "#include <stdio.h>\n#include <stddef.h>\n#include \"cairn.h\"\n\nint main(void)\n{\n    cairn_result wide = 0;\n",
+    );
+    for name in &declarations.constants {
+        _ = writeln!(program, "    printf(\"constant {name} %lld\\n\", (long long){name});");
+    }
+    _ = writeln!(program, "    printf(\"cairn_result %u\\n\", (unsigned)sizeof wide);");
+    for structure in declarations.structs.iter().filter(|s| !s.fields.is_empty()) {
+        let name = &structure.name;
+        _ = writeln!(program, "    printf(\"struct {name} %u\\n\", (unsigned)_Alignof({name}));");
+        _ = writeln!(program, "    printf(\"size {name} %u\\n\", (unsigned)sizeof({name}));");
+        for field in &structure.fields {
+            _ = writeln!(
+                program,
+                "    printf(\"field {name}.{field} %u %u\\n\", (unsigned)offsetof({name}, {field}), \
+                 (unsigned)sizeof((({name} *)0)->{field}));"
+            );
+        }
+    }
+    program.push_str("    return 0;\n}\n");
+    program
+}
+
+/// A C or C++ source that compiles only where sizes, places and values are those of the record: for compilers whose programs
+/// do not run here.
+pub(crate) fn assertions(record: &str) -> String {
+    let mut source = String::from(
+        "#include <stddef.h>\n#include \"cairn.h\"\n\n#ifdef __cplusplus\n#define HOLDS(what) static_assert(what, #what)\n\
+         #else\n#define HOLDS(what) _Static_assert(what, #what)\n#endif\n\n",
+    );
+    let mut last_size = None;
+    for line in record.lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        let now = match words[..] {
+            // Of several sizes the last is today's.
+            ["size", name, size] => {
+                last_size = Some(format!("HOLDS(sizeof({name}) == {size});\n"));
+                continue;
+            }
+            ["constant", name, value] => format!("HOLDS((long long){name} == {value});\n"),
+            ["cairn_result", size] => format!("HOLDS(sizeof(cairn_result) == {size});\n"),
+            ["field", path, offset, size] => match path.split_once('.') {
+                Some((name, field)) => format!(
+                    "HOLDS(offsetof({name}, {field}) == {offset});\nHOLDS(sizeof((({name} *)0)->{field}) == {size});\n"
+                ),
+                None => continue,
+            },
+            _ => continue,
+        };
+        source.extend(last_size.take());
+        source.push_str(&now);
+    }
+    source.extend(last_size);
+    source
+}
+
+/// How what the C program printed differs from the record; sizes of earlier releases are in the record alone.
+pub(crate) fn difference(record: &str, printed: &str) -> Option<String> {
+    let layout = ["constant ", "cairn_result ", "struct ", "size ", "field "];
+    let is_layout = |line: &&str| layout.iter().any(|start| line.starts_with(start));
+    let recorded: BTreeSet<&str> = record.lines().filter(is_layout).collect();
+    let printed: BTreeSet<&str> = printed.lines().map(str::trim_end).collect();
+    let earlier = |line: &str| line.starts_with("size ");
+    let lost = recorded.difference(&printed).find(|line| !earlier(line)).map(|line| format!("C has not: {line}"));
+    let added = printed.difference(&recorded).next().map(|line| format!("the record has not: {line}"));
+    lost.or(added)
+}
+
+/// The line that `new` lost although it claims the same number; none when the change only adds.
+pub(crate) fn break_of_promise(old: &str, new: &str) -> Option<String> {
+    let number = |record: &str| {
+        record.lines().find_map(|line| line.strip_prefix("constant CAIRN_ABI_VERSION ")?.parse::<u64>().ok())
+    };
+    let lines: BTreeSet<&str> = new.lines().collect();
+    // The library's own version may change, and so may the introduction.
+    let promised = |line: &&str| !line.starts_with('#') && !line.starts_with("constant CAIRN_VERSION ");
+    let lost = old.lines().filter(promised).find(|line| !lines.contains(line))?;
+    (number(new) <= number(old)).then(|| lost.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::abi::declarations::read;
+
+    #[test]
+    fn only_what_adds_keeps_the_number() {
+        let old = "constant CAIRN_ABI_VERSION 1\nconstant CAIRN_VERSION 1\nsize cairn_a 8\nfunction int f(void)\n";
+        assert_eq!(break_of_promise(old, &format!("# x\n{old}size cairn_a 16\n")), None);
+        assert_eq!(break_of_promise(old, &old.replace("CAIRN_VERSION 1", "CAIRN_VERSION 2")), None);
+        let changed = old.replace("size cairn_a 8", "size cairn_a 16");
+        assert_eq!(break_of_promise(old, &changed).as_deref(), Some("size cairn_a 8"));
+        assert_eq!(break_of_promise(old, &changed.replace("ABI_VERSION 1", "ABI_VERSION 2")), None);
+        assert!(break_of_promise(old, &old.replace("int f", "void f")).is_some());
+    }
+
+    #[test]
+    fn both_sides_are_compared() {
+        let record = "# x\nconstant A 1\nsize s 8\nsize s 16\nfunction f\n";
+        assert_eq!(difference(record, "constant A 1\nsize s 16\n"), None);
+        assert!(difference(record, "constant A 2\nsize s 16\n").is_some());
+        assert!(difference(record, "size s 16\n").is_some());
+        assert!(difference(record, "constant A 1\nsize s 24\n").is_some());
+        let program =
+            c_program(&read("#define CAIRN_OK 0\ntypedef struct cairn_a {\n    int b;\n} cairn_a;\n").unwrap());
+        assert!(program.contains("constant CAIRN_OK") && program.contains("field cairn_a.b"), "{program}");
+    }
+}

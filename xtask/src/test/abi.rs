@@ -1,0 +1,218 @@
+//! The C interface: header and record are those of the sources, every compiler takes the header, the library exports what it
+//! declares, and C programs find it to work as it says.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::{Console, tools};
+
+use super::Context;
+use super::tally::{Skip, Tally};
+use crate::abi::declarations::{self, Declarations};
+use crate::abi::{header, record};
+use crate::shell::{Log, output};
+
+/// What every compiler is told.
+const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+
+/// C programs that run against the library; each is a file of `tests/abi`.
+const PROGRAMS: &str = "tests/abi";
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let clone = context.clone;
+    let work = clone.target.join("xtask").join("abi");
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let mut tally = Tally::default();
+
+    let committed = clone.read(header::HEADER)?;
+    let differs = |name: &str| format!("{name} is not what the sources say; cargo xtask fix writes it");
+    tally.check((header::generate(&clone.root)? != committed).then(|| differs(header::HEADER)));
+    let declared = declarations::read(&committed)?;
+    let version = env!("CARGO_PKG_VERSION");
+    for function in &declared.functions {
+        tally.check(declarations::missing_part(function, &declared.constants, version));
+    }
+
+    let recorded = clone.read(record::RECORD)?;
+    let layout = output(&mut record::rust_layout(clone))?;
+    tally.check((record::compose(&layout, &declared) != recorded).then(|| differs(record::RECORD)));
+    tally.check(broken_promise(clone, &recorded)?);
+    compilers(context, log, &work, &committed, &declared, &recorded, &mut tally)?;
+
+    let library = library(context, log)?;
+    tally.check(exports(&library, &declared)?);
+    programs(context, log, &work, &library, &mut tally)?;
+    Ok(tally)
+}
+
+/// The first change of the record, in the history there is or since the last commit, that breaks hosts under an old number.
+fn broken_promise(clone: &crate::clone::Clone, now: &str) -> Result<Option<String>, String> {
+    let git = |arguments: &[&str]| output(Command::new("git").args(arguments).current_dir(&clone.root));
+    let history = git(&["log", "--format=%h", "--", record::RECORD])?;
+    let mut newer = ("the working tree".to_owned(), now.to_owned());
+    for commit in history.lines() {
+        // A commit that removed the file has nothing to show.
+        let Ok(older) = git(&["show", &format!("{commit}:{}", record::RECORD)]) else { break };
+        if let Some(line) = record::break_of_promise(&older, &newer.1) {
+            return Ok(Some(format!("{} drops \"{line}\" and leaves CAIRN_ABI_VERSION as it was", newer.0)));
+        }
+        newer = (commit.to_owned(), older);
+    }
+    Ok(None)
+}
+
+/// A compiler of the matrix.
+struct Compiler {
+    program: PathBuf,
+    /// What comes before everything else.
+    first: &'static [&'static str],
+    cpp: bool,
+}
+
+/// Every compiler there should be; those that cannot be had are skipped by name.
+fn matrix(tally: &mut Tally) -> Vec<Compiler> {
+    let console = Console::new();
+    let mut all = Vec::new();
+    for (name, cpp) in [("gcc", false), ("g++", true)] {
+        match tools::on_path(name) {
+            Some(program) => all.push(Compiler { program, first: &[], cpp }),
+            None => tally.skips.push(Skip { name: name.into(), reason: format!("needs {name}: install it") }),
+        }
+    }
+    for (name, cpp) in [("clang", false), ("clang++", true)] {
+        match tools::clang(name, &console) {
+            Some(program) => all.push(Compiler { program, first: &[], cpp }),
+            None => tally.skips.push(Skip { name: name.into(), reason: "needs clang: apt install clang".into() }),
+        }
+    }
+    for (name, cpp) in [("x86_64-w64-mingw32-gcc", false), ("x86_64-w64-mingw32-g++", true)] {
+        match tools::mingw_compiler(cpp, &console) {
+            Ok(tools::MingwCompiler { program, first }) => all.push(Compiler { program, first, cpp }),
+            Err(e) => tally.skips.push(Skip { name: name.into(), reason: format!("needs mingw: {e}") }),
+        }
+    }
+    all
+}
+
+fn compilers(
+    context: &Context<'_>,
+    log: &mut Log,
+    work: &Path,
+    header: &str,
+    declared: &Declarations,
+    recorded: &str,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let write = |name: &str, text: &str| {
+        let path = work.join(name);
+        fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
+    };
+    // Twice, as two headers of a host may; and by itself, before any other.
+    let alone = "#include \"cairn.h\"\n#include \"cairn.h\"\n\nint cairn_test_header(void);\n\
+                 int cairn_test_header(void)\n{\n    return CAIRN_ABI_VERSION + CAIRN_ERROR_INTERNAL;\n}\n";
+    let c = [
+        write("alone.c", alone)?,
+        write("layout.c", &record::assertions(recorded))?,
+        write("loop.c", &example(header)?)?,
+    ];
+    let cpp = [write("alone.cpp", alone)?, write("layout.cpp", &record::assertions(recorded))?];
+    for compiler in matrix(tally) {
+        for source in if compiler.cpp { &cpp[..] } else { &c[..] } {
+            let mut command = Command::new(&compiler.program);
+            command.args(compiler.first).arg(if compiler.cpp { "-std=c++17" } else { "-std=c11" }).args(STRICT);
+            command.arg("-I").arg(context.clone.root.join("include")).arg("-fsyntax-only").arg(source);
+            let ended = log.run(&mut command)?;
+            let name = compiler.program.display();
+            tally.check((!ended.success).then(|| format!("{name} does not take {}", source.display())));
+        }
+    }
+    let program = work.join("layout");
+    let source = write("print_layout.c", &record::c_program(declared))?;
+    let mut command = c_compiler();
+    command.arg("-I").arg(context.clone.root.join("include")).arg(source).arg("-o").arg(&program);
+    if !log.run(&mut command)?.success {
+        tally.failures.push("the program that prints the layout does not compile".to_owned());
+        return Ok(());
+    }
+    tally.check(record::difference(recorded, &output(&mut Command::new(program))?));
+    Ok(())
+}
+
+/// The example in the header's first comment, as a source file.
+fn example(header: &str) -> Result<String, String> {
+    let code: Vec<&str> =
+        header.lines().take_while(|line| *line != " */").filter_map(|line| line.strip_prefix(" *     ")).collect();
+    if code.len() < 10 {
+        return Err("the header's first comment has no example".to_owned());
+    }
+    let prototype = code.iter().find(|line| line.starts_with("cairn_result ")).ok_or("the example has no function")?;
+    Ok(format!("#include \"cairn.h\"\n\n{prototype};\n\n{}\n", code.join("\n")))
+}
+
+fn c_compiler() -> Command {
+    let mut command = Command::new("gcc");
+    command.arg("-std=c11").args(STRICT).args(["-g", "-D_GNU_SOURCE"]);
+    command
+}
+
+/// The shared library, built as cargo's tests have it.
+fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
+    context.build_programs(log)?;
+    let (prefix, suffix) = (std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    Ok(context.clone.target.join("debug").join(format!("{prefix}cairn{suffix}")))
+}
+
+/// What the library exports and the header does not declare, or the other way round.
+fn exports(library: &Path, declared: &Declarations) -> Result<Option<String>, String> {
+    let symbols = output(Command::new("nm").args(["-D", "--defined-only", "--format=posix"]).arg(library))?;
+    let exported: BTreeSet<&str> = symbols.lines().filter_map(|line| line.split(' ').next()).collect();
+    let declared: BTreeSet<&str> = declared.functions.iter().map(|function| function.name.as_str()).collect();
+    let wrong: Vec<_> = exported.symmetric_difference(&declared).copied().collect();
+    Ok((!wrong.is_empty()).then(|| format!("exported or declared, but not both: {}", wrong.join(", "))))
+}
+
+/// Compiles and runs every C program against the library. Each prints a line for every test, as Rust's do.
+fn programs(
+    context: &Context<'_>,
+    log: &mut Log,
+    work: &Path,
+    library: &Path,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let sources: Vec<String> =
+        context.clone.files()?.into_iter().filter(|file| file.starts_with(PROGRAMS) && file.ends_with(".c")).collect();
+    if sources.is_empty() {
+        return Err(format!("{PROGRAMS} has no programs"));
+    }
+    let folder = library.parent().unwrap_or(Path::new("."));
+    for source in &sources {
+        let name = Path::new(source).file_stem().unwrap_or_default();
+        let program = work.join(name);
+        let mut command = c_compiler();
+        command.arg("-I").arg(context.clone.root.join("include")).arg(context.clone.root.join(source));
+        command.arg(library).arg(format!("-Wl,-rpath,{}", folder.display())).args(["-lpthread", "-lm", "-o"]);
+        if !log.run(command.arg(&program))?.success {
+            tally.failures.push(format!("{source} does not compile"));
+            continue;
+        }
+        let mut command = Command::new(&program);
+        command.current_dir(work).env("CAIRN_TEST_WORLD", context.bundle("tiny")?);
+        context.provide_worlds(&mut command)?;
+        let ended = log.run(&mut command)?;
+        let (mut passed, mut failed) = (0, 0);
+        for line in ended.output.lines() {
+            if let Some(test) = line.strip_prefix("test ").and_then(|line| line.strip_suffix(" ... FAILED")) {
+                tally.failures.push(format!("{source}: {test}"));
+                failed += 1;
+            } else if line.starts_with("test ") && line.ends_with(" ... ok") {
+                passed += 1;
+            }
+        }
+        tally.passed += passed;
+        let broken = passed + failed == 0 || ended.success != (failed == 0);
+        tally.check(broken.then(|| format!("{source} ended before its tests did")));
+    }
+    Ok(())
+}
