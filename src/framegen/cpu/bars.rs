@@ -43,6 +43,11 @@ impl Inside {
     pub(super) fn contains(&self, x: usize, y: usize) -> bool {
         self.columns.contains(&x) && self.rows.contains(&y)
     }
+
+    /// Whether a rectangle lies between the bars as a whole.
+    pub(super) fn holds(&self, [x, y]: [usize; 2], [width, height]: [usize; 2]) -> bool {
+        self.contains(x, y) && self.contains(x + width - 1, y + height - 1)
+    }
 }
 
 /// Levels from the least to the largest that was seen.

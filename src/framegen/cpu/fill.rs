@@ -1,239 +1,201 @@
-//! Vectors for the places that nothing landed on.
+//! Claims for the places that nothing claims.
 //!
-//! Nothing visible in the current anchor is there at phase t, so it is either something the current anchor hides
-//! (background that a moving thing is about to cover), something that has left the picture, or a crack in a surface
-//! that grows. All three continue a surface beside the hole: the nearest owned places to the left, right, above and
-//! below are the candidates.
+//! Such a place continues a surface beside it. In the previous anchor it shows what the current one does not: something
+//! that is now hidden, or has left the picture. Between the anchors it shows what neither does. The nearest claims to
+//! the left, right, above and below are the candidates; where none is near, a pyramid over the tiles has one that
+//! prefers the farther surface.
 
 use rayon::prelude::*;
 
+use super::colour::Colour;
+use super::kernels::{BLOCK, Source, TILE};
+use super::layer::{self, EMPTY, Grid, Key, Layer, alike, is_nearer, key, part};
 use super::sized;
-use super::splat::{Splat, nearest};
-use super::surface::Surfaces;
 use crate::Result;
 
-/// For each place at phase t, the pixel of the current anchor whose vector it takes, and whether it is borrowed.
+/// Candidates are looked for up to this many pixels away.
+const NEAR: usize = 24;
+
+/// Fills layers; keeps its pyramid.
 #[derive(Debug, Default)]
 pub(super) struct Filler {
-    sources: Vec<u32>,
-    above: Vec<u16>,
-    below: Vec<u16>,
+    levels: Vec<Level>,
 }
 
-const NO_SOURCE: u32 = u32::MAX;
-const BORROWED: u32 = 1 << 31;
-const NO_ROW: u16 = u16::MAX;
+/// Keys of a grid half as wide and high as the one below: the farthest of what is there.
+#[derive(Debug, Default)]
+struct Level {
+    columns: usize,
+    rows: usize,
+    keys: Vec<Key>,
+}
 
-/// Where a place takes its vector from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Vector {
-    /// From the pixel that lands there.
-    Own(usize),
-    /// From a pixel that lands nearby.
-    Borrowed(usize),
-    /// From nowhere: nothing lands in its row nor in its column.
-    Missing,
+/// What a candidate is judged by.
+pub(super) struct Evidence<'a, P> {
+    /// The current anchor's motion.
+    pub(super) field: &'a Layer,
+    /// How far the layer lies from the current anchor, of the way to the previous one, see [`WHOLE`](layer::WHOLE).
+    pub(super) reach: i32,
+    /// The anchor that shows what is looked for, where one does.
+    pub(super) shown: Option<Source<'a, P>>,
+    /// What borrowed claims are marked with.
+    pub(super) mark: u8,
 }
 
 impl Filler {
-    /// Settles the vector of every place of `splat`; returns the share of places nothing landed on.
-    ///
-    /// `reach` is that of `splat`. `previous` is the splat to phase 0; with it, a candidate that leads to a pixel of
-    /// the previous anchor which nothing in the current one accounts for comes first. Then one whose surface the
-    /// current anchor must be hiding, or has lost; then the farthest surface, then the nearest place, then left, right,
-    /// above, below.
-    pub(super) fn fill(
-        &mut self,
-        surfaces: &Surfaces,
-        splat: &Splat,
-        reach: f32,
-        previous: Option<&Splat>,
-        size: (u32, u32),
-    ) -> Result<f32> {
-        let (width, height) = (size.0 as usize, size.1 as usize);
-        sized(&mut self.sources, width * height, NO_SOURCE)?;
-        let holes: usize = self
-            .sources
-            .par_chunks_mut(width)
-            .enumerate()
-            .map(|(y, row)| {
-                let mut holes = 0;
-                for (x, source) in row.iter_mut().enumerate() {
-                    *source = splat.owner(y * width + x).map_or(NO_SOURCE, |pixel| pixel as u32);
-                    holes += usize::from(*source == NO_SOURCE);
+    /// Lets every place of `layer` that nothing claims borrow a key; returns how many there are.
+    pub(super) fn fill<P: Colour>(&mut self, layer: &mut Layer, evidence: &Evidence<'_, P>) -> Result<usize> {
+        let grid = layer.grid;
+        let holes = layer.tiles.iter().map(|tile| usize::from(tile.holes)).sum();
+        if holes == 0 {
+            return Ok(0);
+        }
+        self.build(layer)?;
+        let mut borrowed = std::mem::take(&mut layer.borrowed);
+        sized(&mut borrowed, grid.tiles(), [EMPTY; BLOCK])?;
+        let (filled, levels) = (&*layer, &self.levels);
+        borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
+            for (column, keys) in tiles.iter_mut().enumerate() {
+                if filled.tiles[row * grid.columns + column].holes > 0 {
+                    fill_tile(filled, levels, evidence, column, row, keys);
                 }
-                holes
-            })
-            .sum();
-        if holes > 0 {
-            self.find_rows(splat, width, height)?;
-            let (above, below) = (&self.above, &self.below);
-            self.sources.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-                let candidates = Candidates { surfaces, splat, reach, previous, width, height, above, below };
-                candidates.fill_row(y, row);
-            });
-        }
-        Ok(holes as f32 / (width * height) as f32)
-    }
-
-    /// Where the place at `index` takes its vector from.
-    pub(super) fn vector(&self, index: usize) -> Vector {
-        match self.sources[index] {
-            NO_SOURCE => Vector::Missing,
-            source if source & BORROWED != 0 => Vector::Borrowed((source & !BORROWED) as usize),
-            source => Vector::Own(source as usize),
-        }
-    }
-
-    /// For each place, the nearest row above and below in which its column is owned.
-    fn find_rows(&mut self, splat: &Splat, width: usize, height: usize) -> Result<()> {
-        sized(&mut self.above, width * height, NO_ROW)?;
-        sized(&mut self.below, width * height, NO_ROW)?;
-        let carry = |rows: &mut [u16], y: usize, from: Option<usize>| {
-            for x in 0..width {
-                let place = y * width + x;
-                rows[place] = match from {
-                    _ if splat.owner(place).is_some() => y as u16,
-                    Some(from) => rows[from * width + x],
-                    None => NO_ROW,
-                };
             }
-        };
-        rayon::join(
-            || (0..height).for_each(|y| carry(&mut self.above, y, y.checked_sub(1))),
-            || (0..height).rev().for_each(|y| carry(&mut self.below, y, Some(y + 1).filter(|&next| next < height))),
-        );
+        });
+        layer.borrowed = borrowed;
+        let columns = grid.columns;
+        let tiles = layer.tiles.par_chunks_mut(columns).zip(layer.borrowed.par_chunks(columns));
+        tiles.zip(&mut layer.spans).for_each(|((tiles, borrowed), span)| {
+            *span = [i32::MAX, i32::MIN];
+            for (tile, keys) in tiles.iter_mut().zip(borrowed) {
+                (tile.low, tile.high) = ([i32::MAX; 2], [i32::MIN; 2]);
+                if tile.holes > 0 {
+                    for &key in keys.iter().filter(|&&key| key != EMPTY) {
+                        let vector = layer::vector(key);
+                        tile.low = std::array::from_fn(|c| tile.low[c].min(vector[c]));
+                        tile.high = std::array::from_fn(|c| tile.high[c].max(vector[c]));
+                    }
+                }
+                *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
+            }
+        });
+        Ok(holes)
+    }
+
+    /// Pulls the farthest key of each tile up a pyramid until one is left, and pushes keys back down where there are
+    /// none.
+    #[inline(never)]
+    fn build(&mut self, layer: &Layer) -> Result<()> {
+        let mut size = (layer.grid.columns, layer.grid.rows);
+        let mut count = 1;
+        while size != (1, 1) {
+            size = (size.0.div_ceil(2), size.1.div_ceil(2));
+            count += 1;
+        }
+        if self.levels.len() < count {
+            super::reserve(&mut self.levels, count)?;
+            self.levels.resize_with(count, Level::default);
+        }
+        let levels = &mut self.levels[..count];
+        (levels[0].columns, levels[0].rows) = (layer.grid.columns, layer.grid.rows);
+        sized(&mut levels[0].keys, layer.grid.tiles(), EMPTY)?;
+        levels[0].keys.iter_mut().zip(&layer.tiles).for_each(|(key, tile)| *key = tile.key);
+        for number in 1..count {
+            let (below, above) = levels.split_at_mut(number);
+            let (below, level) = (&below[number - 1], &mut above[0]);
+            (level.columns, level.rows) = (below.columns.div_ceil(2), below.rows.div_ceil(2));
+            sized(&mut level.keys, level.columns * level.rows, EMPTY)?;
+            for (index, key) in level.keys.iter_mut().enumerate() {
+                let (column, row) = (2 * (index % level.columns), 2 * (index / level.columns));
+                let children = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| below.at(column + i, row + j));
+                *key = children.into_iter().filter(|&key| key != EMPTY).max().unwrap_or(EMPTY);
+            }
+        }
+        for number in (1..count).rev() {
+            let (below, above) = levels.split_at_mut(number);
+            let (below, level) = (&mut below[number - 1], &above[0]);
+            let columns = below.columns;
+            for (index, key) in below.keys.iter_mut().enumerate().filter(|(_, key)| **key == EMPTY) {
+                *key = level.at(index % columns / 2, index / columns / 2);
+            }
+        }
         Ok(())
     }
 }
 
-/// What the choice among neighbours needs to know.
-struct Candidates<'a> {
-    surfaces: &'a Surfaces,
-    splat: &'a Splat,
-    reach: f32,
-    previous: Option<&'a Splat>,
-    width: usize,
-    height: usize,
-    above: &'a [u16],
-    below: &'a [u16],
+impl Level {
+    fn at(&self, column: usize, row: usize) -> Key {
+        if column < self.columns && row < self.rows { self.keys[row * self.columns + column] } else { EMPTY }
+    }
 }
 
-impl Candidates<'_> {
-    fn fill_row(&self, y: usize, row: &mut [u32]) {
-        let mut x = 0;
-        while x < self.width {
-            if row[x] != NO_SOURCE {
-                x += 1;
-                continue;
-            }
-            let end = (x..self.width).find(|&x| row[x] != NO_SOURCE).unwrap_or(self.width);
-            let (left, right) = (x.checked_sub(1), Some(end).filter(|&end| end < self.width));
-            for (place, hole) in row[x..end].iter_mut().zip(x..) {
-                *place = self.choose(hole, y, left, right).map_or(NO_SOURCE, |pixel| pixel as u32 | BORROWED);
-            }
-            x = end;
+#[inline(never)]
+fn fill_tile<P: Colour>(
+    layer: &Layer,
+    levels: &[Level],
+    evidence: &Evidence<'_, P>,
+    column: usize,
+    row: usize,
+    keys: &mut [Key; BLOCK],
+) {
+    let grid = layer.grid;
+    let tile = row * grid.columns + column;
+    for (place, (borrowed, &own)) in keys.iter_mut().zip(&layer.keys[tile]).enumerate() {
+        *borrowed = EMPTY;
+        let (x, y) = (column * TILE + place % TILE, row * TILE + place / TILE);
+        if own != EMPTY || x >= grid.width || y >= grid.height {
+            continue;
         }
-    }
-
-    /// The best of the owned places around the hole at (x, y), as the pixel that lands there.
-    fn choose(&self, x: usize, y: usize, left: Option<usize>, right: Option<usize>) -> Option<usize> {
-        let in_row = |column: Option<usize>| column.map(|column| (y * self.width + column, column.abs_diff(x)));
-        let in_column = |rows: &[u16]| {
-            let row = rows[y * self.width + x];
-            (row != NO_ROW).then(|| (usize::from(row) * self.width + x, usize::from(row).abs_diff(y)))
+        let far = match levels[0].keys[tile] {
+            EMPTY => key(u16::MAX, 0, [0; 2]),
+            key => key,
         };
-        let around = [in_row(left), in_row(right), in_column(self.above), in_column(self.below)];
-        around
-            .into_iter()
-            .flatten()
-            .filter_map(|(place, distance)| self.splat.owner(place).map(|pixel| (pixel, distance)))
-            .min_by_key(|&(pixel, distance)| {
-                let farthest_first = u32::MAX - self.surfaces.depth(pixel);
-                (self.is_accounted_for(x, y, pixel), !self.is_gone(x, y, pixel), farthest_first, distance)
-            })
-            .map(|(pixel, _)| pixel)
-    }
-
-    /// Whether what the vector of `pixel` leads to in the previous anchor is visible in the current one too.
-    fn is_accounted_for(&self, x: usize, y: usize, pixel: usize) -> bool {
-        self.previous.is_some_and(|previous| {
-            // The whole way back is 1, of which `reach` lies behind.
-            previous.owner_at(self.along(x, y, pixel, 1.0 - self.reach)).is_some()
-        })
-    }
-
-    /// Whether the current anchor cannot show what the vector of `pixel` leads to: it has left the picture, or
-    /// something that moves otherwise is in front of it.
-    fn is_gone(&self, x: usize, y: usize, pixel: usize) -> bool {
-        nearest(self.along(x, y, pixel, -self.reach), self.width, self.height).is_none_or(|there| {
-            !self.surfaces.move_alike(there, pixel) && self.surfaces.depth(there) < self.surfaces.depth(pixel)
-        })
-    }
-
-    /// The place (x, y) carried by `reach` times the vector of `pixel`.
-    fn along(&self, x: usize, y: usize, pixel: usize, reach: f32) -> [f32; 2] {
-        let [mx, my] = self.surfaces.vector(pixel);
-        [x as f32 + reach * mx, y as f32 + reach * my]
+        *borrowed = layer::marked(choose(layer, evidence, x, y).unwrap_or(far), evidence.mark);
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::framegen::cpu::tests::world::guide;
-
-    /// A row of 20 pixels, all of which leave it but two that move as stated: `(pixel, motion, depth)`. Those that
-    /// leave are nearest, but for one. Gives where place 8 takes its vector from.
-    fn source_of_a_hole(two: [(usize, f64, f32); 2], farthest: Option<usize>, reach: f32) -> Vector {
-        let size = (20, 1);
-        let guidance = guide(20, 1, |x, _| match two.iter().find(|(pixel, ..)| *pixel == x as usize) {
-            Some(&(_, motion, depth)) => ([motion, 0.0], depth),
-            None => ([0.0, 1.0], if farthest == Some(x as usize) { 0.9 } else { 0.0 }),
-        });
-        let (mut surfaces, mut at_phase, mut at_previous) = (Surfaces::default(), Splat::default(), Splat::default());
-        surfaces.prepare_anchor(&guidance).unwrap();
-        at_phase.splat(&surfaces, size, reach).unwrap();
-        at_previous.splat(&surfaces, size, 1.0).unwrap();
-        let mut filler = Filler::default();
-        let previous = (reach > 0.0).then_some(&at_previous);
-        assert_eq!(filler.fill(&surfaces, &at_phase, reach, previous, size).unwrap(), 18.0 / 20.0);
-        assert_eq!([filler.vector(5), filler.vector(11)], [Vector::Own(two[0].0), Vector::Own(two[1].0)]);
-        filler.vector(8)
-    }
-
-    #[test]
-    fn of_two_surfaces_the_farther_goes_on() {
-        assert_eq!(source_of_a_hole([(10, 5.0, 0.3), (4, -7.0, 0.6)], None, -1.0), Vector::Borrowed(4));
-        assert_eq!(source_of_a_hole([(10, 5.0, 0.6), (4, -7.0, 0.3)], None, -1.0), Vector::Borrowed(10));
-    }
-
-    #[test]
-    fn a_surface_that_would_be_visible_now_does_not_go_on() {
-        // Pixel 10 leads to pixel 13, which is behind it and would show it.
-        assert_eq!(source_of_a_hole([(10, 5.0, 0.6), (4, -7.0, 0.3)], Some(13), -1.0), Vector::Borrowed(4));
-    }
-
-    #[test]
-    fn a_surface_whose_past_is_accounted_for_does_not_go_on() {
-        // Pixel 11 leads to place 2 of the previous anchor, which is where pixel 19 comes from.
-        assert_eq!(source_of_a_hole([(11, -12.0, 0.6), (19, -17.0, 0.3)], None, 0.5), Vector::Borrowed(19));
-    }
-
-    #[test]
-    fn where_nothing_lands_in_row_or_column_there_is_no_vector() {
-        let guidance = guide(6, 4, |x, y| if (x, y) == (1.0, 1.0) { ([0.0; 2], 0.5) } else { ([6.0, 0.0], 0.5) });
-        let (mut surfaces, mut splat, mut filler) = (Surfaces::default(), Splat::default(), Filler::default());
-        surfaces.prepare_anchor(&guidance).unwrap();
-        splat.splat(&surfaces, (6, 4), -1.0).unwrap();
-        filler.fill(&surfaces, &splat, -1.0, None, (6, 4)).unwrap();
-        for place in 0..24 {
-            let expected = match (place % 6, place / 6) {
-                (1, 1) => Vector::Own(7),
-                (1, _) | (_, 1) => Vector::Borrowed(7),
-                _ => Vector::Missing,
+/// The best of the claims around (x, y).
+fn choose<P: Colour>(layer: &Layer, evidence: &Evidence<'_, P>, x: usize, y: usize) -> Option<Key> {
+    let Grid { width, height, .. } = layer.grid;
+    let steps = [(x, false), (width - 1 - x, true), (y, false), (height - 1 - y, true)];
+    let mut best: Option<(u64, Key)> = None;
+    for (direction, (room, is_ahead)) in steps.into_iter().enumerate() {
+        let found = (1..=room.min(NEAR)).find_map(|step| {
+            let (u, v) = match (direction < 2, is_ahead) {
+                (true, false) => (x - step, y),
+                (true, true) => (x + step, y),
+                (false, false) => (x, y - step),
+                (false, true) => (x, y + step),
             };
-            assert_eq!(filler.vector(place), expected, "{place}");
+            let key = layer.owner(u, v);
+            (key != EMPTY).then_some((key, step, [u, v]))
+        });
+        if let Some((key, step, from)) = found {
+            let cost = evidence.cost(layer.grid, [x, y], key, step, from);
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, key));
+            }
         }
+    }
+    best.map(|(_, key)| key)
+}
+
+impl<P: Colour> Evidence<'_, P> {
+    /// How bad a candidate is: whether the current anchor contradicts it, how near its surface is, how far away it was
+    /// found.
+    fn cost(&self, grid: Grid, [x, y]: [usize; 2], key: Key, step: usize, from: [usize; 2]) -> u64 {
+        let [vx, vy] = layer::vector(key);
+        let there = [64 * x as i32 - part(vx, self.reach), 64 * y as i32 - part(vy, self.reach)];
+        // It must be hidden in the current anchor, or have left it: else it would have claimed this place.
+        let is_contradicted = grid.nearest(there).is_some_and(|[u, v]| {
+            let shown = self.field.owner(u, v);
+            alike(shown, key) || is_nearer(key, shown)
+        });
+        let unlike = self.shown.map_or(0, |shown| {
+            let (here, there) = (shown.pixels[y * grid.width + x], shown.pixels[from[1] * grid.width + from[0]]);
+            (here.luma() - there.luma()).abs().min(255.0) as u64
+        });
+        u64::from(is_contradicted) << 40
+            | u64::from(u16::MAX - layer::rank(key)) << 16
+            | (unlike + step as u64).min(u64::from(u16::MAX))
     }
 }

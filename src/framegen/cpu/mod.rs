@@ -1,48 +1,73 @@
 //! The generator that needs nothing but a CPU.
 //!
-//! One picture at phase t comes about in five steps, each a module of its own:
+//! A picture at phase t comes about in these steps, each a module of its own:
 //!
 //! 1. `cut`: if the two anchors have nothing to do with each other, the nearer one is shown and the rest is left out.
-//! 2. `surface`: every pixel of the current anchor gets a motion vector that can be trusted and a rank, which says who
-//!    is in front where several land on one place.
-//! 3. `splat`: the vectors go to phase t, and once to phase 0, where they tell which pixels of the previous anchor have
-//!    an owner in the current one.
-//! 4. `fill`: places nothing landed on borrow the vector of a surface beside them.
-//! 5. `blend`: both anchors are sampled at the displaced places; a mixture by t where both show the surface, the one
-//!    that shows it elsewhere.
+//!    `bars`: letterbox bars stand still, whatever their vectors say.
+//! 2. `field`: the motion of the current anchor, in tiles of 8 x 8 pixels. Where it is smooth a tile has one vector;
+//!    elsewhere every pixel has its own, with a rank that says who is in front.
+//! 3. `landing`: the vectors go to phase 0, where they tell which pixels of the previous anchor have an owner in the
+//!    current one. The rest is what only the previous anchor shows; `fill` gives it the motion of the surface beside it.
+//! 4. `landing` once more: both go to phase t. Tiles are carried whole where that is smooth, pixel by pixel where
+//!    surfaces meet, the nearest first; cracks are closed, and places nothing lands on are filled.
+//! 5. `render`: both anchors are sampled by a bicubic at the displaced places. Where they agree, the nearer in time is
+//!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture.
+//!    `overlay`: what stands still in front of a moving world stays where it is.
+//! 6. `inpaint`: what neither shows takes the colours around it.
 //!
-//! The result is the same to the bit for every number of threads: each pixel is computed by itself, and conflicts are
-//! settled by a total order.
+//! All but the sampling of half floats and the painting of what nobody sees is in whole numbers, and every step settles
+//! conflicts by a total order: the result is the same to the bit for every number of threads and every instruction set.
 
 mod bars;
-mod blend;
+mod colour;
 mod cut;
+mod field;
 mod fill;
+mod inpaint;
 #[doc(hidden)]
 pub mod kernels;
-mod sample;
-mod splat;
-mod surface;
+mod landing;
+mod layer;
+mod overlay;
+mod render;
 #[cfg(test)]
 mod tests;
 
+use bars::Inside;
+use colour::Colour;
 use cut::CutDetector;
-use fill::Filler;
-use splat::Splat;
-use surface::Surfaces;
+use field::Preparation;
+use fill::{Evidence, Filler};
+use inpaint::Inpainter;
+use kernels::{Level, Source};
+use landing::{Bands, Carried, Pass};
+use layer::{HOLE, Layer, ORPHAN, WHOLE};
+use render::Between;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
-use crate::{Error, ErrorKind, Picture, Result};
+use crate::{Error, ErrorKind, Raster, Result};
 
-/// Generates frames on the CPU, its rows in parallel on the current rayon pool. Keeps working memory of about 40 bytes
-/// per pixel from call to call, and allocates nothing more until a larger picture comes.
-#[derive(Debug, Default)]
+/// Generates frames on the CPU, its rows in parallel on the current rayon pool, with the best instructions that the
+/// processor has. Keeps working memory of about 50 bytes per pixel from call to call, and allocates nothing more until
+/// a larger picture or a pool with more threads comes.
+#[derive(Debug)]
 pub struct CpuGenerator {
+    level: Level,
     cut: CutDetector,
-    surfaces: Surfaces,
-    at_phase: Splat,
-    at_previous: Splat,
+    preparation: Preparation,
+    field: Layer,
+    owners: Layer,
+    places: Layer,
+    bands: Bands,
     filler: Filler,
+    inpainter: Inpainter,
+    hidden: Vec<u64>,
+}
+
+impl Default for CpuGenerator {
+    fn default() -> Self {
+        Self::at(Level::detect())
+    }
 }
 
 impl CpuGenerator {
@@ -50,47 +75,127 @@ impl CpuGenerator {
     pub fn new() -> Self {
         Self::default()
     }
-}
 
-impl FrameGenerator for CpuGenerator {
-    fn name(&self) -> &str {
+    /// The same algorithm in plain loops, without special instructions: the oracle that every other path must equal to
+    /// the bit. Slow.
+    pub fn reference() -> Self {
+        Self::at(Level::SCALAR)
+    }
+
+    fn at(level: Level) -> Self {
+        Self {
+            level,
+            cut: CutDetector::default(),
+            preparation: Preparation::default(),
+            field: Layer::default(),
+            owners: Layer::default(),
+            places: Layer::default(),
+            bands: Bands::default(),
+            filler: Filler::default(),
+            inpainter: Inpainter::default(),
+            hidden: Vec::new(),
+        }
+    }
+
+    /// `cpu`.
+    pub fn name(&self) -> &str {
         "cpu"
     }
 
-    fn phases(&self) -> Phases {
+    /// Every phase.
+    pub fn phases(&self) -> Phases {
         Phases::Any
     }
 
-    fn generate(&mut self, pair: &AnchorPair<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport> {
+    /// Nothing to forget: every picture depends on its arguments alone, and only working memory is kept.
+    pub fn reset(&mut self) {}
+
+    fn between<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
+        let (previous, current) = (source(pair.previous()), source(pair.current()));
+        let inside = Inside::find(self.level, previous, current);
+        self.preparation.prepare(self.level, pair.guidance(), Some((previous, current, &inside)), &mut self.field)?;
+        let grid = self.field.grid;
+        self.bands.reserve(grid)?;
+
+        self.owners.land(&[Pass { layer: &self.field, reach: WHOLE, of: Carried::Own }], &self.bands)?;
+        let evidence = Evidence { field: &self.field, reach: WHOLE, shown: Some(previous), mark: ORPHAN };
+        let orphans = self.filler.fill(&mut self.owners, &evidence)?;
+
+        let passes = [
+            Pass { layer: &self.field, reach: WHOLE - phase, of: Carried::Own },
+            Pass { layer: &self.owners, reach: -phase, of: Carried::Borrowed },
+        ];
+        self.places.land(&passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
+        let evidence = Evidence::<P> { field: &self.field, reach: WHOLE - phase, shown: None, mark: HOLE };
+        self.filler.fill(&mut self.places, &evidence)?;
+
+        sized(&mut self.hidden, grid.tiles(), 0)?;
+        let between = Between {
+            level: self.level,
+            previous,
+            current,
+            places: &self.places,
+            field: &self.field,
+            owners: &self.owners,
+            phase,
+        };
+        let rendered = between.render(out, &mut self.hidden);
+        if rendered.hidden > 0 {
+            self.inpainter.paint(grid, &self.hidden, out)?;
+        }
+        Ok(rendered.uncovered as f32 / (grid.width * grid.height) as f32)
+    }
+
+    fn beyond<P: Colour>(&mut self, anchor: &Anchor<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
+        let current = source(anchor.picture());
+        self.preparation.prepare::<P>(self.level, anchor.guidance(), None, &mut self.field)?;
+        let grid = self.field.grid;
+        self.bands.reserve(grid)?;
+        self.places.land(&[Pass { layer: &self.field, reach: -phase, of: Carried::Own }], &self.bands)?;
+        let evidence = Evidence::<P> { field: &self.field, reach: -phase, shown: None, mark: HOLE };
+        self.filler.fill(&mut self.places, &evidence)?;
+        sized(&mut self.hidden, grid.tiles(), 0)?;
+        let rendered = render::beyond(self.level, current, &self.places, &self.field, phase, out, &mut self.hidden);
+        if rendered.hidden > 0 {
+            self.inpainter.paint(grid, &self.hidden, out)?;
+        }
+        Ok(rendered.uncovered as f32 / (grid.width * grid.height) as f32)
+    }
+}
+
+impl<P: Colour> FrameGenerator<P> for CpuGenerator {
+    fn name(&self) -> &str {
+        Self::name(self)
+    }
+
+    fn phases(&self) -> Phases {
+        Self::phases(self)
+    }
+
+    fn generate(&mut self, pair: &AnchorPair<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport> {
         check_size(out.size(), pair.size(), "out")?;
-        if !self.phases().contains(t) {
+        if !Self::phases(self).contains(t) {
             return Err(Error::new(ErrorKind::InvalidArgument, format!("a phase of {t} is not inside (0, 1)"))
                 .field("t")
                 .remedy("Show an anchor itself at phases 0 and 1"));
         }
-        let (previous, current, guidance) = (pair.previous(), pair.current(), pair.guidance());
-
+        let (previous, current) = (pair.previous(), pair.current());
         let unexplained = if pair.is_cut() {
             1.0
         } else {
-            self.cut.unexplained(kernels::Level::detect(), previous, current, guidance.motion())?
+            self.cut.unexplained(self.level, previous, current, pair.guidance().motion())?
         };
         if pair.is_cut() || self.cut.is_cut() {
             let nearer = if t < 0.5 { previous } else { current };
-            out.rgba_mut().copy_from_slice(nearer.rgba());
+            out.pixels_mut().copy_from_slice(nearer.pixels());
             return Ok(GenerateReport { outcome: Outcome::CutFallback, uncovered: 0.0, unexplained });
         }
-
-        self.surfaces.prepare_pair(previous, current, guidance)?;
-        self.at_previous.splat(&self.surfaces, pair.size(), 1.0)?;
-        self.at_phase.splat(&self.surfaces, pair.size(), 1.0 - t)?;
-        let uncovered =
-            self.filler.fill(&self.surfaces, &self.at_phase, 1.0 - t, Some(&self.at_previous), pair.size())?;
-        blend::between(previous, current, t, &self.surfaces, &self.filler, &self.at_previous, out);
+        let phase = ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1);
+        let uncovered = self.between(pair, phase, out)?;
         Ok(GenerateReport { outcome: Outcome::Generated, uncovered, unexplained })
     }
 
-    fn extrapolate(&mut self, anchor: &Anchor<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport> {
+    fn extrapolate(&mut self, anchor: &Anchor<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport> {
         let picture = anchor.picture();
         check_size(out.size(), picture.size(), "out")?;
         if !(t > 0.0 && t.is_finite()) {
@@ -99,21 +204,22 @@ impl FrameGenerator for CpuGenerator {
                 .remedy("Pass a positive number of anchor intervals"));
         }
         if anchor.is_after_cut() {
-            out.rgba_mut().copy_from_slice(picture.rgba());
+            out.pixels_mut().copy_from_slice(picture.pixels());
             return Ok(GenerateReport { outcome: Outcome::Held, uncovered: 0.0, unexplained: 0.0 });
         }
-
-        let bounded = t.min(1.0);
-        self.surfaces.prepare_anchor(anchor.guidance())?;
-        self.at_phase.splat(&self.surfaces, picture.size(), -bounded)?;
-        let uncovered = self.filler.fill(&self.surfaces, &self.at_phase, -bounded, None, picture.size())?;
-        blend::beyond(picture, bounded, &self.surfaces, &self.filler, out);
+        let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
+        let uncovered = self.beyond(anchor, phase, out)?;
         let outcome = if t > 1.0 { Outcome::Held } else { Outcome::Generated };
         Ok(GenerateReport { outcome, uncovered, unexplained: 0.0 })
     }
 
-    /// Nothing to forget: every picture depends on its arguments alone, and only working memory is kept.
-    fn reset(&mut self) {}
+    fn reset(&mut self) {
+        Self::reset(self);
+    }
+}
+
+fn source<P: Colour>(picture: &Raster<P>) -> Source<'_, P> {
+    Source { pixels: picture.pixels(), width: picture.width() as usize, height: picture.height() as usize }
 }
 
 /// Brings `buffer` to `len` values, keeping what it has reserved. New values are `value`, old ones stay as they are.

@@ -89,6 +89,21 @@ pub(in crate::framegen::cpu) fn worst(a: &Picture, b: &Picture, inside: impl Fn(
     worst
 }
 
+/// The places that `inside` admits where some channel differs by more than `levels`.
+pub(in crate::framegen::cpu) fn unlike(
+    a: &Picture,
+    b: &Picture,
+    levels: u8,
+    inside: impl Fn(i64, i64) -> bool,
+) -> Vec<(i64, i64)> {
+    assert_eq!(a.size(), b.size());
+    let width = i64::from(a.width());
+    let pixels = a.pixels().iter().zip(b.pixels()).enumerate();
+    let differs = pixels.filter(|(_, (a, b))| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > levels));
+    let places = differs.map(|(i, _)| (i as i64 % width, i as i64 / width));
+    places.filter(|&(x, y)| inside(x, y)).collect()
+}
+
 /// Mean absolute difference of all channels.
 pub(in crate::framegen::cpu) fn mean_difference(a: &Picture, b: &Picture) -> f64 {
     assert_eq!(a.size(), b.size());

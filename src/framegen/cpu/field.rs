@@ -1,0 +1,352 @@
+//! The motion of the current anchor as it is given, made ready: sanitised, sorted into smooth and rough tiles, surfaces
+//! drawn out over their rims.
+
+use half::f16;
+use rayon::prelude::*;
+
+use super::bars::Inside;
+use super::colour::Colour;
+use super::kernels::{BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, depth_ranges, land, motion_ranges};
+use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, alike, is_nearer, key};
+use super::sized;
+use crate::Result;
+use crate::guidance::Guidance;
+
+/// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: half a pixel.
+const SMOOTH: i32 = 32;
+/// Levels within which a pixel on the rim of a surface is that surface's.
+const RIM: f32 = 28.0;
+/// The match of a smooth tile whose pixels are not looked at: neither good nor bad.
+const UNKNOWN_MATCH: u8 = 24;
+
+/// Makes the field of a guidance; keeps its working memory.
+#[derive(Debug, Default)]
+pub(super) struct Preparation {
+    vectors: Vec<VectorRange>,
+    ranks: Vec<RankRange>,
+    given: Layer,
+}
+
+impl Preparation {
+    /// Fills `field` with the motion of `guidance`. With a pair of anchors, bars stand still and in front, and where
+    /// depth says nothing, pixels are ranked by how well the previous anchor matches.
+    pub(super) fn prepare<P: Colour>(
+        &mut self,
+        level: Level,
+        guidance: &Guidance,
+        anchors: Option<(Source<'_, P>, Source<'_, P>, &Inside)>,
+        field: &mut Layer,
+    ) -> Result<()> {
+        let grid = Grid::new(guidance.size());
+        let limit = [grid.width, grid.height].map(|side| (side as i32 * 64).min(LONGEST));
+        self.given.reserve(grid)?;
+        field.reserve(grid)?;
+        self.find_ranges(level, guidance, limit)?;
+        let is_flat = self.ranks.iter().all(|r| *r == self.ranks[0]) && self.ranks[0].near == self.ranks[0].far;
+        let given = Given { level, guidance, limit, grid, inside: anchors.map(|(.., inside)| inside) };
+
+        let columns = grid.columns;
+        let (vectors, ranks) = (&self.vectors, &self.ranks);
+        let rows = self.given.tiles.par_chunks_mut(columns).zip(self.given.keys.par_chunks_mut(columns));
+        rows.enumerate().for_each(|(row, (tiles, keys))| {
+            for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
+                let index = row * columns + column;
+                given.sort(column, row, vectors[index], ranks[index], tile, keys);
+            }
+        });
+
+        let edges = Edges {
+            given: &self.given,
+            anchors: anchors.map(|(previous, current, _)| (previous, current)),
+            is_flat,
+            can_dilate: !is_flat && guidance.motion().tile() == 1,
+        };
+        let rows = field.tiles.par_chunks_mut(columns).zip(field.keys.par_chunks_mut(columns));
+        rows.zip(&mut field.spans).enumerate().for_each(|(row, ((tiles, keys), span))| {
+            *span = [i32::MAX, i32::MIN];
+            for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
+                edges.finish(column, row, tile, keys);
+                *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
+            }
+        });
+        Ok(())
+    }
+
+    /// The ranges of vectors and ranks of every tile.
+    fn find_ranges(&mut self, level: Level, guidance: &Guidance, limit: [i32; 2]) -> Result<()> {
+        let grid = self.given.grid;
+        let (width, columns) = (grid.width, grid.columns);
+        sized(&mut self.vectors, grid.tiles(), VectorRange::default())?;
+        sized(&mut self.ranks, grid.tiles(), RankRange::default())?;
+
+        let motion = guidance.motion();
+        let (given, tile) = (motion.vectors(), motion.tile() as usize);
+        self.vectors.par_chunks_mut(columns).enumerate().for_each(|(row, ranges)| {
+            if tile == 1 {
+                let rows = row * TILE * width..((row + 1) * TILE * width).min(given.len());
+                motion_ranges(level, &given[rows], width, limit, ranges);
+            } else {
+                let of_row = &given[row * TILE / tile * motion.columns() as usize..];
+                for (column, range) in ranges.iter_mut().enumerate() {
+                    let vector = of_row[column * TILE / tile];
+                    motion_ranges(level, &[vector], 1, limit, std::slice::from_mut(range));
+                }
+            }
+        });
+
+        let depth = guidance.depth();
+        let (given, tile) = (depth.depth(), depth.tile() as usize);
+        self.ranks.par_chunks_mut(columns).enumerate().for_each(|(row, ranges)| {
+            if tile == 1 {
+                let rows = row * TILE * width..((row + 1) * TILE * width).min(given.len());
+                depth_ranges(level, &given[rows], width, ranges);
+            } else {
+                let of_row = &given[row * TILE / tile * depth.columns() as usize..];
+                for (column, range) in ranges.iter_mut().enumerate() {
+                    depth_ranges(level, &of_row[column * TILE / tile..][..1], 1, std::slice::from_mut(range));
+                }
+            }
+        });
+        Ok(())
+    }
+}
+
+/// The guidance as it is given.
+struct Given<'a> {
+    level: Level,
+    guidance: &'a Guidance,
+    limit: [i32; 2],
+    grid: Grid,
+    inside: Option<&'a Inside>,
+}
+
+impl Given<'_> {
+    /// Sorts a tile, and finds the keys of its pixels where it is rough.
+    #[inline(never)]
+    fn sort(
+        &self,
+        column: usize,
+        row: usize,
+        VectorRange { low, high }: VectorRange,
+        ranks: RankRange,
+        tile: &mut Tile,
+        keys: &mut [Key; BLOCK],
+    ) {
+        let [across, down] = self.grid.extent(column, row);
+        let corner = [column * TILE, row * TILE];
+        let (of_pictures, of_bars) = self.inside.map_or((across * down, 0), |inside| {
+            let pixels = (0..down).flat_map(|j| (0..across).map(move |i| [corner[0] + i, corner[1] + j]));
+            if inside.holds(corner, [across, down]) {
+                return (across * down, 0);
+            }
+            let inner = pixels.filter(|&[x, y]| inside.contains(x, y)).count();
+            (inner, across * down - inner)
+        });
+        if of_pictures == 0 {
+            *tile = Tile { key: key(0, 0, [0; 2]), ..Tile::default() };
+            return;
+        }
+        if of_bars == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH) {
+            let middle = std::array::from_fn(|c| (low[c] + high[c]) >> 1);
+            *tile = Tile { key: key(ranks.near, 0, middle), low: middle, high: middle, ..Tile::default() };
+            return;
+        }
+        keys.fill(EMPTY);
+        let mut landing = Landing::default();
+        let mut motion = [[f16::ZERO; 2]; TILE];
+        let mut depth = [0.0; TILE];
+        for j in 0..down {
+            let y = corner[1] + j;
+            self.read(corner[0], y, &mut motion[..across], &mut depth[..across]);
+            land(self.level, &motion[..across], &depth[..across], [0, 0], 0, self.limit, &mut landing);
+            keys[j * TILE..][..across].copy_from_slice(&landing.keys[..across]);
+            if of_bars > 0 {
+                let inside = self.inside.expect("bars were found");
+                for i in (0..across).filter(|&i| !inside.contains(corner[0] + i, y)) {
+                    keys[j * TILE + i] = key(0, 0, [0; 2]);
+                }
+            }
+        }
+        let zero = if of_bars > 0 { [0; 2] } else { low };
+        *tile = Tile {
+            kind: Kind::Rough,
+            key: EMPTY,
+            holes: 0,
+            low: [low[0].min(zero[0]), low[1].min(zero[1])],
+            high: if of_bars > 0 { high.map(|v| v.max(0)) } else { high },
+        };
+    }
+
+    /// The guidance of a run of pixels within a tile.
+    fn read(&self, x: usize, y: usize, motion: &mut [[f16; 2]], depth: &mut [f32]) {
+        let (field, map) = (self.guidance.motion(), self.guidance.depth());
+        let (columns, tile) = (field.columns() as usize, field.tile() as usize);
+        let row = &field.vectors()[y / tile * columns..][..columns];
+        motion.iter_mut().enumerate().for_each(|(i, v)| *v = row[(x + i) / tile]);
+        let (columns, tile) = (map.columns() as usize, map.tile() as usize);
+        let row = &map.depth()[y / tile * columns..][..columns];
+        depth.iter_mut().enumerate().for_each(|(i, v)| *v = row[(x + i) / tile]);
+    }
+}
+
+/// What happens where surfaces meet.
+struct Edges<'a, P> {
+    given: &'a Layer,
+    anchors: Option<(Source<'a, P>, Source<'a, P>)>,
+    /// Whether depth says nothing.
+    is_flat: bool,
+    /// Whether depth is good enough to draw surfaces out over their rims.
+    can_dilate: bool,
+}
+
+impl<P: Colour> Edges<'_, P> {
+    /// Takes a tile over from what is given. Colours on the rim of a surface are mixed with what is behind it, so that
+    /// the rim moves with the surface in front: a pixel takes the key of the nearest around it.
+    #[inline(never)]
+    fn finish(&self, column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
+        let grid = self.given.grid;
+        let index = row * grid.columns + column;
+        let given = self.given.tiles[index];
+        *tile = given;
+        let is_apart = |other: &Tile| {
+            other.kind == Kind::Rough
+                || (0..2).any(|c| other.high[c].max(given.high[c]) - other.low[c].min(given.low[c]) > 64)
+        };
+        let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
+        let mut rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
+        let is_edge = given.kind == Kind::Rough
+            || (self.can_dilate || self.is_flat && self.anchors.is_some())
+                && rows.any(|r| self.given.row(r..r + 1)[columns.clone()].iter().any(is_apart));
+        if !is_edge {
+            if self.is_flat {
+                tile.key = layer::marked(given.key, UNKNOWN_MATCH);
+            }
+            return;
+        }
+        match given.kind {
+            Kind::Rough => *keys = self.given.keys[index],
+            Kind::Smooth => {
+                let [across, down] = grid.extent(column, row);
+                keys.fill(EMPTY);
+                (0..down).for_each(|j| keys[j * TILE..][..across].fill(given.key));
+            }
+        }
+        let changes = match self.anchors {
+            Some((previous, current)) if self.is_flat => {
+                self.find_matches(column, row, previous, current, keys);
+                true
+            }
+            _ => self.can_dilate && self.dilate(column, row, keys),
+        };
+        if given.kind == Kind::Smooth && !changes {
+            return;
+        }
+        *tile = Tile { kind: Kind::Rough, holes: 0, key: EMPTY, low: [i32::MAX; 2], high: [i32::MIN; 2] };
+        for &key in keys.iter().filter(|&&key| key != EMPTY) {
+            let vector = layer::vector(key);
+            tile.low = std::array::from_fn(|c| tile.low[c].min(vector[c]));
+            tile.high = std::array::from_fn(|c| tile.high[c].max(vector[c]));
+        }
+    }
+
+    /// Gives each pixel the key of the nearest of the nine around it, where that is in front of its own. Says whether
+    /// any changed.
+    #[inline(never)]
+    fn dilate(&self, column: usize, row: usize, keys: &mut [Key; BLOCK]) -> bool {
+        const SIDE: usize = TILE + 2;
+        let grid = self.given.grid;
+        let mut around = [[EMPTY; SIDE]; SIDE];
+        let (left, top) = (column * TILE, row * TILE);
+        for (j, line) in around.iter_mut().enumerate() {
+            let is_inner = (1..=TILE).contains(&j);
+            let Some(y) = (top + j).checked_sub(1).filter(|&y| y < grid.height) else { continue };
+            if is_inner {
+                line[1..=TILE].copy_from_slice(&keys[(j - 1) * TILE..][..TILE]);
+                for i in [0, SIDE - 1] {
+                    if let Some(x) = (left + i).checked_sub(1).filter(|&x| x < grid.width) {
+                        line[i] = self.given.owner(x, y);
+                    }
+                }
+            } else {
+                for (i, key) in line.iter_mut().enumerate() {
+                    if let Some(x) = (left + i).checked_sub(1).filter(|&x| x < grid.width) {
+                        *key = self.given.owner(x, y);
+                    }
+                }
+            }
+        }
+        let mut has_changed = false;
+        let across =
+            around.map(|line| std::array::from_fn::<Key, TILE, _>(|i| line[i].min(line[i + 1]).min(line[i + 2])));
+        for j in 0..TILE {
+            for i in 0..TILE {
+                let own = &mut keys[j * TILE + i];
+                let nearest = across[j][i].min(across[j + 1][i]).min(across[j + 2][i]);
+                if *own != EMPTY && is_nearer(nearest, *own) && !alike(nearest, *own) {
+                    let at = [left + i, top + j];
+                    let is_of_nearest = self.anchors.is_none_or(|(previous, current)| {
+                        let of_nearest = distance(previous, current, at, nearest);
+                        of_nearest <= RIM && of_nearest < distance(previous, current, at, *own)
+                    });
+                    if is_of_nearest {
+                        *own = nearest;
+                        has_changed = true;
+                    }
+                }
+            }
+        }
+        has_changed
+    }
+
+    /// Marks each pixel with the levels by which its luma lies outside those of the four pixels of the previous anchor
+    /// around the place it comes from.
+    #[inline(never)]
+    fn find_matches(
+        &self,
+        column: usize,
+        row: usize,
+        previous: Source<'_, P>,
+        current: Source<'_, P>,
+        keys: &mut [Key; BLOCK],
+    ) {
+        let (width, height) = (previous.width, previous.height);
+        for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+            let (x, y) = (column * TILE + place % TILE, row * TILE + place / TILE);
+            let [vx, vy] = layer::vector(*key);
+            let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
+            let luma = current.pixels[y * width + x].luma();
+            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+            for v in [top, top + 1] {
+                for u in [left, left + 1] {
+                    let u = u.clamp(0, width as i32 - 1) as usize;
+                    let v = v.clamp(0, height as i32 - 1) as usize;
+                    let there = previous.pixels[v * width + u].luma();
+                    (low, high) = (low.min(there), high.max(there));
+                }
+            }
+            let apart = (low - luma).max(luma - high).max(0.0);
+            *key = layer::marked(*key, (apart as u8).min(WORST_MATCH));
+        }
+    }
+}
+
+/// How far a pixel of the current anchor is from what is read bilinearly where a claim leads to in the previous one:
+/// the levels of the channel that differs most.
+fn distance<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, [x, y]: [usize; 2], claim: Key) -> f32 {
+    let [vx, vy] = layer::vector(claim);
+    let (u, v) = (64 * x as i32 + vx, 64 * y as i32 + vy);
+    let (fx, fy) = ((u & 63) as f32 / 64.0, (v & 63) as f32 / 64.0);
+    let at = |u: i32, v: i32| {
+        let u = u.clamp(0, previous.width as i32 - 1) as usize;
+        let v = v.clamp(0, previous.height as i32 - 1) as usize;
+        previous.pixels[v * previous.width + u].in_levels()
+    };
+    let (left, top) = (u >> 6, v >> 6);
+    let corners = [at(left, top), at(left + 1, top), at(left, top + 1), at(left + 1, top + 1)];
+    let here = current.pixels[y * current.width + x].in_levels();
+    (0..3).fold(0.0, |most, c| {
+        let above = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
+        let below = corners[2][c] + (corners[3][c] - corners[2][c]) * fx;
+        (above + (below - above) * fy - here[c]).abs().max(most)
+    })
+}

@@ -1,0 +1,323 @@
+//! Carrying claims to another time.
+
+use parking_lot::Mutex;
+use rayon::prelude::*;
+
+use super::kernels::{BLOCK, TILE};
+use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, Tile, alike, is_nearer, key, landed};
+use super::{reserve, sized};
+use crate::Result;
+
+/// Rows of tiles that are filled together.
+const BAND: usize = 8;
+/// Rows and columns of places around a band, so that cracks are seen whole.
+const RIM: usize = 1;
+/// A place that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
+const SMOOTH: i32 = 48;
+
+/// A layer to carry and how far: by `reach` of its vectors, see [`WHOLE`](layer::WHOLE).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pass<'a> {
+    pub(super) layer: &'a Layer,
+    pub(super) reach: i32,
+    pub(super) of: Carried,
+}
+
+/// Which claims of a layer are carried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Carried {
+    /// Those of pixels for themselves.
+    Own,
+    /// Borrowed ones.
+    Borrowed,
+}
+
+/// What covers a tile while a band is filled.
+#[derive(Debug, Clone, Copy)]
+struct Cover {
+    low: [i32; 2],
+    high: [i32; 2],
+    sum: [i64; 2],
+    area: u32,
+    nearest: Key,
+    is_rough: bool,
+}
+
+impl Cover {
+    const NONE: Self =
+        Self { low: [i32::MAX; 2], high: [i32::MIN; 2], sum: [0; 2], area: 0, nearest: EMPTY, is_rough: false };
+}
+
+/// Working memory of one thread: a band of places with its rim, and what covers its tiles.
+#[derive(Debug, Default)]
+pub(super) struct Band {
+    places: Vec<Key>,
+    covers: Vec<Cover>,
+}
+
+/// Working memory of every thread of the pool.
+#[derive(Debug, Default)]
+pub(super) struct Bands(Vec<Mutex<Band>>);
+
+impl Bands {
+    /// Makes room for all threads of the current pool.
+    pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
+        let threads = rayon::current_num_threads();
+        if self.0.len() < threads {
+            reserve(&mut self.0, threads)?;
+            self.0.resize_with(threads, Mutex::default);
+        }
+        for band in &mut self.0[..threads] {
+            let band = band.get_mut();
+            sized(&mut band.places, stride(grid) * (BAND * TILE + 2 * RIM), EMPTY)?;
+            sized(&mut band.covers, BAND * grid.columns, Cover::NONE)?;
+        }
+        Ok(())
+    }
+}
+
+fn stride(grid: Grid) -> usize {
+    grid.columns * TILE + 2 * RIM
+}
+
+impl Layer {
+    /// Fills this layer with what `passes` carry to it. The nearest of those that land on one place gets it; cracks of
+    /// a pixel in what lands are closed.
+    pub(super) fn land(&mut self, passes: &[Pass<'_>], bands: &Bands) -> Result<()> {
+        let grid = passes[0].layer.grid;
+        self.reserve(grid)?;
+        let tiles = self.tiles.par_chunks_mut(BAND * grid.columns);
+        let keys = self.keys.par_chunks_mut(BAND * grid.columns);
+        tiles.zip(keys).enumerate().for_each(|(number, (tiles, keys))| {
+            let thread = rayon::current_thread_index().unwrap_or(0);
+            let mut band = bands.0[thread].lock();
+            let Band { places, covers } = &mut *band;
+            let filling = Filling { grid, top: number * BAND, rows: tiles.len() / grid.columns };
+            filling.fill(passes, places, covers, tiles, keys);
+        });
+        Ok(())
+    }
+}
+
+/// A band that is being filled.
+struct Filling {
+    grid: Grid,
+    /// Its first row of tiles, and how many it has.
+    top: usize,
+    rows: usize,
+}
+
+impl Filling {
+    fn fill(
+        &self,
+        passes: &[Pass<'_>],
+        places: &mut [Key],
+        covers: &mut [Cover],
+        tiles: &mut [Tile],
+        keys: &mut [[Key; BLOCK]],
+    ) {
+        places.fill(EMPTY);
+        covers.fill(Cover::NONE);
+        for pass in passes {
+            self.each_tile(pass, |column, row, tile| match (pass.of, tile.kind) {
+                (Carried::Own, Kind::Smooth) => self.cover(pass.reach, column, row, tile, covers),
+                (Carried::Own, Kind::Rough) => {
+                    let keys = &pass.layer.keys[row * self.grid.columns + column];
+                    self.carry_pixels(pass.reach, column, row, keys, places, covers);
+                }
+                (Carried::Borrowed, _) if tile.holes > 0 => {
+                    let keys = &pass.layer.borrowed[row * self.grid.columns + column];
+                    self.carry_pixels(pass.reach, column, row, keys, places, covers);
+                }
+                (Carried::Borrowed, _) => {}
+            });
+        }
+        for (index, tile) in tiles.iter_mut().enumerate() {
+            let (column, row) = (index % self.grid.columns, index / self.grid.columns);
+            *tile = self.settle(&covers[index], self.grid.extent(column, self.top + row));
+            covers[index].is_rough = tile.kind == Kind::Rough;
+        }
+        for pass in passes.iter().filter(|pass| pass.of == Carried::Own) {
+            self.each_tile(pass, |column, row, tile| {
+                if tile.kind == Kind::Smooth {
+                    self.carry_tile(pass.reach, column, row, tile, places, covers);
+                }
+            });
+        }
+        for (index, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
+            if tile.kind == Kind::Rough {
+                self.take(places, index % self.grid.columns, index / self.grid.columns, tile, keys);
+            }
+        }
+    }
+
+    /// Calls `visit` for each tile that may reach this band.
+    #[inline(never)]
+    fn each_tile(&self, pass: &Pass<'_>, mut visit: impl FnMut(usize, usize, &Tile)) {
+        let rim = RIM as i32;
+        let band = (self.top * TILE) as i32 - rim..((self.top + self.rows) * TILE) as i32 + rim;
+        let reaches = |row: usize, low: i32, high: i32| {
+            let first = (row * TILE) as i32;
+            let ends = [landed(first, low, pass.reach), landed(first, high, pass.reach)];
+            ends[0].min(ends[1]) < band.end && ends[0].max(ends[1]) + TILE as i32 > band.start
+        };
+        for row in 0..self.grid.rows {
+            let [low, high] = pass.layer.spans[row];
+            if low > high || !reaches(row, low, high) {
+                continue;
+            }
+            for (column, tile) in pass.layer.row(row..row + 1).iter().enumerate() {
+                if tile.low[1] <= tile.high[1] && reaches(row, tile.low[1], tile.high[1]) {
+                    visit(column, row, tile);
+                }
+            }
+        }
+    }
+
+    /// Where the corner of a smooth tile lands.
+    fn corner(&self, reach: i32, column: usize, row: usize, key: Key) -> [i32; 2] {
+        let [x, y] = layer::vector(key);
+        [landed((column * TILE) as i32, x, reach), landed((row * TILE) as i32, y, reach)]
+    }
+
+    /// The part of `from..from + len` on each tile that it touches: number of the tile and length.
+    fn parts(from: i32, len: usize, tiles: std::ops::Range<usize>) -> impl Iterator<Item = (usize, u32)> {
+        let (until, side) = (from + len as i32, TILE as i32);
+        let range = (from >> 3).max(tiles.start as i32)..=((until - 1) >> 3).min(tiles.end as i32 - 1);
+        range.map(move |tile| (tile as usize, (until.min((tile + 1) * side) - from.max(tile * side)) as u32))
+    }
+
+    /// Notes that a smooth tile covers parts of others.
+    #[inline(never)]
+    fn cover(&self, reach: i32, column: usize, row: usize, tile: &Tile, covers: &mut [Cover]) {
+        let [x, y] = self.corner(reach, column, row, tile.key);
+        let [across, down] = self.grid.extent(column, row);
+        let vector = layer::vector(tile.key);
+        for (r, height) in Self::parts(y, down, self.top..self.top + self.rows) {
+            for (c, width) in Self::parts(x, across, 0..self.grid.columns) {
+                let cover = &mut covers[(r - self.top) * self.grid.columns + c];
+                let area = width * height;
+                cover.low = std::array::from_fn(|c| cover.low[c].min(vector[c]));
+                cover.high = std::array::from_fn(|c| cover.high[c].max(vector[c]));
+                cover.sum = std::array::from_fn(|c| cover.sum[c] + i64::from(vector[c]) * i64::from(area));
+                cover.area = cover.area.saturating_add(area);
+                cover.nearest = cover.nearest.min(tile.key);
+            }
+        }
+    }
+
+    /// Carries pixels one by one.
+    #[inline(never)]
+    fn carry_pixels(
+        &self,
+        reach: i32,
+        column: usize,
+        row: usize,
+        keys: &[Key; BLOCK],
+        places: &mut [Key],
+        covers: &mut [Cover],
+    ) {
+        let (left, top) = ((column * TILE) as i32, (row * TILE) as i32);
+        let rim = RIM as i32;
+        let origin = (self.top * TILE) as i32 - rim;
+        let bounds = [(self.grid.columns * TILE) as u32 + 2 * RIM as u32, (self.rows * TILE) as u32 + 2 * RIM as u32];
+        let stride = stride(self.grid);
+        let mut at = [[0_u32; 2]; BLOCK];
+        for (place, (at, &key)) in at.iter_mut().zip(keys).enumerate() {
+            let [x, y] = layer::vector(key);
+            let (i, j) = ((place % TILE) as i32, (place / TILE) as i32);
+            *at = [(landed(left + i, x, reach) + rim) as u32, (landed(top + j, y, reach) - origin) as u32];
+        }
+        for ([x, y], &key) in at.into_iter().zip(keys) {
+            if x >= bounds[0] || y >= bounds[1] || key == EMPTY {
+                continue;
+            }
+            let place = &mut places[y as usize * stride + x as usize];
+            *place = (*place).min(key);
+            let (c, r) = ((x as usize).wrapping_sub(RIM) / TILE, (y as usize).wrapping_sub(RIM) / TILE);
+            if c < self.grid.columns && r < self.rows {
+                covers[r * self.grid.columns + c].is_rough = true;
+            }
+        }
+    }
+
+    /// What a tile is that is covered so.
+    #[inline(never)]
+    fn settle(&self, cover: &Cover, [across, down]: [usize; 2]) -> Tile {
+        let whole = (across * down) as u32;
+        let is_smooth =
+            !cover.is_rough && 4 * cover.area >= 3 * whole && (0..2).all(|i| cover.high[i] - cover.low[i] <= SMOOTH);
+        if !is_smooth {
+            return Tile { kind: Kind::Rough, ..Tile::default() };
+        }
+        let vector = cover.sum.map(|sum| {
+            let area = i64::from(cover.area);
+            ((2 * sum + area).div_euclid(2 * area)) as i32
+        });
+        let key = key(layer::rank(cover.nearest), layer::mark(cover.nearest), vector);
+        Tile { kind: Kind::Smooth, holes: 0, key, low: vector, high: vector }
+    }
+
+    /// Carries all of a smooth tile, if it touches one that is not.
+    #[inline(never)]
+    fn carry_tile(&self, reach: i32, column: usize, row: usize, tile: &Tile, places: &mut [Key], covers: &[Cover]) {
+        let [x, y] = self.corner(reach, column, row, tile.key);
+        let [across, down] = self.grid.extent(column, row);
+        let rim = RIM as i32;
+        let rows = self.top..self.top + self.rows;
+        let touches_rough = Self::parts(y - rim, down + 2 * RIM, rows).any(|(r, _)| {
+            Self::parts(x - rim, across + 2 * RIM, 0..self.grid.columns)
+                .any(|(c, _)| covers[(r - self.top) * self.grid.columns + c].is_rough)
+        });
+        if !touches_rough {
+            return;
+        }
+        let width = (self.grid.columns * TILE) as i32;
+        let columns = x.max(-rim)..(x + across as i32).min(width + rim);
+        let first = (self.top * TILE) as i32 - rim;
+        let lines = y.max(first)..(y + down as i32).min(first + (self.rows * TILE) as i32 + 2 * rim);
+        if columns.is_empty() {
+            return;
+        }
+        for line in lines {
+            let start = (line - first) as usize * stride(self.grid) + (columns.start + rim) as usize;
+            for place in &mut places[start..][..columns.len()] {
+                *place = (*place).min(tile.key);
+            }
+        }
+    }
+
+    /// Takes the keys of a rough tile from the band, and closes its cracks.
+    #[inline(never)]
+    fn take(&self, places: &[Key], column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
+        let [across, down] = self.grid.extent(column, self.top + row);
+        let stride = stride(self.grid);
+        keys.fill(EMPTY);
+        let (mut holes, mut farthest) = (0, 0);
+        for j in 0..down {
+            let start = (row * TILE + j) * stride + column * TILE;
+            let [above, here, below]: [&[Key]; 3] =
+                std::array::from_fn(|line| &places[start + line * stride..][..TILE + 2 * RIM]);
+            for i in 0..across {
+                let pairs = [[here[i], here[i + 2]], [above[i + 1], below[i + 1]]];
+                let mut own = here[i + 1];
+                for [a, b] in pairs {
+                    if a != EMPTY && b != EMPTY && alike(a, b) {
+                        let nearer = a.min(b);
+                        if own == EMPTY || is_nearer(a.max(b), own) && !alike(nearer, own) {
+                            own = nearer;
+                        }
+                    }
+                }
+                keys[j * TILE + i] = own;
+                if own == EMPTY {
+                    holes += 1;
+                } else {
+                    farthest = farthest.max(own);
+                }
+            }
+        }
+        tile.holes = holes;
+        tile.key = if farthest == 0 { EMPTY } else { farthest };
+    }
+}

@@ -1,0 +1,312 @@
+//! Pixels for phase t from the two anchors.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::colour::Colour;
+use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
+use super::layer::{self, EMPTY, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part};
+use super::overlay::Overlays;
+use crate::Raster;
+
+/// Samples that differ by no more than this many levels agree, and the one nearer in time is taken as it is.
+const AGREE: u8 = 1;
+/// Samples that differ by more than this are looked at one by one.
+const CAREFUL: u8 = 24;
+
+/// What a picture between two anchors is made of.
+pub(super) struct Between<'a, P> {
+    pub(super) level: Level,
+    pub(super) previous: Source<'a, P>,
+    pub(super) current: Source<'a, P>,
+    /// What is at phase t.
+    pub(super) places: &'a Layer,
+    /// The current anchor's motion.
+    pub(super) field: &'a Layer,
+    /// What is in the previous anchor.
+    pub(super) owners: &'a Layer,
+    /// Phase t of [`WHOLE`].
+    pub(super) phase: i32,
+}
+
+/// What a rendered picture lacks.
+pub(super) struct Rendered {
+    /// Places that nothing visible in the current anchor landed on.
+    pub(super) uncovered: usize,
+    /// Places that neither anchor shows.
+    pub(super) hidden: usize,
+}
+
+/// Where the two anchors show a place.
+#[derive(Clone, Copy)]
+struct Spots {
+    before: [i32; 2],
+    after: [i32; 2],
+}
+
+impl<P: Colour> Between<'_, P> {
+    /// Writes the picture; in `hidden`, one bit for each pixel of a tile, what neither anchor shows.
+    pub(super) fn render(&self, out: &mut Raster<P>, hidden: &mut [u64]) -> Rendered {
+        let grid = self.places.grid;
+        let weight = ((self.phase + 16) >> 5).clamp(1, 127) as u8;
+        let rule = Rule { weight, nearer_is_current: self.phase >= WHOLE / 2, agree: AGREE, careful: CAREFUL };
+        let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
+        rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
+            let mut block = Block {
+                before: [P::OPAQUE_BLACK; BLOCK],
+                after: [P::OPAQUE_BLACK; BLOCK],
+                merged: [P::OPAQUE_BLACK; BLOCK],
+            };
+            let (mut loose, mut lost) = (0, 0);
+            for (column, hidden) in hidden.iter_mut().enumerate() {
+                let pixels = &mut pixels[column * TILE..];
+                loose += self.render_tile(column, row, &rule, &mut block, pixels, hidden);
+                lost += hidden.count_ones() as usize;
+            }
+            uncovered.fetch_add(loose, Ordering::Relaxed);
+            unseen.fetch_add(lost, Ordering::Relaxed);
+        });
+        Rendered { uncovered: uncovered.into_inner(), hidden: unseen.into_inner() }
+    }
+
+    /// Writes a tile; returns how many of its pixels nothing visible in the current anchor landed on.
+    #[inline(never)]
+    fn render_tile(
+        &self,
+        column: usize,
+        row: usize,
+        rule: &Rule,
+        block: &mut Block<P>,
+        pixels: &mut [P],
+        hidden: &mut u64,
+    ) -> usize {
+        let grid = self.places.grid;
+        let index = row * grid.columns + column;
+        let tile = &self.places.tiles[index];
+        let [across, down] = grid.extent(column, row);
+        let corner = [column * TILE, row * TILE];
+        *hidden = 0;
+        let spots = self.spots(corner, tile.key);
+        if tile.kind == Kind::Smooth && [across, down] == [TILE, TILE] && self.is_clear(tile.key, spots) {
+            let mask =
+                P::tile(self.level, self.previous, spots.before, self.current, spots.after, rule, pixels, grid.width);
+            each_bit(mask, |place| {
+                let [i, j] = [place % TILE, place / TILE];
+                let spots = self.spots([corner[0] + i, corner[1] + j], tile.key);
+                let pixel = &mut pixels[j * grid.width + i];
+                match self.decide([corner[0] + i, corner[1] + j], tile.key, spots, true) {
+                    Choice::Merged => {}
+                    Choice::Before => *pixel = P::sample(self.previous, spots.before),
+                    Choice::After => *pixel = P::sample(self.current, spots.after),
+                    Choice::Still => *pixel = self.still(corner[0] + i, corner[1] + j, rule),
+                    Choice::Neither => *hidden |= 1 << place,
+                }
+            });
+            return 0;
+        }
+
+        let mut keys = match tile.kind {
+            Kind::Smooth => [tile.key; BLOCK],
+            Kind::Rough => self.places.keys[index],
+        };
+        let (mut before, mut after) =
+            (Positions { x: [0; BLOCK], y: [0; BLOCK] }, Positions { x: [0; BLOCK], y: [0; BLOCK] });
+        let (mut uncovered, mut questionable) = (0, 0_u64);
+        for (place, key) in keys.iter_mut().enumerate() {
+            let [i, j] = [place % TILE, place / TILE];
+            if i >= across || j >= down {
+                *key = layer::key(0, 0, [0; 2]);
+            } else if *key == EMPTY {
+                *key = self.places.borrowed[index][place];
+                questionable |= 1 << place;
+                uncovered += 1;
+            } else if layer::mark(*key) == ORPHAN {
+                questionable |= 1 << place;
+                uncovered += 1;
+            }
+            let spots = self.spots([corner[0] + i, corner[1] + j], *key);
+            (before.x[place], before.y[place]) = (spots.before[0], spots.before[1]);
+            (after.x[place], after.y[place]) = (spots.after[0], spots.after[1]);
+            let is_outside = grid.nearest(spots.before).is_none() || grid.nearest(spots.after).is_none();
+            questionable |= u64::from(is_outside) << place;
+        }
+        // Where surfaces meet, whatever does not agree is looked at.
+        let strict = Rule { careful: rule.agree, ..*rule };
+        let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block);
+        each_bit(mask | questionable, |place| {
+            let [i, j] = [place % TILE, place / TILE];
+            if i >= across || j >= down {
+                return;
+            }
+            let at = [corner[0] + i, corner[1] + j];
+            let is_doubtful =
+                questionable >> place & 1 == 1 || P::merge(block.before[place], block.after[place], rule).1;
+            match self.decide(at, keys[place], self.spots(at, keys[place]), is_doubtful) {
+                Choice::Merged => {}
+                Choice::Before => block.merged[place] = block.before[place],
+                Choice::After => block.merged[place] = block.after[place],
+                Choice::Still => block.merged[place] = self.still(at[0], at[1], rule),
+                Choice::Neither => *hidden |= 1 << place,
+            }
+        });
+        for j in 0..down {
+            pixels[j * grid.width..][..across].copy_from_slice(&block.merged[j * TILE..][..across]);
+        }
+        uncovered
+    }
+
+    /// Where the anchors show what is at a place with a claim.
+    #[inline(always)]
+    fn spots(&self, [x, y]: [usize; 2], key: Key) -> Spots {
+        let at = [64 * x as i32, 64 * y as i32];
+        let vector = layer::vector(key);
+        let before: [i32; 2] = std::array::from_fn(|c| at[c] + part(vector[c], self.phase));
+        Spots { before, after: std::array::from_fn(|c| before[c] - vector[c]) }
+    }
+
+    /// Whether both anchors show all of a smooth tile: it lies in tiles that are smooth as well and move alike.
+    #[inline(always)]
+    fn is_clear(&self, key: Key, spots: Spots) -> bool {
+        let is_seen = |layer: &Layer, spot: [i32; 2]| {
+            let grid = layer.grid;
+            let last = spot.map(|v| v + 64 * (TILE as i32 - 1));
+            let (Some(first), Some(last)) = (grid.nearest(spot), grid.nearest(last)) else { return false };
+            (first[1] / TILE..=last[1] / TILE).all(|row| {
+                let tiles = &layer.row(row..row + 1)[first[0] / TILE..=last[0] / TILE];
+                tiles.iter().all(|tile| tile.kind == Kind::Smooth && alike(tile.key, key))
+            })
+        };
+        is_seen(self.owners, spots.before) && is_seen(self.field, spots.after)
+    }
+
+    /// What to show where the anchors disagree, or where it is not known that the current one shows the place. Overlays
+    /// are looked for where that is doubtful.
+    #[inline(never)]
+    fn decide(&self, at: [usize; 2], key: Key, spots: Spots, is_doubtful: bool) -> Choice {
+        let grid = self.places.grid;
+        let (from, to) = (grid.nearest(spots.before), grid.nearest(spots.after));
+        let mark = layer::mark(key);
+        let mut is_before = from.is_some_and(|[x, y]| {
+            let owner = self.owners.owner(x, y);
+            owner == EMPTY || alike(owner, key) || mark == ORPHAN
+        });
+        let mut is_after = to.is_some_and(|[x, y]| {
+            let shown = self.field.owner(x, y);
+            alike(shown, key) || mark != ORPHAN && mark != HOLE && is_nearer(key, shown)
+        });
+        // Where one of them is hidden by something that moves, the vector is right and no overlay in question.
+        if is_doubtful && (is_before == is_after || from.is_none() || to.is_none()) {
+            let overlays = Overlays { previous: self.previous, current: self.current };
+            let vector = layer::vector(key);
+            if overlays.is_at(at, vector) {
+                return Choice::Still;
+            }
+            is_before &= !from.is_some_and(|from| overlays.is_before(from, vector));
+            is_after &= !to.is_some_and(|to| overlays.is_at(to, vector));
+        }
+        match (is_before, is_after) {
+            (true, true) => Choice::Merged,
+            (true, false) => Choice::Before,
+            (false, true) => Choice::After,
+            (false, false) => Choice::Neither,
+        }
+    }
+
+    /// A pixel of something that stands still.
+    fn still(&self, x: usize, y: usize, rule: &Rule) -> P {
+        let place = y * self.previous.width + x;
+        P::merge(self.previous.pixels[place], self.current.pixels[place], rule).0
+    }
+}
+
+/// Which anchor a pixel comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Choice {
+    /// Both.
+    Merged,
+    /// The previous one.
+    Before,
+    /// The current one.
+    After,
+    /// Both, where the place itself is: something that stands still lies over it.
+    Still,
+    /// None.
+    Neither,
+}
+
+/// Writes the picture `phase` after `current`; in `hidden` what it does not show.
+#[inline(never)]
+pub(super) fn beyond<P: Colour>(
+    level: Level,
+    current: Source<'_, P>,
+    places: &Layer,
+    field: &Layer,
+    phase: i32,
+    out: &mut Raster<P>,
+    hidden: &mut [u64],
+) -> Rendered {
+    let grid = places.grid;
+    let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let spot = |[x, y]: [usize; 2], key: Key| -> [i32; 2] {
+        let at = [64 * x as i32, 64 * y as i32];
+        let vector = layer::vector(key);
+        std::array::from_fn(|c| at[c] + part(vector[c], phase))
+    };
+    let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
+    rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
+        let mut block = [P::OPAQUE_BLACK; BLOCK];
+        let (mut loose, mut lost) = (0, 0);
+        for (column, hidden) in hidden.iter_mut().enumerate() {
+            let index = row * grid.columns + column;
+            let tile = &places.tiles[index];
+            let [across, down] = grid.extent(column, row);
+            let corner = [column * TILE, row * TILE];
+            let pixels = &mut pixels[column * TILE..];
+            *hidden = 0;
+            if tile.kind == Kind::Smooth && [across, down] == [TILE, TILE] {
+                P::tile_of_one(level, current, spot(corner, tile.key), pixels, grid.width);
+                continue;
+            }
+            let mut at = Positions { x: [0; BLOCK], y: [0; BLOCK] };
+            for place in 0..BLOCK {
+                let [i, j] = [place % TILE, place / TILE];
+                let pixel = [corner[0] + i, corner[1] + j];
+                if i >= across || j >= down {
+                    continue;
+                }
+                let own = if tile.kind == Kind::Smooth { tile.key } else { places.keys[index][place] };
+                let claim = if own == EMPTY { places.borrowed[index][place] } else { own };
+                let spot = spot(pixel, claim);
+                (at.x[place], at.y[place]) = (spot[0], spot[1]);
+                if own == EMPTY {
+                    loose += 1;
+                    // What stands there now is in front of it, and would be seen twice.
+                    let is_covered = grid.nearest(spot).is_some_and(|[x, y]| {
+                        let shown = field.owner(x, y);
+                        !alike(shown, claim) && is_nearer(shown, claim)
+                    });
+                    *hidden |= u64::from(is_covered) << place;
+                }
+            }
+            lost += hidden.count_ones() as usize;
+            P::pixels_of_one(level, current, &at, &mut block);
+            for j in 0..down {
+                pixels[j * grid.width..][..across].copy_from_slice(&block[j * TILE..][..across]);
+            }
+        }
+        uncovered.fetch_add(loose, Ordering::Relaxed);
+        unseen.fetch_add(lost, Ordering::Relaxed);
+    });
+    Rendered { uncovered: uncovered.into_inner(), hidden: unseen.into_inner() }
+}
+
+/// Calls `visit` for each bit that is set, lowest first.
+#[inline(always)]
+fn each_bit(mut mask: u64, mut visit: impl FnMut(usize)) {
+    while mask != 0 {
+        visit(mask.trailing_zeros() as usize);
+        mask &= mask - 1;
+    }
+}
