@@ -1,5 +1,7 @@
 //! Pictures of half floats.
 
+mod vectors;
+
 use half::f16;
 
 use super::ranges::widened;
@@ -19,7 +21,8 @@ impl Sampled for Pixel {
             let columns = std::array::from_fn(|i| weighted(taps.map(|row| row[i][c]), down));
             let all = taps.as_flattened().iter().map(|pixel| pixel[c]);
             let (least, largest) = (all.clone().fold(f32::INFINITY, f32::min), all.fold(f32::NEG_INFINITY, f32::max));
-            f16::from_f32(weighted(columns, across).clamp(least, largest))
+            // Adding 0 leaves one kind of zero.
+            f16::from_f32(weighted(columns, across).clamp(least, largest) + 0.0)
         })
     }
 
@@ -49,13 +52,11 @@ impl Sampled for Pixel {
         out: &mut [Self],
         stride: usize,
     ) -> u64 {
-        let _ = level;
-        scalar::tile(previous, a, current, b, rule, out, stride)
+        tile(level, previous, a, current, b, rule, out, stride)
     }
 
     fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
-        let _ = level;
-        scalar::tile_of_one(source, at, out, stride);
+        tile_of_one(level, source, at, out, stride);
     }
 
     fn pixels(
@@ -67,13 +68,11 @@ impl Sampled for Pixel {
         rule: &Rule,
         out: &mut Block<Self>,
     ) -> u64 {
-        let _ = level;
-        scalar::pixels(previous, a, current, b, rule, out)
+        pixels(level, previous, a, current, b, rule, out)
     }
 
     fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]) {
-        let _ = level;
-        scalar::pixels_of_one(source, at, out);
+        pixels_of_one(level, source, at, out);
     }
 
     fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]) {
@@ -87,6 +86,31 @@ impl Sampled for Pixel {
     fn levels(self) -> [u8; 4] {
         self.map(|v| (finite(v).clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
     }
+}
+
+at_every_level! {
+    #[expect(clippy::too_many_arguments, reason = "see the trait")]
+    fn tile(
+        previous: Source<'_, Pixel>, a: [i32; 2], current: Source<'_, Pixel>, b: [i32; 2], rule: &Rule,
+        out: &mut [Pixel], stride: usize,
+    ) -> u64 = scalar::tile | vectors::tile
+}
+
+at_every_level! {
+    fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize)
+        = scalar::tile_of_one | vectors::tile_of_one
+}
+
+at_every_level! {
+    fn pixels(
+        previous: Source<'_, Pixel>, a: &Positions, current: Source<'_, Pixel>, b: &Positions, rule: &Rule,
+        out: &mut Block<Pixel>,
+    ) -> u64 = scalar::pixels | vectors::pixels
+}
+
+at_every_level! {
+    fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK])
+        = scalar::pixels_of_one | vectors::pixels_of_one
 }
 
 at_every_level! {

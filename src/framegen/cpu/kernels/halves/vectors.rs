@@ -1,0 +1,294 @@
+//! The form over arrays: half floats are widened once, and a row of eight pixels is a vector of 32 singles.
+
+use half::f16;
+
+use super::super::ranges::widened;
+use super::super::sampled::TILE;
+use super::super::weights::CUBIC;
+use super::{BLOCK, Block, Pixel, Positions, Rule, Source, taps};
+
+/// Rows of a picture that a tile is made from, and columns.
+const TAPS: usize = TILE + 3;
+/// Channels of a row of a tile.
+const ROW: usize = 4 * TILE;
+
+/// See [`super::Sampled::tile`].
+#[inline(always)]
+pub(super) fn tile(
+    previous: Source<'_, Pixel>,
+    a: [i32; 2],
+    current: Source<'_, Pixel>,
+    b: [i32; 2],
+    rule: &Rule,
+    out: &mut [Pixel],
+    stride: usize,
+) -> u64 {
+    let (mut before, mut after) = ([[0.0; ROW]; TILE], [[0.0; ROW]; TILE]);
+    sampled(previous, a, &mut before);
+    sampled(current, b, &mut after);
+    let mut mask = 0;
+    for j in 0..TILE {
+        let (row, is_reported) = merged(&before[j], &after[j], rule);
+        *out[j * stride..].first_chunk_mut().expect("a tile fits") = narrowed(&row);
+        mask |= is_reported << (TILE * j);
+    }
+    mask
+}
+
+/// See [`super::Sampled::tile_of_one`].
+#[inline(always)]
+pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+    let mut rows = [[0.0; ROW]; TILE];
+    sampled(source, at, &mut rows);
+    for (j, row) in rows.iter().enumerate() {
+        *out[j * stride..].first_chunk_mut().expect("a tile fits") = narrowed(row);
+    }
+}
+
+/// See [`super::Sampled::pixels`].
+#[inline(always)]
+pub(super) fn pixels(
+    previous: Source<'_, Pixel>,
+    a: &Positions,
+    current: Source<'_, Pixel>,
+    b: &Positions,
+    rule: &Rule,
+    out: &mut Block<Pixel>,
+) -> u64 {
+    pixels_of_one(previous, a, &mut out.before);
+    pixels_of_one(current, b, &mut out.after);
+    let mut mask = 0;
+    for j in 0..TILE {
+        let (mut before, mut after) = ([0.0; ROW], [0.0; ROW]);
+        widen(out.before[TILE * j..].as_flattened(), &mut before);
+        widen(out.after[TILE * j..].as_flattened(), &mut after);
+        let (row, is_reported) = merged(&before, &after, rule);
+        out.merged[TILE * j..][..TILE].copy_from_slice(&narrowed(&row));
+        mask |= is_reported << (TILE * j);
+    }
+    mask
+}
+
+/// See [`super::Sampled::pixels_of_one`].
+#[inline(always)]
+pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
+    for (j, out) in out.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
+        // A row of eight pixels: their columns and the weights of these, tap by tap.
+        let mut sums = [[0.0; ROW]; 4];
+        let (mut low, mut high, mut across) = (sums, sums, sums);
+        for x in 0..TILE {
+            let at = [at.x[TILE * j + x], at.y[TILE * j + x]];
+            let rows = around(&source, at);
+            let [weights, down] = weights(at);
+            let of_pixel = columns(&rows, down);
+            for tap in 0..4 {
+                for c in 0..4 {
+                    sums[tap][4 * x + c] = of_pixel.0[4 * tap + c];
+                    low[tap][4 * x + c] = of_pixel.1[4 * tap + c];
+                    high[tap][4 * x + c] = of_pixel.2[4 * tap + c];
+                    across[tap][4 * x + c] = weights[tap];
+                }
+            }
+        }
+        let mut values = [0.0; ROW];
+        for (i, value) in values.iter_mut().enumerate() {
+            let [s, l, h, w] =
+                [&sums, &low, &high, &across].map(|taps| [taps[0][i], taps[1][i], taps[2][i], taps[3][i]]);
+            *value = cubic(s, l, h, w);
+        }
+        *out = narrowed(&values);
+    }
+}
+
+/// The 4 x 4 pixels around a position, as singles.
+#[inline(always)]
+fn around(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 16]; 4] {
+    let mut rows = [[0.0; 16]; 4];
+    if let Some([a, b, c, d]) = inside(source, at) {
+        widen(a.as_flattened(), &mut rows[0]);
+        widen(b.as_flattened(), &mut rows[1]);
+        widen(c.as_flattened(), &mut rows[2]);
+        widen(d.as_flattened(), &mut rows[3]);
+        rows
+    } else {
+        around_edge(source, at)
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn around_edge(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 16]; 4] {
+    let mut rows = [[0.0; 16]; 4];
+    for (row, taps) in rows.iter_mut().zip(&taps(source, at, [f16::ZERO; 4]).0) {
+        widen(taps.as_flattened(), row);
+    }
+    rows
+}
+
+/// The rows of the 4 x 4 pixels around a position, where all of them are in the picture.
+#[inline(always)]
+fn inside<'a>(source: &Source<'a, Pixel>, at: [i32; 2]) -> Option<[&'a [Pixel; 4]; 4]> {
+    let [x, y] = at.map(|v| usize::try_from((v >> 6) - 1).ok());
+    let (x, y) = (x?, y?);
+    let row = |j: usize| {
+        let row = source.pixels.get((y + j) * source.width..)?.get(..source.width)?;
+        row.get(x..).and_then(|rest| rest.first_chunk())
+    };
+    Some([row(0)?, row(1)?, row(2)?, row(3)?])
+}
+
+/// The tile at a position, rounded to half floats, row by row.
+#[inline(always)]
+fn sampled(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [[f32; ROW]; TILE]) {
+    let mut taps = [[[f16::ZERO; 4]; TAPS]; TAPS];
+    source.clamped(at.map(|v| (v >> 6) - 1), &mut taps);
+    let [across, down] = weights(at);
+    let mut rows = [[0.0; 4 * TAPS]; TAPS];
+    for (row, taps) in rows.iter_mut().zip(&taps) {
+        widen(taps.as_flattened(), row);
+    }
+    for (j, out) in out.iter_mut().enumerate() {
+        let (sums, low, high) = columns(rows[j..].first_chunk().expect("a tile has eleven rows"), down);
+        for (i, out) in out.iter_mut().enumerate() {
+            let [s, l, h] =
+                [&sums, &low, &high].map(|columns| [columns[i], columns[i + 4], columns[i + 8], columns[i + 12]]);
+            *out = widened(nearest(cubic(s, l, h, across)));
+        }
+    }
+}
+
+/// The weighted sums of four rows, their least and their largest.
+#[inline(always)]
+fn columns<const N: usize>(rows: &[[f32; N]; 4], down: [f32; 4]) -> ([f32; N], [f32; N], [f32; N]) {
+    let [p, q, r, s] = rows;
+    let (mut sums, mut low, mut high) = ([0.0; N], [0.0; N], [0.0; N]);
+    for i in 0..N {
+        sums[i] = ((p[i] * down[0] + q[i] * down[1]) + r[i] * down[2]) + s[i] * down[3];
+        low[i] = smaller(smaller(p[i], q[i]), smaller(r[i], s[i]));
+        high[i] = larger(larger(p[i], q[i]), larger(r[i], s[i]));
+    }
+    (sums, low, high)
+}
+
+/// The weighted sum of four columns, kept between their least and their largest.
+#[inline(always)]
+fn cubic(sums: [f32; 4], low: [f32; 4], high: [f32; 4], across: [f32; 4]) -> f32 {
+    let sum = ((sums[0] * across[0] + sums[1] * across[1]) + sums[2] * across[2]) + sums[3] * across[3];
+    let low = smaller(smaller(low[0], low[1]), smaller(low[2], low[3]));
+    let high = larger(larger(high[0], high[1]), larger(high[2], high[3]));
+    // Adding 0 leaves one kind of zero.
+    smaller(larger(sum, low), high) + 0.0
+}
+
+/// A row of pixels from two, not yet rounded, and the bits of those to report.
+#[inline(always)]
+fn merged(before: &[f32; ROW], after: &[f32; ROW], rule: &Rule) -> ([f32; ROW], u64) {
+    let share = f32::from(rule.share()) / 128.0;
+    let nearer = if rule.nearer_is_current { after } else { before };
+    let [agree, careful] = [rule.agree, rule.careful].map(f32::from);
+    let (mut is_mixed, mut is_reported) = ([0; ROW], [0; ROW]);
+    let mut mixed = [0.0; ROW];
+    for i in 0..ROW {
+        let (a, b) = (before[i], after[i]);
+        let (apart, scale) = ((b - a).abs() * 255.0, larger(a.abs(), b.abs()) + 0.25);
+        is_mixed[i] = u32::from(apart > agree * scale);
+        is_reported[i] = u32::from(apart > careful * scale);
+        mixed[i] = a + (b - a) * share;
+    }
+    let (mut row, mut mask) = (*nearer, 0);
+    for x in 0..TILE {
+        let any = |flags: &[u32; ROW]| flags[4 * x] | flags[4 * x + 1] | flags[4 * x + 2] | flags[4 * x + 3];
+        for i in 4 * x..4 * x + 4 {
+            row[i] = if any(&is_mixed) != 0 { mixed[i] } else { row[i] };
+        }
+        mask |= u64::from(any(&is_reported)) << x;
+    }
+    (row, mask)
+}
+
+/// The weights of a position, across and down, as parts of 1.
+#[inline(always)]
+fn weights(at: [i32; 2]) -> [[f32; 4]; 2] {
+    let mut weights = [[0.0; 4]; 2];
+    for (weights, v) in weights.iter_mut().zip(at) {
+        for (single, &weight) in weights.iter_mut().zip(&CUBIC[(v & 63) as usize]) {
+            *single = f32::from(weight) / 128.0;
+        }
+    }
+    weights
+}
+
+/// Half floats as singles that are finite.
+#[inline(always)]
+fn widen<const N: usize>(halves: &[f16], singles: &mut [f32; N]) {
+    for (single, half) in singles.iter_mut().zip(halves) {
+        *single = finite(half.to_bits());
+    }
+}
+
+/// The half float of these bits as a single one; what is no number as 0, the infinite as the largest half float.
+#[inline(always)]
+fn finite(bits: u16) -> f32 {
+    const INFINITE: u16 = 0x7c00;
+    let magnitude = bits & 0x7fff;
+    let bounded = if magnitude == INFINITE { bits - 1 } else { bits };
+    widened(if magnitude > INFINITE { 0 } else { bounded })
+}
+
+/// The bits of the half float nearest to a number that is no larger than the largest; ties to even.
+#[inline(always)]
+fn nearest(value: f32) -> u16 {
+    const LEAST_NORMAL: u32 = (127 - 14) << 23;
+    const HALF: f32 = 0.5;
+    let sign = (value.to_bits() >> 16) & 0x8000;
+    let magnitude = value.to_bits() & 0x7fff_ffff;
+    // To the upper ten bits of the mantissa, with the exponent's other bias.
+    let normal = (magnitude.wrapping_sub(112 << 23) + 0xfff + (magnitude >> 13 & 1)) >> 13;
+    // Singles at a half are as far apart as the least half floats: adding rounds.
+    let small = (f32::from_bits(magnitude) + HALF).to_bits().wrapping_sub(HALF.to_bits());
+    (sign | if magnitude < LEAST_NORMAL { small } else { normal }) as u16
+}
+
+/// A row as half floats.
+#[inline(always)]
+fn narrowed(row: &[f32; ROW]) -> [Pixel; TILE] {
+    let mut bits = [0; ROW];
+    for (bits, &single) in bits.iter_mut().zip(row) {
+        *bits = nearest(single);
+    }
+    bytemuck::must_cast(bits)
+}
+
+/// Of two that are numbers.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Of two that are numbers.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_floats_are_widened_and_narrowed_as_the_standard_says() {
+        for bits in 0..=u16::MAX {
+            let half = f16::from_bits(bits);
+            let expected = if half.is_nan() { 0.0 } else { half.to_f32().clamp(-65504.0, 65504.0) };
+            assert_eq!(finite(bits).to_bits(), expected.to_bits(), "{half:?}");
+            if half.is_finite() {
+                // Itself, halfway to the next, and what lies beside that.
+                let next = f16::from_bits(bits + 1).to_f32();
+                let halfway = half.to_f32() + (next.clamp(-65504.0, 65504.0) - half.to_f32()) / 2.0;
+                for value in [half.to_f32(), halfway, halfway.next_up(), halfway.next_down()] {
+                    assert_eq!(nearest(value), f16::from_f32(value).to_bits(), "{value}");
+                }
+            }
+        }
+    }
+}
