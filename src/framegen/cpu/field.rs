@@ -13,11 +13,11 @@ use crate::Result;
 use crate::guidance::Guidance;
 
 /// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: half a pixel.
-const SMOOTH: i32 = 32;
+pub(super) const SMOOTH: i32 = 32;
 /// Levels within which a pixel on the rim of a surface is that surface's.
-const RIM: f32 = 28.0;
+pub(super) const RIM: f32 = 28.0;
 /// The match of a smooth tile whose pixels are not looked at: neither good nor bad.
-const UNKNOWN_MATCH: u8 = 24;
+pub(super) const UNKNOWN_MATCH: u8 = 24;
 
 /// Makes the field of a guidance; keeps its working memory.
 #[derive(Debug, Default)]
@@ -298,8 +298,7 @@ impl<P: Colour> Edges<'_, P> {
         has_changed
     }
 
-    /// Marks each pixel with the levels by which its luma lies outside those of the four pixels of the previous anchor
-    /// around the place it comes from.
+    /// Marks each pixel with how badly it matches.
     #[inline(never)]
     fn find_matches(
         &self,
@@ -309,30 +308,46 @@ impl<P: Colour> Edges<'_, P> {
         current: Source<'_, P>,
         keys: &mut [Key; BLOCK],
     ) {
-        let (width, height) = (previous.width, previous.height);
         for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-            let (x, y) = (column * TILE + place % TILE, row * TILE + place / TILE);
-            let [vx, vy] = layer::vector(*key);
-            let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
-            let luma = current.pixels[y * width + x].luma();
-            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-            for v in [top, top + 1] {
-                for u in [left, left + 1] {
-                    let u = u.clamp(0, width as i32 - 1) as usize;
-                    let v = v.clamp(0, height as i32 - 1) as usize;
-                    let there = previous.pixels[v * width + u].luma();
-                    (low, high) = (low.min(there), high.max(there));
-                }
-            }
-            let apart = (low - luma).max(luma - high).max(0.0);
-            *key = layer::marked(*key, (apart as u8).min(WORST_MATCH));
+            let at = [column * TILE + place % TILE, row * TILE + place / TILE];
+            *key = layer::marked(*key, match_of(previous, current, at, *key));
         }
     }
 }
 
+/// The levels by which the luma of a pixel of the current anchor lies outside those of the four pixels of the previous
+/// one around the place that a claim leads to.
+pub(super) fn match_of<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    claim: Key,
+) -> u8 {
+    let (width, height) = (previous.width, previous.height);
+    let [vx, vy] = layer::vector(claim);
+    let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
+    let luma = current.pixels[y * width + x].luma();
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for v in [top, top + 1] {
+        for u in [left, left + 1] {
+            let u = u.clamp(0, width as i32 - 1) as usize;
+            let v = v.clamp(0, height as i32 - 1) as usize;
+            let there = previous.pixels[v * width + u].luma();
+            (low, high) = (low.min(there), high.max(there));
+        }
+    }
+    let apart = (low - luma).max(luma - high).max(0.0);
+    (apart as u8).min(WORST_MATCH)
+}
+
 /// How far a pixel of the current anchor is from what is read bilinearly where a claim leads to in the previous one:
 /// the levels of the channel that differs most.
-fn distance<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, [x, y]: [usize; 2], claim: Key) -> f32 {
+pub(super) fn distance<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    claim: Key,
+) -> f32 {
     let [vx, vy] = layer::vector(claim);
     let (u, v) = (64 * x as i32 + vx, 64 * y as i32 + vy);
     let (fx, fy) = ((u & 63) as f32 / 64.0, (v & 63) as f32 / 64.0);

@@ -14,7 +14,7 @@ use super::sized;
 use crate::Result;
 
 /// Candidates are looked for up to this many pixels away.
-const NEAR: usize = 24;
+pub(super) const NEAR: usize = 24;
 
 /// Fills layers; keeps its pyramid.
 #[derive(Debug, Default)]
@@ -182,7 +182,7 @@ fn choose<P: Colour>(layer: &Layer, evidence: &Evidence<'_, P>, x: usize, y: usi
 impl<P: Colour> Evidence<'_, P> {
     /// How bad a candidate is: whether the current anchor contradicts it, how near its surface is, how far away it was
     /// found.
-    fn cost(&self, grid: Grid, [x, y]: [usize; 2], key: Key, step: usize, from: [usize; 2]) -> u64 {
+    pub(super) fn cost(&self, grid: Grid, [x, y]: [usize; 2], key: Key, step: usize, from: [usize; 2]) -> u64 {
         let [vx, vy] = layer::vector(key);
         let there = [64 * x as i32 - part(vx, self.reach), 64 * y as i32 - part(vy, self.reach)];
         // It must be hidden in the current anchor, or have left it: else it would have claimed this place.

@@ -13,7 +13,7 @@ const BAND: usize = 8;
 /// Rows and columns of places around a band, so that cracks are seen whole.
 const RIM: usize = 1;
 /// A place that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
-const SMOOTH: i32 = 48;
+pub(super) const SMOOTH: i32 = 48;
 
 /// A layer to carry and how far: by `reach` of its vectors, see [`WHOLE`](layer::WHOLE).
 #[derive(Debug, Clone, Copy)]

@@ -76,12 +76,6 @@ impl CpuGenerator {
         Self::default()
     }
 
-    /// The same algorithm in plain loops, without special instructions: the oracle that every other path must equal to
-    /// the bit. Slow.
-    pub fn reference() -> Self {
-        Self::at(Level::SCALAR)
-    }
-
     fn at(level: Level) -> Self {
         Self {
             level,

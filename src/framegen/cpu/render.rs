@@ -11,9 +11,9 @@ use super::overlay::Overlays;
 use crate::Raster;
 
 /// Samples that differ by no more than this many levels agree, and the one nearer in time is taken as it is.
-const AGREE: u8 = 1;
+pub(super) const AGREE: u8 = 1;
 /// Samples that differ by more than this are looked at one by one.
-const CAREFUL: u8 = 24;
+pub(super) const CAREFUL: u8 = 24;
 
 /// What a picture between two anchors is made of.
 pub(super) struct Between<'a, P> {

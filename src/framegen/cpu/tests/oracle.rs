@@ -1,0 +1,171 @@
+//! The generator beside its plain description: the same bits, for every instruction set and number of threads.
+
+use half::f16;
+use rayon::ThreadPool;
+
+use super::reference;
+use crate::Raster;
+use crate::framegen::cpu::CpuGenerator;
+use crate::framegen::cpu::colour::Colour;
+use crate::framegen::cpu::kernels::Level;
+use crate::framegen::cpu::layer::WHOLE;
+use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
+use crate::guidance::{DepthMap, Guidance, MotionField, paper};
+
+/// Numbers that look random, from a seed (SplitMix64).
+struct Dice(u64);
+
+impl Dice {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, end: u64) -> u64 {
+        self.bits() % end
+    }
+
+    /// From -1 to 1.
+    fn part(&mut self) -> f32 {
+        (self.bits() >> 40) as f32 / (1 << 23) as f32 - 1.0
+    }
+}
+
+/// Motion of several kinds: none to wild, with surfaces that meet; some of it hostile.
+fn guidance(dice: &mut Dice, (width, height): (u32, u32)) -> Guidance {
+    let tile = [1, 1, 1, 8, 16][dice.below(5) as usize];
+    let mut motion = MotionField::tiled(width, height, tile).unwrap();
+    let mut depth = DepthMap::tiled(width, height, [1, tile][dice.below(2) as usize], paper::PROJECTION).unwrap();
+    let (is_flat, is_wild, is_hostile) = (dice.below(4) == 0, dice.below(5) == 0, dice.below(6) == 0);
+    let reach = [0.0, 1.5, 9.0, 40.0][dice.below(4) as usize];
+    let ground = [dice.part() * reach, dice.part() * reach];
+    let slope = [0.0, 0.02, 0.2][dice.below(3) as usize] * dice.part();
+    let boxes: Vec<_> = (0..dice.below(5))
+        .map(|_| {
+            let (x, y) = (dice.below(width.into()) as u32, dice.below(height.into()) as u32);
+            let size = [1, 3, 9, 30].map(|v| v + dice.below(9) as u32)[dice.below(4) as usize];
+            let vector = [dice.part() * reach, dice.part() * reach];
+            (x..x + size, y..y + size, vector, dice.part().abs())
+        })
+        .collect();
+    let on = |x: u32, y: u32| boxes.iter().find(|(across, down, ..)| across.contains(&x) && down.contains(&y));
+    let columns = motion.columns();
+    for (i, vector) in motion.vectors_mut().iter_mut().enumerate() {
+        let (x, y) = (i as u32 % columns * tile, i as u32 / columns * tile);
+        let mut v = match on(x, y) {
+            Some((.., vector, _)) => *vector,
+            None => [ground[0] + slope * x as f32, ground[1] - slope * y as f32],
+        };
+        if is_wild {
+            v = v.map(|v| v + dice.part() * 3.0);
+        }
+        *vector = v.map(f16::from_f32);
+        if is_hostile && dice.below(40) == 0 {
+            *vector = [f16::from_bits(dice.bits() as u16), f16::from_bits(dice.bits() as u16)];
+        }
+    }
+    let (columns, tile) = (depth.columns(), depth.tile());
+    for (i, z) in depth.depth_mut().iter_mut().enumerate() {
+        let (x, y) = (i as u32 % columns * tile, i as u32 / columns * tile);
+        *z = if is_flat { 0.5 } else { on(x, y).map_or(0.999, |(.., z)| *z) };
+        if is_hostile && !is_flat && dice.below(40) == 0 {
+            *z = f32::from_bits(dice.bits() as u32);
+        }
+    }
+    Guidance::from_parts(motion, depth).unwrap()
+}
+
+/// Two pictures that have to do with each other, at times with bars or something that stands still.
+fn pictures(dice: &mut Dice, (width, height): (u32, u32)) -> [Vec<[f32; 4]>; 2] {
+    let waves: [f32; 6] = std::array::from_fn(|_| dice.part() * 0.4);
+    let (bar, hud) = (dice.below(3) as u32 * dice.below(12) as u32, dice.below(2) * 12);
+    let (shift, noise) = (dice.part() * 6.0, [0.0, 1.0, 30.0, 120.0][dice.below(4) as usize]);
+    [0.0, shift].map(|shift| {
+        let pixel = |i: u32| {
+            let (x, y) = (i % width, i / width);
+            if y < bar || y + bar >= height && bar > 0 {
+                return [0.0, 0.0, 0.0, 255.0];
+            }
+            let is_hud = u64::from(x) < hud && u64::from(y) < hud + 10;
+            let (fx, fy) = (x as f32 - if is_hud { 0.0 } else { shift }, y as f32);
+            let mut channel = |c: usize| {
+                let wave = 127.0 + 100.0 * (fx * waves[c] + fy * waves[c + 3]).sin();
+                wave + if is_hud { 0.0 } else { noise * dice.part() }
+            };
+            [channel(0), channel(1), channel(2), 255.0]
+        };
+        (0..width * height).map(pixel).collect()
+    })
+}
+
+fn raster<P: Colour>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
+    let mut picture = Raster::new(size.0, size.1).unwrap();
+    picture.pixels_mut().iter_mut().zip(levels).for_each(|(pixel, &levels)| *pixel = P::from_levels(levels));
+    picture
+}
+
+/// Holds many random cases of one kind of pixel against the description.
+fn compare<P: Colour>(cases: u64) {
+    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let pools: Vec<ThreadPool> = [1, 2, 5].map(pool).into();
+    let mut generators: Vec<_> = Level::available().map(|level| (level, CpuGenerator::at(level))).collect();
+    let mut generated = 0;
+    for seed in 0..cases {
+        let mut dice = Dice(seed);
+        let sizes = [(1, 1), (1, 40), (40, 1), (8, 8), (16, 24), (33, 17), (64, 40), (95, 70), (130, 81)];
+        let size = sizes[dice.below(sizes.len() as u64) as usize];
+        let guidance = guidance(&mut dice, size);
+        let [previous, current] = pictures(&mut dice, size).map(|levels| raster::<P>(size, &levels));
+        let t = [0.5, 1.0 / 3.0, 0.25, 0.75, f32::MIN_POSITIVE, 1.0 - f32::EPSILON, 0.1, 0.9][dice.below(8) as usize];
+        let phase = ((t * WHOLE as f32).round() as i32).clamp(1, WHOLE - 1);
+        let pair = AnchorPair::new(&previous, &current, &guidance).unwrap();
+        let anchor = Anchor::new(&current, &guidance).unwrap();
+        let (mut between, beyond) = (None, reference::beyond(&anchor, phase));
+        let mut out = previous.clone();
+        for (level, generator) in &mut generators {
+            let pool = &pools[dice.below(3) as usize];
+            let what = || format!("case {seed}, {size:?}, t = {t}, {}", level.name());
+            let report = pool.install(|| generator.generate(&pair, t, &mut out)).unwrap();
+            if report.outcome == Outcome::Generated {
+                let (picture, uncovered) = between.get_or_insert_with(|| reference::between(&pair, phase));
+                assert_same(&out, picture, &what);
+                assert_eq!(report.uncovered, *uncovered, "{}", what());
+                generated += 1;
+            } else {
+                assert!(out == if t < 0.5 { previous.clone() } else { current.clone() }, "{}", what());
+            }
+            let report = pool.install(|| generator.extrapolate(&anchor, t, &mut out)).unwrap();
+            assert_same(&out, &beyond.0, &what);
+            assert_eq!(report.uncovered, beyond.1, "{}", what());
+        }
+    }
+    assert!(generated > cases * generators.len() as u64 / 2, "most cases are no cuts");
+}
+
+fn assert_same<P: Colour>(picture: &Raster<P>, truth: &Raster<P>, what: &dyn Fn() -> String) {
+    let mut pixels = picture.pixels().iter().zip(truth.pixels());
+    let bits = |pixel: &P| bytemuck::bytes_of(pixel).to_vec();
+    let first = pixels.position(|(a, b)| bits(a) != bits(b));
+    let place = first.map(|i| [i as u32 % picture.width(), i as u32 / picture.width()]);
+    assert_eq!(
+        place,
+        None,
+        "{}: {:?} is not {:?}",
+        what(),
+        first.map(|i| picture.pixels()[i]),
+        first.map(|i| truth.pixels()[i])
+    );
+}
+
+#[test]
+fn pictures_of_bytes_are_what_the_description_says() {
+    compare::<[u8; 4]>(150);
+}
+
+#[test]
+fn pictures_of_half_floats_are_what_the_description_says() {
+    compare::<[f16; 4]>(60);
+}

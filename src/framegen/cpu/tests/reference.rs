@@ -1,0 +1,446 @@
+//! The frame that the generator must make, described plainly: place by place over whole pictures, with no bands, no early
+//! outs, no threads and no instruction sets.
+//!
+//! What a claim is (`layer`), and rules about a single pixel (`Inside`, `Overlays`, `distance`, `match_of`, the cost of a
+//! candidate) are the generator's own, and so is the painting of what nobody sees, which has no other form.
+
+use crate::Raster;
+use crate::framegen::cpu::bars::Inside;
+use crate::framegen::cpu::colour::Colour;
+use crate::framegen::cpu::field::{self, RIM, SMOOTH as SMOOTH_GIVEN, UNKNOWN_MATCH};
+use crate::framegen::cpu::fill::{Evidence, NEAR};
+use crate::framegen::cpu::inpaint::Inpainter;
+use crate::framegen::cpu::kernels::{BLOCK, Landing, Level, Rule, Source, TILE, land};
+use crate::framegen::cpu::landing::SMOOTH as SMOOTH_LANDED;
+use crate::framegen::cpu::layer::{
+    self, EMPTY, Grid, HOLE, Key, Kind, LONGEST, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, landed, part,
+};
+use crate::framegen::cpu::overlay::Overlays;
+use crate::framegen::cpu::render::{AGREE, CAREFUL};
+use crate::framegen::cpu::source;
+use crate::framegen::{Anchor, AnchorPair};
+use crate::guidance::Guidance;
+
+/// The picture at `phase` of [`WHOLE`] between two anchors without a cut, and the share that nothing visible in the
+/// current one lands on.
+pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raster<P>, f32) {
+    let (previous, current) = (source(pair.previous()), source(pair.current()));
+    let inside = Inside::find(Level::SCALAR, previous, current);
+    let field = moved_by(pair.guidance(), Some((previous, current, &inside)));
+
+    let mut owners = settled(&field, &claims_of(&field), WHOLE);
+    let evidence = Evidence { field: &field, reach: WHOLE, shown: Some(previous), mark: ORPHAN };
+    fill(&mut owners, &evidence);
+
+    // Both go to phase t: what the current anchor shows, and what only the previous one does.
+    let mut moving: Vec<_> = claims_of(&field).into_iter().map(|claim| claim.carried(WHOLE - phase)).collect();
+    moving.extend(borrowed_of(&owners).into_iter().map(|claim| claim.carried(-phase)));
+    let mut places = gathered(field.grid, &moving);
+    fill(&mut places, &Evidence::<P> { field: &field, reach: WHOLE - phase, shown: None, mark: HOLE });
+
+    render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase })
+}
+
+/// The picture `phase` of [`WHOLE`] after an anchor, and the same share.
+pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P>, f32) {
+    let current = source(anchor.picture());
+    let field = moved_by::<P>(anchor.guidance(), None);
+    let mut places = settled(&field, &claims_of(&field), -phase);
+    fill(&mut places, &Evidence::<P> { field: &field, reach: -phase, shown: None, mark: HOLE });
+
+    let grid = field.grid;
+    let mut out = anchor.picture().clone();
+    let (mut hidden, mut uncovered) = (vec![0; grid.tiles()], 0);
+    for [x, y] in pixels(grid) {
+        let (own, tile, place) = (places.owner(x, y), grid.place(x, y).0, grid.place(x, y).1);
+        let claim = if own == EMPTY { places.borrowed[tile][place] } else { own };
+        let vector = layer::vector(claim);
+        let from = [64 * x as i32 + part(vector[0], phase), 64 * y as i32 + part(vector[1], phase)];
+        out.pixels_mut()[y * grid.width + x] = P::sample(current, from);
+        if own == EMPTY {
+            uncovered += 1;
+            let shown = grid.nearest(from).map(|[u, v]| field.owner(u, v));
+            let is_covered = shown.is_some_and(|shown| !alike(shown, claim) && is_nearer(shown, claim));
+            hidden[tile] |= u64::from(is_covered) << place;
+        }
+    }
+    painted(grid, &hidden, &mut out);
+    (out, uncovered as f32 / (grid.width * grid.height) as f32)
+}
+
+fn pixels(grid: Grid) -> impl Iterator<Item = [usize; 2]> {
+    (0..grid.height).flat_map(move |y| (0..grid.width).map(move |x| [x, y]))
+}
+
+fn tiles(grid: Grid) -> impl Iterator<Item = (usize, [usize; 2])> {
+    (0..grid.tiles()).map(move |tile| (tile, [tile % grid.columns, tile / grid.columns]))
+}
+
+/// The pixels of a tile.
+fn pixels_of(grid: Grid, [column, row]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
+    let [across, down] = grid.extent(column, row);
+    (0..down).flat_map(move |j| (0..across).map(move |i| [column * TILE + i, row * TILE + j]))
+}
+
+fn empty(grid: Grid) -> Layer {
+    let mut layer = Layer::default();
+    layer.reserve(grid).unwrap();
+    layer.borrowed = vec![[EMPTY; BLOCK]; grid.tiles()];
+    layer
+}
+
+/// The motion of the current anchor.
+fn moved_by<P: Colour>(guidance: &Guidance, anchors: Option<(Source<'_, P>, Source<'_, P>, &Inside)>) -> Layer {
+    let grid = Grid::new(guidance.size());
+    let limit = [grid.width, grid.height].map(|side| (side as i32 * 64).min(LONGEST));
+    let is_bar = |[x, y]: [usize; 2]| anchors.is_some_and(|(.., inside)| !inside.contains(x, y));
+    let told = |[x, y]: [usize; 2]| {
+        let mut landing = Landing::default();
+        let vector = guidance.motion().at(x as u32, y as u32);
+        let map = guidance.depth();
+        let tile = map.tile() as usize;
+        let depth = map.depth()[y / tile * map.columns() as usize + x / tile];
+        land(Level::SCALAR, &[vector], &[depth], [0; 2], 0, limit, &mut landing);
+        landing.keys[0]
+    };
+    let rank = |at| layer::rank(told(at));
+    let is_flat = pixels(grid).all(|at| rank(at) == rank([0, 0]));
+
+    let mut given = empty(grid);
+    for (tile, at) in tiles(grid) {
+        let bars = pixels_of(grid, at).filter(|&at| is_bar(at)).count();
+        let ([low, high], near) = (range(pixels_of(grid, at).map(told)), pixels_of(grid, at).map(rank).min().unwrap());
+        if bars == pixels_of(grid, at).count() {
+            given.tiles[tile].key = layer::key(0, 0, [0; 2]);
+        } else if bars == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH_GIVEN) {
+            given.tiles[tile].key = layer::key(near, 0, [0, 1].map(|c| (low[c] + high[c]).div_euclid(2)));
+        } else {
+            given.tiles[tile].kind = Kind::Rough;
+            for pixel in pixels_of(grid, at) {
+                let key = if is_bar(pixel) { layer::key(0, 0, [0; 2]) } else { told(pixel) };
+                given.keys[tile][grid.place(pixel[0], pixel[1]).1] = key;
+            }
+        }
+    }
+
+    // Where surfaces meet, the rim of a surface belongs to what is in front; without depth, the better match is.
+    let mut field = empty(grid);
+    let can_dilate = !is_flat && guidance.motion().tile() == 1;
+    for (tile, at) in tiles(grid) {
+        field.tiles[tile] = given.tiles[tile];
+        let key = given.tiles[tile].key;
+        let is_smooth = given.tiles[tile].kind == Kind::Smooth;
+        let around = tiles(grid).filter(|(_, other)| (0..2).all(|c| other[c].abs_diff(at[c]) <= 1));
+        let is_apart =
+            |(other, _): (usize, _)| given.tiles[other].kind == Kind::Rough || !alike(given.tiles[other].key, key);
+        let is_looked_at = can_dilate || is_flat && anchors.is_some();
+        if is_smooth && !(is_looked_at && { around }.any(is_apart)) {
+            if is_flat {
+                field.tiles[tile].key = layer::marked(key, UNKNOWN_MATCH);
+            }
+            continue;
+        }
+        let mut is_changed = !is_smooth;
+        for [x, y] in pixels_of(grid, at) {
+            let own = given.owner(x, y);
+            let rim = (y.saturating_sub(1)..(y + 2).min(grid.height))
+                .flat_map(|v| (x.saturating_sub(1)..(x + 2).min(grid.width)).map(move |u| [u, v]));
+            let nearest = rim.map(|[u, v]| given.owner(u, v)).min().unwrap();
+            let key = match anchors {
+                Some((previous, current, _)) if is_flat => {
+                    is_changed = true;
+                    layer::marked(own, field::match_of(previous, current, [x, y], own))
+                }
+                _ if can_dilate && is_nearer(nearest, own) && !alike(nearest, own) => {
+                    let fits = anchors.is_none_or(|(previous, current, _)| {
+                        let distance = |claim| field::distance(previous, current, [x, y], claim);
+                        distance(nearest) <= RIM && distance(nearest) < distance(own)
+                    });
+                    is_changed |= fits;
+                    if fits { nearest } else { own }
+                }
+                _ => own,
+            };
+            field.keys[tile][grid.place(x, y).1] = key;
+        }
+        if is_changed {
+            field.tiles[tile] = Tile { kind: Kind::Rough, key: EMPTY, ..Tile::default() };
+        }
+    }
+    field
+}
+
+/// The least and the largest of each component of the vectors of claims.
+fn range(keys: impl Iterator<Item = Key>) -> [[i32; 2]; 2] {
+    keys.map(layer::vector).fold([[i32::MAX; 2], [i32::MIN; 2]], |[low, high], vector| {
+        [[0, 1].map(|c| low[c].min(vector[c])), [0, 1].map(|c| high[c].max(vector[c]))]
+    })
+}
+
+/// What moves: a smooth tile as a whole, or a pixel.
+#[derive(Clone, Copy)]
+struct Claim {
+    key: Key,
+    /// Where it stands.
+    at: [i32; 2],
+    /// How wide and high it is, for a smooth tile.
+    extent: Option<[usize; 2]>,
+}
+
+impl Claim {
+    fn carried(self, reach: i32) -> Self {
+        let vector = layer::vector(self.key);
+        Self { at: [0, 1].map(|c| landed(self.at[c], vector[c], reach)), ..self }
+    }
+
+    fn places(self) -> impl Iterator<Item = [i32; 2]> {
+        let [across, down] = self.extent.unwrap_or([1, 1]).map(|v| v as i32);
+        (0..down).flat_map(move |j| (0..across).map(move |i| [self.at[0] + i, self.at[1] + j]))
+    }
+}
+
+/// What a layer claims by itself.
+fn claims_of(layer: &Layer) -> Vec<Claim> {
+    let grid = layer.grid;
+    let mut claims = Vec::new();
+    for (tile, at) in tiles(grid) {
+        if layer.tiles[tile].kind == Kind::Smooth {
+            let corner = at.map(|v| (v * TILE) as i32);
+            claims.push(Claim { key: layer.tiles[tile].key, at: corner, extent: Some(grid.extent(at[0], at[1])) });
+        } else {
+            claims.extend(pixels_of(grid, at).map(|[x, y]| (layer.owner(x, y), [x, y])).filter_map(pixel));
+        }
+    }
+    claims
+}
+
+/// What it borrows.
+fn borrowed_of(layer: &Layer) -> Vec<Claim> {
+    let borrowed = pixels(layer.grid).map(|[x, y]| {
+        let (tile, place) = layer.grid.place(x, y);
+        (layer.borrowed[tile][place], [x, y])
+    });
+    borrowed.filter_map(pixel).collect()
+}
+
+fn pixel((key, at): (Key, [usize; 2])) -> Option<Claim> {
+    (key != EMPTY).then_some(Claim { key, at: at.map(|v| v as i32), extent: None })
+}
+
+/// Claims carried by `reach`, and settled.
+fn settled(field: &Layer, claims: &[Claim], reach: i32) -> Layer {
+    gathered(field.grid, &claims.iter().map(|claim| claim.carried(reach)).collect::<Vec<_>>())
+}
+
+/// What a picture holds on which claims have landed: a tile that smooth ones cover for the most part, and alike, is
+/// smooth; in others the nearest gets each place, and cracks are closed.
+fn gathered(grid: Grid, claims: &[Claim]) -> Layer {
+    let (across, down) = ((grid.columns * TILE) as i32, (grid.rows * TILE) as i32);
+    let tile_at = |[x, y]: [i32; 2]| {
+        ((0..across).contains(&x) && (0..down).contains(&y))
+            .then(|| y as usize / TILE * grid.columns + x as usize / TILE)
+    };
+    let mut landed = vec![Vec::new(); grid.tiles()];
+    let mut is_rough = vec![false; grid.tiles()];
+    // With a rim of one place, so that cracks are seen whole.
+    let stride = across as usize + 2;
+    let mut nearest = vec![EMPTY; stride * (down as usize + 2)];
+    for claim in claims {
+        for at in claim.places() {
+            if let Some(tile) = tile_at(at) {
+                landed[tile].push(claim.key);
+                is_rough[tile] |= claim.extent.is_none();
+            }
+            if (-1..=across).contains(&at[0]) && (-1..=down).contains(&at[1]) {
+                let place = &mut nearest[(at[1] + 1) as usize * stride + (at[0] + 1) as usize];
+                *place = (*place).min(claim.key);
+            }
+        }
+    }
+    let at = |x: usize, y: usize, dx: usize, dy: usize| nearest[(y + dy) * stride + x + dx];
+
+    let mut layer = empty(grid);
+    for (tile, position) in tiles(grid) {
+        let keys = &landed[tile];
+        let whole = pixels_of(grid, position).count();
+        let [low, high] = range(keys.iter().copied());
+        let is_covered = 4 * keys.len() >= 3 * whole;
+        if !is_rough[tile] && is_covered && (0..2).all(|c| high[c] - low[c] <= SMOOTH_LANDED) {
+            let front = *keys.iter().min().unwrap();
+            let mean = [0, 1].map(|c| {
+                let sum: i64 = keys.iter().map(|&key| i64::from(layer::vector(key)[c])).sum();
+                (2 * sum + keys.len() as i64).div_euclid(2 * keys.len() as i64) as i32
+            });
+            layer.tiles[tile].key = layer::key(layer::rank(front), layer::mark(front), mean);
+            continue;
+        }
+        layer.tiles[tile].kind = Kind::Rough;
+        for [x, y] in pixels_of(grid, position) {
+            let mut own = at(x, y, 1, 1);
+            for [a, b] in [[at(x, y, 0, 1), at(x, y, 2, 1)], [at(x, y, 1, 0), at(x, y, 1, 2)]] {
+                let is_surface = a != EMPTY && b != EMPTY && alike(a, b);
+                if is_surface && (own == EMPTY || is_nearer(a.max(b), own) && !alike(a.min(b), own)) {
+                    own = a.min(b);
+                }
+            }
+            layer.keys[tile][grid.place(x, y).1] = own;
+        }
+        let claims = pixels_of(grid, position).map(|[x, y]| layer.owner(x, y));
+        let (holes, claims): (Vec<_>, Vec<_>) = claims.partition(|&key| key == EMPTY);
+        layer.tiles[tile].holes = holes.len() as u8;
+        layer.tiles[tile].key = claims.into_iter().max().unwrap_or(EMPTY);
+    }
+    layer
+}
+
+/// Lets every place that nothing claims borrow one.
+fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
+    let grid = layer.grid;
+    for (tile, position) in tiles(grid) {
+        for [x, y] in pixels_of(grid, position) {
+            if layer.owner(x, y) != EMPTY {
+                continue;
+            }
+            // Left, right, above, below: the first that is claimed.
+            let steps = [[-1, 0], [1, 0], [0, -1], [0, 1]];
+            let candidates = steps.into_iter().filter_map(|[dx, dy]| {
+                (1..=NEAR).find_map(|step| {
+                    let u = x.checked_add_signed(dx * step as isize).filter(|&u| u < grid.width)?;
+                    let v = y.checked_add_signed(dy * step as isize).filter(|&v| v < grid.height)?;
+                    let key = layer.owner(u, v);
+                    (key != EMPTY).then(|| (evidence.cost(grid, [x, y], key, step, [u, v]), key))
+                })
+            });
+            // Of equals the first.
+            let best = candidates.reduce(|best, other| if other.0 < best.0 { other } else { best });
+            let key = best.map_or_else(|| farthest_around(layer, position), |(_, key)| key);
+            layer.borrowed[tile][grid.place(x, y).1] = layer::marked(key, evidence.mark);
+        }
+    }
+}
+
+/// The farthest claim of the least square of 1, 2, 4, 8 and so on tiles around a tile that holds any.
+fn farthest_around(layer: &Layer, [column, row]: [usize; 2]) -> Key {
+    let grid = layer.grid;
+    let squares = (0..).map(|power| {
+        let in_square = |at: [usize; 2]| at[0] >> power == column >> power && at[1] >> power == row >> power;
+        let keys = tiles(grid).filter(|&(_, at)| in_square(at)).map(|(tile, _)| layer.tiles[tile].key);
+        (keys.filter(|&key| key != EMPTY).max(), 1 << power >= grid.columns.max(grid.rows))
+    });
+    for (key, is_all) in squares {
+        match key {
+            Some(key) => return key,
+            None if is_all => break,
+            None => {}
+        }
+    }
+    layer::key(u16::MAX, 0, [0; 2])
+}
+
+/// What a picture between two anchors is made of.
+struct Shown<'a, P> {
+    previous: Source<'a, P>,
+    current: Source<'a, P>,
+    places: &'a Layer,
+    field: &'a Layer,
+    owners: &'a Layer,
+    phase: i32,
+}
+
+fn render<P: Colour>(shown: &Shown<'_, P>) -> (Raster<P>, f32) {
+    let grid = shown.places.grid;
+    let mut out = Raster::new(grid.width as u32, grid.height as u32).unwrap();
+    let (mut hidden, mut uncovered) = (vec![0; grid.tiles()], 0);
+    for [x, y] in pixels(grid) {
+        let (tile, place) = grid.place(x, y);
+        let own = shown.places.owner(x, y);
+        let key = if own == EMPTY { shown.places.borrowed[tile][place] } else { own };
+        uncovered += usize::from(own == EMPTY || layer::mark(own) == ORPHAN);
+        match shown.pixel([x, y], tile, own, key) {
+            Some(pixel) => out.pixels_mut()[y * grid.width + x] = pixel,
+            None => hidden[tile] |= 1 << place,
+        }
+    }
+    painted(grid, &hidden, &mut out);
+    (out, uncovered as f32 / (grid.width * grid.height) as f32)
+}
+
+fn painted<P: Colour>(grid: Grid, hidden: &[u64], out: &mut Raster<P>) {
+    if hidden.iter().any(|&tile| tile != 0) {
+        Inpainter::default().paint(grid, hidden, out).unwrap();
+    }
+}
+
+impl<P: Colour> Shown<'_, P> {
+    fn rule(&self, careful: u8) -> Rule {
+        let weight = ((self.phase + 16) / 32).clamp(1, 127) as u8;
+        Rule { weight, nearer_is_current: 2 * self.phase >= WHOLE, agree: AGREE, careful }
+    }
+
+    /// Where the two anchors show what is at (x, y).
+    fn spots(&self, [x, y]: [usize; 2], key: Key) -> [[i32; 2]; 2] {
+        let vector = layer::vector(key);
+        let before = [64 * x as i32 + part(vector[0], self.phase), 64 * y as i32 + part(vector[1], self.phase)];
+        [before, [before[0] - vector[0], before[1] - vector[1]]]
+    }
+
+    /// The colour at a place, if an anchor shows it.
+    fn pixel(&self, at: [usize; 2], tile: usize, own: Key, key: Key) -> Option<P> {
+        let grid = self.places.grid;
+        let [before, after] = self.spots(at, key);
+        let (of_previous, of_current) = (P::sample(self.previous, before), P::sample(self.current, after));
+        let rule = self.rule(CAREFUL);
+        let (merged, is_far_apart) = P::merge(of_previous, of_current, &rule);
+        let (from, to) = (grid.nearest(before), grid.nearest(after));
+        let is_doubtful = is_far_apart || own == EMPTY || layer::mark(own) == ORPHAN || from.is_none() || to.is_none();
+        let agrees = !P::merge(of_previous, of_current, &self.rule(AGREE)).1;
+        if !is_doubtful && (agrees || self.is_clear(tile)) {
+            return Some(merged);
+        }
+
+        let mark = layer::mark(key);
+        let mut is_before = from.is_some_and(|[x, y]| {
+            let owner = self.owners.owner(x, y);
+            owner == EMPTY || alike(owner, key) || mark == ORPHAN
+        });
+        let mut is_after = to.is_some_and(|[x, y]| {
+            let shown = self.field.owner(x, y);
+            alike(shown, key) || mark != ORPHAN && mark != HOLE && is_nearer(key, shown)
+        });
+        if is_doubtful && (is_before == is_after || from.is_none() || to.is_none()) {
+            let overlays = Overlays { previous: self.previous, current: self.current };
+            let vector = layer::vector(key);
+            if overlays.is_at(at, vector) {
+                let place = at[1] * grid.width + at[0];
+                return Some(P::merge(self.previous.pixels[place], self.current.pixels[place], &rule).0);
+            }
+            is_before = is_before && !from.is_some_and(|from| overlays.is_before(from, vector));
+            is_after = is_after && !to.is_some_and(|to| overlays.is_at(to, vector));
+        }
+        match (is_before, is_after) {
+            (true, true) => Some(merged),
+            (true, false) => Some(of_previous),
+            (false, true) => Some(of_current),
+            (false, false) => None,
+        }
+    }
+
+    /// Whether both anchors show all of a tile at phase t: it is smooth, and so are those that it comes from, and alike.
+    fn is_clear(&self, tile: usize) -> bool {
+        let grid = self.places.grid;
+        let at = [tile % grid.columns, tile / grid.columns];
+        let Tile { kind, key, .. } = self.places.tiles[tile];
+        kind == Kind::Smooth
+            && grid.extent(at[0], at[1]) == [TILE, TILE]
+            && pixels_of(grid, at).all(|pixel| {
+                let is_seen = |layer: &Layer, spot| {
+                    grid.nearest(spot).is_some_and(|[x, y]| {
+                        let shown = layer.tiles[grid.place(x, y).0];
+                        shown.kind == Kind::Smooth && alike(shown.key, key)
+                    })
+                };
+                let [before, after] = self.spots(pixel, key);
+                is_seen(self.owners, before) && is_seen(self.field, after)
+            })
+    }
+}
