@@ -12,6 +12,7 @@ use crate::progress::Progress;
 mod demo;
 mod interpolate;
 mod quality;
+mod reconstruct;
 mod replay;
 mod rollout;
 mod score;
@@ -54,10 +55,13 @@ enum Command {
     /// Makes a rollout: anchors, generated frames, video, contact sheet and manifest
     #[command(after_help = EXAMPLES)]
     Rollout(Box<rollout::RolloutArgs>),
-    /// Makes the rollout of a manifest again and says what differs
+    /// Makes the rollout or the reconstruct of a manifest again and says what differs
     Replay(replay::ReplayArgs),
     /// Four seconds at 1920x1080 on the demo's world
     Demo(demo::DemoArgs),
+    /// Generates frames between true anchors of a scene, and shows how near they are to the true frames
+    #[command(after_help = reconstruct::EXAMPLES)]
+    Reconstruct(reconstruct::ReconstructArgs),
     /// Generated frames against true ones, beside other ways to make them
     #[command(after_help = quality::EXAMPLES)]
     Quality(quality::QualityArgs),
@@ -87,6 +91,7 @@ impl Command {
             Self::Rollout(args) => args.as_ref(),
             Self::Replay(args) => args,
             Self::Demo(args) => args,
+            Self::Reconstruct(args) => args,
             Self::Quality(args) => args,
             Self::Interpolate(args) => args,
             Self::Score(args) => args,

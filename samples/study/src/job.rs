@@ -12,12 +12,10 @@ use cairn::{Error, ErrorKind, Result};
 
 use crate::inputs::{self, Loaded};
 use crate::latents::LatentFile;
-use crate::machine::{self, Versions};
-use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute};
-use crate::media::{
-    self, Disk, FrameRate, Mp4Sink, PngSink, Recorder, Sink, VideoFormat, Y4mSink, encode_png, write_whole,
-};
-use crate::output::{FRAMES, Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO};
+use crate::machine::Versions;
+use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute, to_json};
+use crate::media::{Disk, FrameRate, Recorder, VideoFormat, encode_png, write_whole};
+use crate::output::{Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO, sinks};
 use crate::progress::Progress;
 use crate::settings::{Checked, Settings};
 use crate::sheet::Sheet;
@@ -76,13 +74,16 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let mut manifest = first_manifest(job.settings, &loaded, &device, &checked)?;
     write_manifest(job, &folder, &manifest)?;
     let size = job.settings.size.into();
-    let recorder = Recorder::start(sinks(job, &folder, &checked, &device)?, size)?;
+    let rate = FrameRate::new(checked.point.presented_rate().into(), 1)?;
+    let format = VideoFormat::new(size, rate);
+    let sinks = sinks(&job.disk, &folder, job.settings.formats, [VIDEO, RAW], &format, device.threads())?;
+    let recorder = Recorder::start(sinks, size)?;
     let shape = loaded.bundle.geometry().latent;
     let shape = [shape.channels, shape.height, shape.width];
     let latents = LatentFile::create(job.disk.as_ref(), &folder.join(LATENTS), shape)?;
 
     let counts = checked.point.counts(checked.duration);
-    let sheet = Sheet::new(world.render_size());
+    let sheet = Sheet::new(world.render_size(), "latent");
     let mut stream = Stream::new(&checked, rollout, size, recorder, latents, sheet)?;
     job.progress.begin(job.limit.map_or(counts.presented, |l| l.presented));
     let end = stream.run(job, &loaded);
@@ -112,24 +113,6 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     Ok(Outcome { manifest, failure, interrupted })
 }
 
-fn sinks(job: &Job<'_>, folder: &Folder, checked: &Checked, device: &Device) -> Result<Vec<Box<dyn Sink>>> {
-    let formats = job.settings.formats;
-    let rate = FrameRate::new(checked.point.presented_rate().into(), 1)?;
-    let format = VideoFormat::new(job.settings.size.into(), rate);
-    let disk = job.disk.as_ref();
-    let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
-    if formats.mp4 {
-        sinks.push(Box::new(Mp4Sink::create(disk, &folder.join(VIDEO), &format, device.threads())?));
-    }
-    if formats.y4m {
-        sinks.push(Box::new(Y4mSink::create(disk, &folder.join(RAW), &format)?));
-    }
-    if formats.png {
-        sinks.push(Box::new(PngSink::new(Arc::clone(&job.disk), &folder.join(FRAMES))));
-    }
-    Ok(sinks)
-}
-
 /// The manifest as it stands before the first frame, so that a broken run leaves one.
 fn first_manifest(settings: &Settings, loaded: &Loaded, device: &Device, checked: &Checked) -> Result<Manifest> {
     let mut settings = settings.clone();
@@ -154,25 +137,17 @@ fn first_manifest(settings: &Settings, loaded: &Loaded, device: &Device, checked
         counts: Counts { planned: checked.point.counts(checked.duration).presented, ..Counts::default() },
         outputs: Vec::new(),
         versions: Versions {
-            cairn: env!("CARGO_PKG_VERSION").into(),
-            onnxruntime: loaded.ort.version().into(),
-            encoder: media::ENCODER.into(),
-            encoder_assembly: media::ASSEMBLY,
-            generator: stream::GENERATOR.into(),
-            device: device.describe(),
-            threads: device.threads(),
-            os: machine::os(),
-            architecture: std::env::consts::ARCH.into(),
-            cpu: machine::cpu(),
-            cpu_features: machine::cpu_features(),
-            optimised_build: !cfg!(debug_assertions),
+            onnxruntime: Some(loaded.ort.version().into()),
+            device: Some(device.describe()),
+            threads: Some(device.threads()),
+            ..Versions::of_this_program()
         },
         timings: BTreeMap::new(),
     })
 }
 
 fn write_manifest(job: &Job<'_>, folder: &Folder, manifest: &Manifest) -> Result<()> {
-    write_whole(job.disk.as_ref(), &folder.join(MANIFEST), &manifest.to_json()?)
+    write_whole(job.disk.as_ref(), &folder.join(MANIFEST), &to_json(manifest)?)
 }
 
 fn title(manifest: &Manifest, loaded: &Loaded) -> String {

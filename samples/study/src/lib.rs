@@ -22,6 +22,7 @@ mod output;
 mod picture;
 mod progress;
 mod quality;
+mod reconstruct;
 mod replay;
 mod settings;
 mod sheet;
@@ -34,5 +35,9 @@ pub use job::{Job, Outcome, run as run_job};
 pub use machine::Versions;
 pub use manifest::{Counts, Input, Inputs, MANIFEST_VERSION, Manifest, Output, sha256};
 pub use progress::Progress;
+pub use reconstruct::{
+    ReconstructCounts, ReconstructManifest, ReconstructOutcome, ReconstructSettings, Reconstruction, Summary,
+    TruthOrPicture, reconstruct,
+};
 pub use replay::{Compared, Difference, Replay, replay};
 pub use settings::{Formats, Settings};

@@ -2,13 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::media;
+
+/// The generator in use.
+const GENERATOR: &str = "cpu";
+
 /// What ran, and on what.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Versions {
     /// Of the library.
     pub cairn: String,
-    /// Of ONNX Runtime.
-    pub onnxruntime: String,
+    /// Of ONNX Runtime; none where no world runs, as for the device and its threads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub onnxruntime: Option<String>,
     /// Of the video encoder.
     pub encoder: String,
     /// Whether the encoder has its assembly kernels; changes the speed alone.
@@ -16,9 +22,11 @@ pub struct Versions {
     /// The generator of frames between anchors.
     pub generator: String,
     /// The device the world ran on.
-    pub device: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
     /// Threads of a pass.
-    pub threads: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub threads: Option<usize>,
     /// Operating system and kernel.
     pub os: String,
     /// Processor architecture.
@@ -31,8 +39,28 @@ pub struct Versions {
     pub optimised_build: bool,
 }
 
+impl Versions {
+    /// This program on this machine, without a world.
+    pub(crate) fn of_this_program() -> Self {
+        Self {
+            cairn: env!("CARGO_PKG_VERSION").into(),
+            onnxruntime: None,
+            encoder: media::ENCODER.into(),
+            encoder_assembly: media::ASSEMBLY,
+            generator: GENERATOR.into(),
+            device: None,
+            threads: None,
+            os: os(),
+            architecture: std::env::consts::ARCH.into(),
+            cpu: cpu(),
+            cpu_features: cpu_features(),
+            optimised_build: !cfg!(debug_assertions),
+        }
+    }
+}
+
 /// The operating system, e.g. `Debian GNU/Linux 12 (bookworm), Linux 6.1.0`.
-pub(crate) fn os() -> String {
+fn os() -> String {
     let read = |path| std::fs::read_to_string(path).unwrap_or_default();
     let release = read("/etc/os-release");
     let name = release.lines().find_map(|l| l.strip_prefix("PRETTY_NAME=")).map(|n| n.trim_matches('"'));
@@ -44,7 +72,7 @@ pub(crate) fn os() -> String {
 }
 
 /// The processor's own name.
-pub(crate) fn cpu() -> String {
+fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));
     let windows = || std::env::var("PROCESSOR_IDENTIFIER").ok();
@@ -52,7 +80,7 @@ pub(crate) fn cpu() -> String {
 }
 
 /// Features that ONNX Runtime and this library choose kernels by.
-pub(crate) fn cpu_features() -> Vec<String> {
+fn cpu_features() -> Vec<String> {
     #[cfg(target_arch = "x86_64")]
     let found = [
         ("sse4.1", std::is_x86_feature_detected!("sse4.1")),

@@ -5,6 +5,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use cairn::{Error, ErrorKind, Result};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -108,36 +109,56 @@ impl Manifest {
     /// # Errors
     /// `Io`; `Unsupported` for a newer version; `InvalidArgument` when it is no manifest.
     pub fn read(path: &Path) -> Result<Self> {
-        #[derive(Deserialize)]
-        struct Version {
-            manifest_version: u32,
-        }
-        let field = || path.display().to_string();
-        let bytes = read_bounded(path, MAX_BYTES)?;
-        let wrong = |e: serde_json::Error| {
-            Error::new(ErrorKind::InvalidArgument, format!("it is no manifest of a rollout: {e}"))
-                .field(field())
-                .remedy("Name the manifest.json that study rollout wrote")
-        };
-        let Version { manifest_version } = serde_json::from_slice(&bytes).map_err(wrong)?;
-        if manifest_version != MANIFEST_VERSION {
-            return Err(Error::new(
-                ErrorKind::Unsupported,
-                format!("the manifest has version {manifest_version}, this program reads {MANIFEST_VERSION}"),
-            )
-            .field(field())
-            .remedy("Use the version of study that wrote it"));
-        }
-        serde_json::from_slice(&bytes).map_err(wrong)
+        read_manifest(path, "a rollout", "study rollout")
     }
+}
 
-    /// As JSON for people.
-    pub(crate) fn to_json(&self) -> Result<Vec<u8>> {
-        let mut json = serde_json::to_vec_pretty(self)
-            .map_err(|e| Error::new(ErrorKind::InvalidArgument, format!("the manifest cannot be written: {e}")))?;
-        json.push(b'\n');
-        Ok(json)
+/// Whether the manifest at `path` names a job: that of a rollout names none.
+///
+/// # Errors
+/// As [`Manifest::read`].
+pub(crate) fn job_of(path: &Path) -> Result<Option<String>> {
+    #[derive(Deserialize)]
+    struct Head {
+        job: Option<String>,
     }
+    read_manifest::<Head>(path, "a rollout or a reconstruct", "study").map(|head| head.job)
+}
+
+/// Reads a manifest of `what`, which the command `writer` makes.
+///
+/// # Errors
+/// As [`Manifest::read`].
+pub(crate) fn read_manifest<T: DeserializeOwned>(path: &Path, what: &str, writer: &str) -> Result<T> {
+    #[derive(Deserialize)]
+    struct Version {
+        manifest_version: u32,
+    }
+    let field = || path.display().to_string();
+    let bytes = read_bounded(path, MAX_BYTES)?;
+    let wrong = |e: serde_json::Error| {
+        Error::new(ErrorKind::InvalidArgument, format!("it is no manifest of {what}: {e}"))
+            .field(field())
+            .remedy(format!("Name the manifest.json that {writer} wrote"))
+    };
+    let Version { manifest_version } = serde_json::from_slice(&bytes).map_err(wrong)?;
+    if manifest_version != MANIFEST_VERSION {
+        return Err(Error::new(
+            ErrorKind::Unsupported,
+            format!("the manifest has version {manifest_version}, this program reads {MANIFEST_VERSION}"),
+        )
+        .field(field())
+        .remedy("Use the version of study that wrote it"));
+    }
+    serde_json::from_slice(&bytes).map_err(wrong)
+}
+
+/// A manifest as JSON for people.
+pub(crate) fn to_json(manifest: &impl Serialize) -> Result<Vec<u8>> {
+    let mut json = serde_json::to_vec_pretty(manifest)
+        .map_err(|e| Error::new(ErrorKind::InvalidArgument, format!("the manifest cannot be written: {e}")))?;
+    json.push(b'\n');
+    Ok(json)
 }
 
 /// SHA-256 of `bytes` as 64 lower-case hex digits.

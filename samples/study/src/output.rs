@@ -3,11 +3,14 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use cairn::{Error, ErrorKind, Result};
 
 use crate::manifest::{Output, digest_file};
-use crate::media::{Written, describe_io};
+use crate::media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, Written, Y4mSink, describe_io};
+use crate::reconstruct;
+use crate::settings::Formats;
 
 pub(crate) const MANIFEST: &str = "manifest.json";
 pub(crate) const SHEET: &str = "contact-sheet.png";
@@ -42,7 +45,15 @@ impl Folder {
     pub(crate) fn prepare(&self, pictures: bool) -> Result<()> {
         fs::create_dir_all(&self.path).map_err(|e| describe_io("cannot be made", &self.path, &e))?;
         let frames = self.join(FRAMES);
-        let mut old: Vec<PathBuf> = [MANIFEST, SHEET, LATENTS, VIDEO, RAW].iter().map(|name| self.join(name)).collect();
+        let of_reconstruct = [
+            reconstruct::VIDEO,
+            reconstruct::RAW,
+            reconstruct::COMPARISON_VIDEO,
+            reconstruct::COMPARISON,
+            reconstruct::TABLE,
+        ];
+        let names = [MANIFEST, SHEET, LATENTS, VIDEO, RAW].into_iter().chain(of_reconstruct);
+        let mut old: Vec<PathBuf> = names.map(|name| self.join(name)).collect();
         old.extend(old.clone().into_iter().map(|path| path.with_added_extension("part")));
         remove(old)?;
         remove_numbered(&frames)?;
@@ -68,6 +79,29 @@ impl Folder {
     pub(crate) fn describe_media(&self, file: &Written, presented: u64) -> Result<Output> {
         self.describe(&file.path, file.kind, file.frames, file.kind == "png" || file.frames == presented)
     }
+}
+
+/// What writes the frames in `formats`: the MP4 and Y4M files of those `names`, and the folder of pictures. Encodes on
+/// `threads` threads, 0 for one to a core.
+pub(crate) fn sinks(
+    disk: &Arc<dyn Disk>,
+    folder: &Folder,
+    formats: Formats,
+    [video, raw]: [&str; 2],
+    format: &VideoFormat,
+    threads: usize,
+) -> Result<Vec<Box<dyn Sink>>> {
+    let mut sinks: Vec<Box<dyn Sink>> = Vec::new();
+    if formats.mp4 {
+        sinks.push(Box::new(Mp4Sink::create(disk.as_ref(), &folder.join(video), format, threads)?));
+    }
+    if formats.y4m {
+        sinks.push(Box::new(Y4mSink::create(disk.as_ref(), &folder.join(raw), format)?));
+    }
+    if formats.png {
+        sinks.push(Box::new(PngSink::new(Arc::clone(disk), &folder.join(FRAMES))));
+    }
+    Ok(sinks)
 }
 
 /// Removes the pictures that an earlier run numbered, and no others.

@@ -1,4 +1,4 @@
-//! Makes a rollout again from its manifest and compares.
+//! Makes a rollout or a reconstruct again from its manifest and compares.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -10,10 +10,12 @@ use cairn::{Error, ErrorKind, Result};
 use crate::inputs::Overrides;
 use crate::job::{Job, Outcome, run};
 use crate::latents::first_difference;
-use crate::manifest::{Input, Inputs, Manifest, Output};
+use crate::machine::Versions;
+use crate::manifest::{Input, Inputs, Manifest, Output, job_of};
 use crate::media::RealDisk;
 use crate::output::LATENTS;
 use crate::progress::Progress;
+use crate::reconstruct::{self, ReconstructManifest, ReconstructOutcome, Reconstruction, reconstruct};
 use crate::settings::Settings;
 
 /// A replay to be made.
@@ -97,7 +99,6 @@ pub struct Compared {
 /// # Errors
 /// As for a manifest that cannot be read, and as [`run`](crate::run_job); also when the replay fails on its way.
 pub fn replay(job: &Replay<'_>) -> Result<Compared> {
-    let first = Manifest::read(job.manifest)?;
     let beside = job.manifest.parent().unwrap_or(Path::new(""));
     let out = job.out.map_or_else(|| beside.join("replay"), Path::to_owned);
     if crate::manifest::absolute(&out) == crate::manifest::absolute(beside) {
@@ -105,10 +106,25 @@ pub fn replay(job: &Replay<'_>) -> Result<Compared> {
             .field("--out")
             .remedy("Choose another folder"));
     }
-    if first.counts.presented == 0 {
-        return Err(Error::new(ErrorKind::InvalidArgument, "the rollout ended before its first frame")
+    match job_of(job.manifest)?.as_deref() {
+        None => replay_rollout(job, beside, out),
+        Some(reconstruct::JOB) => replay_reconstruct(job, beside, out),
+        Some(other) => Err(Error::new(ErrorKind::Unsupported, format!("this program knows no job {other:?}"))
             .field(job.manifest.display().to_string())
-            .remedy("Make it anew with study rollout"));
+            .remedy("Use the version of study that wrote it")),
+    }
+}
+
+fn nothing_to_compare(job: &Replay<'_>, writer: &str) -> Error {
+    Error::new(ErrorKind::InvalidArgument, "it ended before its first frame")
+        .field(job.manifest.display().to_string())
+        .remedy(format!("Make it anew with {writer}"))
+}
+
+fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compared> {
+    let first = Manifest::read(job.manifest)?;
+    if first.counts.presented == 0 {
+        return Err(nothing_to_compare(job, "study rollout"));
     }
     let Overrides { world, seed_picture, script } = job.overrides.clone();
     let settings = Settings {
@@ -137,11 +153,52 @@ pub fn replay(job: &Replay<'_>) -> Result<Compared> {
     }
     let mut compared = Compared { differences: Vec::new(), equal: 0, skipped: Vec::new(), out, interrupted };
     if !interrupted {
-        outputs(&first, &second, beside, &mut compared);
+        outputs(&first.outputs, &second.outputs, beside, &mut compared);
     }
-    differences.extend(versions(&first, &second));
+    differences.extend(versions(&first.versions, &second.versions));
+    let library = [&first, &second].map(|manifest| manifest.inputs.onnxruntime.sha256.clone());
+    differences.extend(changed("the ONNX Runtime library", library));
     differences.append(&mut compared.differences);
     compared.differences = differences;
+    Ok(compared)
+}
+
+fn replay_reconstruct(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compared> {
+    let first = ReconstructManifest::read(job.manifest)?;
+    if first.counts.presented == 0 {
+        return Err(nothing_to_compare(job, "study reconstruct"));
+    }
+    let Overrides { world, seed_picture, script } = &job.overrides;
+    for (given, option) in [(world, "--world"), (seed_picture, "--seed-picture"), (script, "--script")] {
+        if given.is_some() {
+            return Err(Error::new(ErrorKind::InvalidArgument, "a reconstruct has no such input")
+                .field(option)
+                .remedy("Leave it out"));
+        }
+    }
+    // Before anything is made: another script makes another walk.
+    let script = reconstruct::script_input(&first.settings.scene);
+    if let Some(now) = script.filter(|now| now.sha256 != first.script.sha256) {
+        let difference = Difference::Input { name: "script", how: changed_input(&first.script, &now) };
+        return Ok(Compared { differences: vec![difference], equal: 0, skipped: Vec::new(), out, interrupted: false });
+    }
+    let ReconstructOutcome { manifest: second, failure, interrupted } = reconstruct(&Reconstruction {
+        settings: &first.settings,
+        out: &out,
+        overwrite: job.overwrite,
+        disk: Arc::new(RealDisk),
+        stop: job.stop,
+        progress: job.progress,
+        limit: (!first.complete).then_some(first.counts.presented),
+    })?;
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    let differences = versions(&first.versions, &second.versions).collect();
+    let mut compared = Compared { differences, equal: 0, skipped: Vec::new(), out, interrupted };
+    if !interrupted {
+        outputs(&first.outputs, &second.outputs, beside, &mut compared);
+    }
     Ok(compared)
 }
 
@@ -160,30 +217,33 @@ fn changed_input(then: &Input, now: &Input) -> String {
     format!("{place} has {} bytes and SHA-256 {}, then {} bytes and {}", now.size, now.sha256, then.size, then.sha256)
 }
 
-fn versions(first: &Manifest, second: &Manifest) -> Vec<Difference> {
-    let (a, b) = (&first.versions, &second.versions);
+fn versions(a: &Versions, b: &Versions) -> impl Iterator<Item = Difference> {
+    let threads = |versions: &Versions| versions.threads.map(|threads| threads.to_string()).unwrap_or_default();
+    let text = |text: &Option<String>| text.clone().unwrap_or_default();
     let pairs = [
-        ("cairn", a.cairn.clone(), b.cairn.clone()),
-        ("ONNX Runtime", a.onnxruntime.clone(), b.onnxruntime.clone()),
-        ("the ONNX Runtime library", first.inputs.onnxruntime.sha256.clone(), second.inputs.onnxruntime.sha256.clone()),
-        ("the video encoder", a.encoder.clone(), b.encoder.clone()),
-        ("the frame generator", a.generator.clone(), b.generator.clone()),
-        ("the device", a.device.clone(), b.device.clone()),
-        ("the thread count", a.threads.to_string(), b.threads.to_string()),
-        ("the processor architecture", a.architecture.clone(), b.architecture.clone()),
-        ("the processor's features", a.cpu_features.join(" "), b.cpu_features.join(" ")),
+        ("cairn", [a.cairn.clone(), b.cairn.clone()]),
+        ("ONNX Runtime", [text(&a.onnxruntime), text(&b.onnxruntime)]),
+        ("the video encoder", [a.encoder.clone(), b.encoder.clone()]),
+        ("the frame generator", [a.generator.clone(), b.generator.clone()]),
+        ("the device", [text(&a.device), text(&b.device)]),
+        ("the thread count", [threads(a), threads(b)]),
+        ("the processor architecture", [a.architecture.clone(), b.architecture.clone()]),
+        ("the processor's features", [a.cpu_features.join(" "), b.cpu_features.join(" ")]),
     ];
-    let changed = pairs.into_iter().filter(|(_, then, now)| then != now);
-    changed.map(|(name, then, now)| Difference::Version { name, then, now }).collect()
+    pairs.into_iter().filter_map(|(name, pair)| changed(name, pair))
 }
 
-fn outputs(first: &Manifest, second: &Manifest, beside: &Path, compared: &mut Compared) {
-    for then in &first.outputs {
+fn changed(name: &'static str, [then, now]: [String; 2]) -> Option<Difference> {
+    (then != now).then_some(Difference::Version { name, then, now })
+}
+
+fn outputs(first: &[Output], second: &[Output], beside: &Path, compared: &mut Compared) {
+    for then in first {
         if !then.complete {
             compared.skipped.push(then.path.clone());
             continue;
         }
-        match second.outputs.iter().find(|now| now.path == then.path) {
+        match second.iter().find(|now| now.path == then.path) {
             Some(now) if now.sha256 == then.sha256 => compared.equal += 1,
             Some(now) => compared.differences.push(Difference::Output {
                 path: then.path.clone(),

@@ -37,15 +37,16 @@ struct Column {
 /// replay has the same one.
 pub(crate) struct Sheet {
     tile: (u32, u32),
+    noun: &'static str,
     stride: u64,
     columns: Vec<Column>,
 }
 
 impl Sheet {
-    /// For pictures of size `render`.
-    pub(crate) fn new(render: (u32, u32)) -> Self {
+    /// For pictures of size `render`; what is numbered is called `noun`.
+    pub(crate) fn new(render: (u32, u32), noun: &'static str) -> Self {
         let height = (u64::from(TILE) * u64::from(render.1) / u64::from(render.0)).clamp(1, 4096) as u32;
-        Self { tile: (TILE, height), stride: 1, columns: Vec::new() }
+        Self { tile: (TILE, height), noun, stride: 1, columns: Vec::new() }
     }
 
     /// Whether latent number `latent` gets a column, of those that may still be thinned out.
@@ -110,7 +111,7 @@ impl Sheet {
         }
         for (i, column) in shown.into_iter().enumerate() {
             let x = LEFT + i as u32 * (tile_width + GAP);
-            let label = format!("latent {}  {:.2} s", column.latent, column.time);
+            let label = format!("{} {}  {:.2} s", self.noun, column.latent, column.time);
             write(&mut sheet, &fit(&label, tile_width, SMALL), (x, TOP - 20), SMALL, BRIGHT);
             paste(&mut sheet, &column.anchor, (x, row(0)));
             match &column.between {
@@ -215,7 +216,7 @@ mod tests {
     use super::*;
 
     fn latents_shown(made: u64) -> Vec<u64> {
-        let mut sheet = Sheet::new((64, 36));
+        let mut sheet = Sheet::new((64, 36), "latent");
         let picture = Picture::new(64, 36).unwrap();
         for latent in 0..made {
             if sheet.wants(latent) {
@@ -238,7 +239,7 @@ mod tests {
 
     #[test]
     fn a_sheet_without_columns_can_be_drawn() {
-        let sheet = Sheet::new((128, 72)).draw("title", "subtitle", Some("warning")).unwrap();
+        let sheet = Sheet::new((128, 72), "latent").draw("title", "subtitle", Some("warning")).unwrap();
         assert!(sheet.pixels().iter().any(|px| px[..3] == BRIGHT) && sheet.pixels().iter().any(|px| px[..3] == WARN));
     }
 
@@ -249,7 +250,7 @@ mod tests {
             picture.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&[v; 3]));
             picture
         };
-        let mut sheet = Sheet::new((64, 36));
+        let mut sheet = Sheet::new((64, 36), "latent");
         sheet.add(1, 0.1, &grey(9), None).unwrap();
         for (t, v) in [(0.25, 10), (0.5, 20), (0.75, 30)] {
             sheet.add_between(1, t, &grey(v)).unwrap();

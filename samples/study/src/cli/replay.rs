@@ -12,7 +12,7 @@ use crate::replay::{Difference, Replay, replay};
 
 #[derive(Args)]
 pub(super) struct ReplayArgs {
-    /// The manifest.json of the rollout
+    /// The manifest.json of the rollout or the reconstruct
     manifest: PathBuf,
     /// Folder for what is made again [default: replay, beside the manifest]
     #[arg(long, value_name = "DIR")]

@@ -20,9 +20,6 @@ use crate::media::{Recorder, Written};
 use crate::settings::Checked;
 use crate::sheet::Sheet;
 
-/// The generator in use.
-pub(super) const GENERATOR: &str = "cpu";
-
 /// How the loop ended, when nothing went wrong.
 pub(super) enum End {
     /// All frames are there.
