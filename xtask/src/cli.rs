@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand};
     name = "cargo xtask",
     bin_name = "cargo xtask",
     arg_required_else_help = true,
-    after_help = "A first visit:\n  cargo xtask demo           see it run: target/demo/ holds a video, a contact sheet and a manifest\n  \
+    after_help = "A first visit:\n  cargo xtask demo           see it run: target/demo/ holds videos, pictures and manifests\n  \
                   cargo xtask test           run every test; the last line sums them up\n\nWhile working:\n  \
                   cargo xtask fix            format, and apply what clippy can mend\n  \
                   cargo xtask test clippy    run only the runners whose name holds \"clippy\"\n  \
@@ -29,7 +29,7 @@ pub(crate) enum Command {
         #[arg(long)]
         all: bool,
     },
-    /// Set up, then make four seconds of video; says which files to open
+    /// Set up, then make four seconds of a world and two of frame generation; says which files to open
     Demo {
         /// Handed on to `study demo`
         #[arg(last = true)]

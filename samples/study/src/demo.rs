@@ -1,10 +1,12 @@
-//! Four seconds for somebody who has just cloned the repository.
+//! What somebody sees who has just cloned the repository: four seconds of a world, and two seconds of frame generation
+//! where the truth is known.
 
 use std::path::Path;
 
 use crate::job::Outcome;
 use crate::output::{MANIFEST, SHEET, VIDEO};
 use crate::progress::duration;
+use crate::reconstruct::ReconstructSettings;
 
 /// Said before anything is made.
 pub(crate) const WELCOME: &str = "\
@@ -12,6 +14,20 @@ A world model dreams four seconds: 15 anchors a second, and a generated frame be
 The world of this demo has RANDOM WEIGHTS. Its pictures mean nothing until trained weights land;
 what you see working is the whole path from controls to video.
 ";
+
+/// Said before frame generation is shown alone.
+pub(crate) const SECOND_PART: &str = "
+Now frame generation alone, in a place worth looking at: a walk drawn 15 times a second and shown 60 times,
+with every generated frame beside the one that would have been drawn.
+";
+
+/// The folder for it in that of the demo.
+pub(crate) const RECONSTRUCT: &str = "reconstruct";
+
+/// Small, so that it takes seconds; without LPIPS, so that it is the same with and without its weights.
+pub(crate) fn reconstruct() -> ReconstructSettings {
+    ReconstructSettings { scene: "sword".into(), size: [480, 270], ..ReconstructSettings::default() }
+}
 
 /// Says what was made, and what to open.
 pub(crate) fn summary(outcome: &Outcome, out: &Path) -> String {

@@ -14,7 +14,7 @@ use crate::inputs::{self, Loaded};
 use crate::latents::LatentFile;
 use crate::machine::Versions;
 use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute, to_json};
-use crate::media::{Disk, FrameRate, Recorder, VideoFormat, encode_png, write_whole};
+use crate::media::{Disk, FrameRate, Recorder, VideoFormat, encode_small_png, write_whole};
 use crate::output::{Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO, sinks};
 use crate::progress::Progress;
 use crate::settings::{Checked, Settings};
@@ -181,7 +181,7 @@ fn describe(
     }
     let path = folder.join(SHEET);
     let sheet = finished.sheet.draw(title, &subtitle(manifest), manifest.note.as_deref());
-    let sheet = sheet.and_then(|picture| encode_png(&picture));
+    let sheet = sheet.and_then(|picture| encode_small_png(&picture));
     let sheet = sheet.and_then(|bytes| write_whole(job.disk.as_ref(), &path, &bytes));
     described.push(sheet.and_then(|()| folder.describe(&path, "contact-sheet", 1, true)));
     let mut failure = None;

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::machine::Versions;
 use crate::manifest::{Input, MANIFEST_VERSION, Output, read_manifest, sha256, to_json};
-use crate::media::{Disk, FrameRate, Mp4Sink, Recorded, Recorder, VideoFormat, encode_png, write_whole};
+use crate::media::{Disk, FrameRate, Mp4Sink, Recorded, Recorder, VideoFormat, encode_small_png, write_whole};
 use crate::metrics::{Lpips, Net};
 use crate::output::{Folder, MANIFEST, SHEET, sinks};
 use crate::progress::Progress;
@@ -379,7 +379,7 @@ fn describe(
             Err(error) => described.push(Err(error)),
         }
     };
-    let png = |picture: Picture| encode_png(&picture).map(Some);
+    let png = |picture: Picture| encode_small_png(&picture).map(Some);
     let title = format!("{}, seed {}, {} s", settings.scene, settings.seed, settings.seconds);
     let how = match settings.guidance {
         TruthOrPicture::Truth => "true motion and depth",

@@ -260,6 +260,27 @@ fn folders_that_cannot_be_used_are_refused_before_anything_is_made() {
 }
 
 #[test]
+fn files_that_are_no_video_are_refused_before_anything_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("clip.y4m");
+    let one = y4m(&walk(SIZE, 1), "15:1");
+    let head = one.iter().position(|byte| *byte == b'\n').unwrap();
+    for (bytes, word) in [
+        (Vec::new(), "empty"),
+        (one.clone(), "frame"),
+        (one[..=head].to_vec(), "frame"),
+        (one[..head / 2].to_vec(), "header"),
+        (b"YUV4MPEG2 W128 H72 F0:0\nFRAME\n".to_vec(), "frame rate"),
+        (b"YUV4MPEG2 W99999999 H99999999 F15:1\nFRAME\n".to_vec(), "99999999"),
+    ] {
+        std::fs::write(&input, bytes).unwrap();
+        let error = make(&input, None, Asked::default()).unwrap_err().to_string();
+        assert!(error.contains("clip.y4m") && error.contains(word), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is made");
+}
+
+#[test]
 fn a_picture_that_is_damaged_inside_costs_what_follows() {
     let folder = tempfile::tempdir().unwrap();
     let (input, out) = (folder.path().join("in"), folder.path().join("out.mp4"));

@@ -6,8 +6,7 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
-use super::rollout::make;
-use super::{Subcommand, size};
+use super::{Subcommand, reconstruct, rollout, size};
 use crate::demo;
 use crate::settings::Settings;
 
@@ -19,10 +18,10 @@ pub(super) struct DemoArgs {
     /// World bundle [default: the demo's world, built where it is missing]
     #[arg(long, value_name = "BUNDLE")]
     world: Option<PathBuf>,
-    /// World time
+    /// World time of the rollout
     #[arg(long, default_value = "4")]
     seconds: String,
-    /// Size of the presented frames
+    /// Size of the rollout's presented frames
     #[arg(long, value_name = "WxH", default_value = "1920x1080")]
     size: String,
     /// No progress, no summary
@@ -44,7 +43,8 @@ impl DemoArgs {
 
 impl Subcommand for DemoArgs {
     fn check(&self) -> Result<()> {
-        self.settings()?.check().map(|_| ())
+        self.settings()?.check()?;
+        demo::reconstruct().check().map(drop)
     }
 
     fn run(&self) -> Result<ExitCode> {
@@ -52,6 +52,13 @@ impl Subcommand for DemoArgs {
         if !self.quiet {
             println!("{}", demo::WELCOME);
         }
-        make(&settings, &self.out, true, self.quiet)
+        let ended = rollout::make(&settings, &self.out, true, self.quiet)?;
+        if ended != ExitCode::SUCCESS {
+            return Ok(ended);
+        }
+        if !self.quiet {
+            println!("{}", demo::SECOND_PART);
+        }
+        reconstruct::make(&demo::reconstruct(), &self.out.join(demo::RECONSTRUCT), true, self.quiet)
     }
 }

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use cairn::Result;
 use clap::Args;
 
-use super::{Subcommand, progress, stop_on_interrupt};
+use super::{Subcommand, encoder_hint, progress, stop_on_interrupt};
 use crate::interpolate::{self, Interpolation, Report, interpolate};
-use crate::media::{FrameRate, RealDisk};
+use crate::media::{ASSEMBLY, FrameRate, RealDisk};
 use crate::progress::duration;
 
 pub(super) const EXAMPLES: &str = "\
@@ -123,6 +123,12 @@ fn summary(report: &Report) -> String {
     }
     if report.has_output {
         text += &format!("{}\n", crate::manifest::absolute(&report.out).display());
+    }
+    // PNG pictures are encoded too, and no assembly helps them.
+    if report.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("mp4")) {
+        let encoding =
+            report.stages.iter().find(|(stage, _)| *stage == "encoding").map_or(0.0, |(_, t)| t.as_secs_f64());
+        text += encoder_hint(encoding, report.total.as_secs_f64(), ASSEMBLY).unwrap_or_default();
     }
     text
 }

@@ -8,8 +8,8 @@ use cairn::{Error, ErrorKind, Result};
 use clap::{Args, ValueEnum};
 use scenes::FAMILIES;
 
-use super::{Subcommand, progress, size, stop_on_interrupt};
-use crate::media::RealDisk;
+use super::{Subcommand, encoder_hint, progress, size, stop_on_interrupt};
+use crate::media::{ASSEMBLY, RealDisk};
 use crate::metrics::{Lpips, Net};
 use crate::output::{Folder, MANIFEST, SHEET};
 use crate::progress::duration;
@@ -125,25 +125,11 @@ impl Subcommand for ReconstructArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        let stop = stop_on_interrupt()?;
         let all = self.settings(|| Lpips::find(Net::Alex).is_ok())?;
         // Before the first scene takes its time, not after it.
         all.iter().try_for_each(|(out, _)| Folder::check(out, self.overwrite).map(drop))?;
         for (out, settings) in &all {
-            let progress = progress(self.quiet);
-            let outcome = reconstruct(&Reconstruction {
-                settings,
-                out,
-                overwrite: self.overwrite,
-                disk: Arc::new(RealDisk),
-                stop,
-                progress: &progress,
-                limit: None,
-            })?;
-            if !self.quiet {
-                print!("{}", summary(&outcome, out));
-            }
-            let ended = status(&outcome, out);
+            let ended = make(settings, out, self.overwrite, self.quiet)?;
             if ended != ExitCode::SUCCESS {
                 return Ok(ended);
             }
@@ -152,7 +138,25 @@ impl Subcommand for ReconstructArgs {
     }
 }
 
-pub(super) fn status(outcome: &ReconstructOutcome, out: &Path) -> ExitCode {
+/// Makes one and says what was made.
+pub(super) fn make(settings: &ReconstructSettings, out: &Path, overwrite: bool, quiet: bool) -> Result<ExitCode> {
+    let progress = progress(quiet);
+    let outcome = reconstruct(&Reconstruction {
+        settings,
+        out,
+        overwrite,
+        disk: Arc::new(RealDisk),
+        stop: stop_on_interrupt()?,
+        progress: &progress,
+        limit: None,
+    })?;
+    if !quiet {
+        print!("{}", summary(&outcome, out));
+    }
+    Ok(status(&outcome, out))
+}
+
+fn status(outcome: &ReconstructOutcome, out: &Path) -> ExitCode {
     let counts = outcome.manifest.counts;
     if let Some(error) = &outcome.failure {
         eprintln!("error: {error}");
@@ -173,7 +177,7 @@ pub(super) fn status(outcome: &ReconstructOutcome, out: &Path) -> ExitCode {
 }
 
 /// Says what was made, how near it is to the truth, and what to open.
-pub(super) fn summary(outcome: &ReconstructOutcome, out: &Path) -> String {
+fn summary(outcome: &ReconstructOutcome, out: &Path) -> String {
     let manifest = &outcome.manifest;
     let (settings, counts) = (&manifest.settings, manifest.counts);
     let took = manifest.timings.get("total").copied().unwrap_or(0.0);
@@ -208,6 +212,8 @@ pub(super) fn summary(outcome: &ReconstructOutcome, out: &Path) -> String {
             text += &format!("  {}   {what}\n", crate::manifest::absolute(&out.join(name)).display());
         }
     }
+    let encoding = manifest.timings.get("encoding").copied().unwrap_or(0.0);
+    text += encoder_hint(encoding, took, ASSEMBLY).unwrap_or_default();
     text
 }
 

@@ -8,10 +8,10 @@ use cairn::world::{CacheMode, MAX_POINTS, OperatingPoint, Presentation, Preset, 
 use cairn::{Error, ErrorKind, Result};
 use clap::Args;
 
-use super::{Subcommand, progress, size, stop_on_interrupt};
+use super::{Subcommand, encoder_hint, progress, size, stop_on_interrupt};
 use crate::demo;
 use crate::job::{Job, Outcome, run as run_job};
-use crate::media::RealDisk;
+use crate::media::{ASSEMBLY, RealDisk};
 use crate::output::MANIFEST;
 use crate::settings::{Formats, Settings};
 
@@ -143,6 +143,8 @@ pub(super) fn make(settings: &Settings, out: &Path, overwrite: bool, quiet: bool
             println!("{note}");
         }
         print!("{}", demo::summary(&outcome, out));
+        let seconds = |stage: &str| outcome.manifest.timings.get(stage).copied().unwrap_or(0.0);
+        print!("{}", encoder_hint(seconds("recorder"), seconds("total"), ASSEMBLY).unwrap_or_default());
     }
     Ok(status(&outcome, out))
 }

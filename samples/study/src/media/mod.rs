@@ -22,7 +22,7 @@ pub use disk::{Disk, GrowingFile, RealDisk, Store, describe_io, write_whole};
 pub use format::{FrameRate, VideoFormat};
 pub use from_yuv::{Chroma, FromYuv, Layout, Matrix};
 pub use mp4::Mp4Sink;
-pub use png::{PngSink, encode_png};
+pub use png::{PngSink, encode_png, encode_small_png};
 pub use recorder::{Frame, Recorded, Recorder, Sink, Written};
 pub use y4m::Y4mSink;
 pub use y4m_reader::{Y4M_MAGIC, Y4mHeader, Y4mReader};

@@ -180,7 +180,7 @@ impl Stream {
 
     fn label(&self, part: u32, score: &Score, outcome: Outcome) -> String {
         let what = if outcome == Outcome::Generated { "generated" } else { "nearer anchor" };
-        format!("{what} at {part}/{}, {:.1} dB", self.multiplier, score.psnr)
+        format!("{:.1} dB, {what} {part}/{}", score.psnr, self.multiplier)
     }
 
     /// Hands one frame over, alone and beside the truth.
@@ -226,7 +226,7 @@ impl Stream {
             let (made, _) = self.generate(part, &previous, &anchor)?;
             let truth = self.walk.truth(entry.frame).ok_or_else(behind_the_end)?;
             let truth_label = self.truth_label(entry.frame);
-            let label = format!("{} ({name})", self.label(part, &score, outcome));
+            let label = format!("{name}: {}", self.label(part, &score, outcome));
             self.panels.draw([&truth, &made], [&truth_label, &label], &mut out, TITLE + row * height)?;
         }
         Ok(Some(out))
