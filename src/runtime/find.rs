@@ -51,7 +51,7 @@ fn cache() -> Option<PathBuf> {
 
 /// The file this very code was loaded from, which is the library when a host loaded it as one: the mapping of this
 /// function, where the system lists mappings as files do.
-fn own_module() -> Option<PathBuf> {
+pub(super) fn own_module() -> Option<PathBuf> {
     let here = own_module as fn() -> Option<PathBuf> as usize;
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     maps.lines().find_map(|line| {

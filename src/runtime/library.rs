@@ -8,6 +8,7 @@ use parking_lot::Mutex;
 
 use super::failure::ort_failure;
 use super::find;
+use super::pin::pin_this_library;
 use crate::{Error, ErrorKind, Result};
 
 /// The release series this build is made for, as ONNX Runtime writes it.
@@ -49,7 +50,7 @@ impl Ort {
                 .remedy("Use one ONNX Runtime file in one process"))
             };
         }
-        let library = Checked::open(&path)?;
+        let Checked { version, library } = Checked::open(&path)?;
         let builder = ort::init_from(&path).map_err(|e| missing(&path, &e.to_string()))?;
         let environment = builder
             .with_name("cairn")
@@ -59,9 +60,9 @@ impl Ort {
             .map_err(|e| ort_failure("start its environment", &e))?;
         // The environment starts at its most talkative level whenever a logger is given.
         environment.set_log_level(ort::logging::LogLevel::Warning);
-        let version = library.version.clone();
-        // The sessions' code lies in this library: it must never be unloaded.
+        // The sessions' code lies in this library: it must never be unloaded. Nor must ours, which its environment calls.
         std::mem::forget(library);
+        pin_this_library();
         let ort = Ort(Arc::new(Inner { path, version, environment }));
         *loaded = Some(ort.clone());
         Ok(ort)
@@ -123,7 +124,7 @@ fn missing(path: &Path, why: &str) -> Error {
 /// A library whose version and interface were looked at before the `ort` crate, which asserts both, may see it.
 struct Checked {
     version: String,
-    _library: libloading::Library,
+    library: libloading::Library,
 }
 
 impl Checked {
@@ -163,7 +164,7 @@ impl Checked {
                 &format!("{version} does not offer interface version {}", ort::sys::ORT_API_VERSION),
             ));
         }
-        Ok(Self { version, _library: library })
+        Ok(Self { version, library })
     }
 }
 

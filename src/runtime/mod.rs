@@ -13,6 +13,7 @@ mod graph;
 mod lane;
 mod library;
 mod memory;
+mod pin;
 mod stop;
 
 pub use cpu::CpuOptions;
