@@ -111,6 +111,15 @@ CAIRN_API uint32_t cairn_version(void);
 
 /* ---- 2. Results -------------------------------------------------------------------------------------------------- */
 
+/** A part of the last error: the name of the function that failed. */
+#define CAIRN_LAST_ERROR_FUNCTION 1
+/** A part of the last error: the argument, file or field that is wrong, such as "options.threads". */
+#define CAIRN_LAST_ERROR_FIELD 2
+/** A part of the last error: what is wrong, one sentence without a final stop. */
+#define CAIRN_LAST_ERROR_CAUSE 3
+/** A part of the last error: what can be done, an imperative sentence without a final stop. */
+#define CAIRN_LAST_ERROR_REMEDY 4
+
 /**
  * What a call answers: 0 is success, a positive number is not an error, a negative one is. Numbers are never used again
  * for something else; a newer library may answer with numbers this header does not know, whose sign still tells.
@@ -184,6 +193,20 @@ CAIRN_API const char *cairn_result_name(cairn_result result);
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_last_error(char *text, size_t capacity, size_t *length);
+
+/**
+ * One part of the message of cairn_last_error, for hosts that show them in places of their own, or raise exceptions.
+ *
+ * part: CAIRN_LAST_ERROR_FUNCTION to CAIRN_LAST_ERROR_REMEDY. A part that the message does not have is empty.
+ * text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
+ * length: gets the length in bytes of the whole part, without the NUL; may be null.
+ *
+ * Ownership: the text is copied; on failure nothing is written.
+ * Threads: any thread, at any time; each thread has its own message.
+ * Results: CAIRN_OK; CAIRN_TRUNCATED; CAIRN_ERROR_INVALID_ARGUMENT, also for another part, which leaves the message as it was.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_last_error_part(uint32_t part, char *text, size_t capacity, size_t *length);
 
 /* ---- 3. Logging -------------------------------------------------------------------------------------------------- */
 
@@ -285,7 +308,8 @@ typedef struct cairn_device_info {
  * options: may be null for the defaults.
  *
  * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point
- * to is read during the call only. ONNX Runtime stays loaded until the process ends.
+ * to is read during the call only. ONNX Runtime can be started once: it stays loaded until the process ends, and so does this
+ * library, which it calls.
  * Threads: any thread, at any time. Takes a fraction of a second the first time.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when ONNX Runtime is
  * not there or has another version; CAIRN_ERROR_UNSUPPORTED when the process uses another file of it already;

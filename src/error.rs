@@ -63,6 +63,11 @@ impl Error {
         self.kind
     }
 
+    /// What is wrong, one sentence without a final stop.
+    pub fn cause(&self) -> &str {
+        &self.cause
+    }
+
     /// What the reader can do about it, where a remedy is known.
     pub fn remedy_text(&self) -> Option<&str> {
         self.remedy.as_deref()

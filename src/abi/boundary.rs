@@ -24,7 +24,7 @@ pub(super) fn guard<T>(work: impl FnOnce() -> Outcome<T>) -> Outcome<T> {
         let failure = panicked(&*payload);
         // The payload's own drop is foreign code that may panic as well.
         std::mem::forget(payload);
-        let _ = catch_unwind(|| log::error!(target: "cairn", "{}", failure.message));
+        let _ = catch_unwind(|| log::error!(target: "cairn", "{failure}"));
         Err(failure)
     })
 }
@@ -35,7 +35,7 @@ fn panicked(payload: &(dyn Any + Send)) -> Failure {
         (_, Some(text)) => text.as_str(),
         _ => "no message",
     };
-    Failure::new(CAIRN_ERROR_INTERNAL, format!("a fault of the library: {what}. Please report it"))
+    Failure::new(CAIRN_ERROR_INTERNAL, format!("a fault of the library: {what}")).remedy("Please report it")
 }
 
 #[cfg(test)]

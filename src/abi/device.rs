@@ -77,7 +77,8 @@ describe!(cairn_device_info, [], { struct_size, kind, precision, threads, descri
 /// options: may be null for the defaults.
 ///
 /// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point
-/// to is read during the call only. ONNX Runtime stays loaded until the process ends.
+/// to is read during the call only. ONNX Runtime can be started once: it stays loaded until the process ends, and so does this
+/// library, which it calls.
 /// Threads: any thread, at any time. Takes a fraction of a second the first time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when ONNX Runtime is
 /// not there or has another version; CAIRN_ERROR_UNSUPPORTED when the process uses another file of it already;

@@ -104,7 +104,9 @@ impl Drop for Pass {
 
 /// Puts an object, which others may share, into the table; its handle is the caller's to destroy.
 pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*mut H> {
-    let full = || Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "there is no room for another handle. Destroy some objects");
+    let full = || {
+        Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "there is no room for another handle").remedy("Destroy some objects")
+    };
     let entry = Entry { kind: H::KIND, gate: Arc::default(), object: object.into() };
     let mut table = TABLE.write();
     let slot = match table.free.pop() {
@@ -142,8 +144,9 @@ fn hold<H: Handle>(handle: *const H, alone: bool) -> Outcome<Entered<H::Object>>
     if gate.is_poisoned() {
         return Err(Failure::new(
             CAIRN_ERROR_POISONED,
-            format!("an earlier call on this {} failed by a fault of the library. Destroy it", H::NAME),
-        ));
+            format!("an earlier call on this {} failed by a fault of the library", H::NAME),
+        )
+        .remedy("Destroy it"));
     }
     let object = (object as Arc<dyn Any + Send + Sync>).downcast().map_err(|_| no_handle::<H>("is of another kind"))?;
     // Still under the table's lock, so that a destroy on another thread comes either before or waits.

@@ -54,14 +54,18 @@ pub unsafe extern "C" fn cairn_set_log_callback(
         })?;
         static OURS: OnceLock<bool> = OnceLock::new();
         if !OURS.get_or_init(|| log::set_logger(&Forward).is_ok()) {
-            return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, "this program has a logger of its own. Use that"));
+            return Err(
+                Failure::new(CAIRN_ERROR_UNSUPPORTED, "this program has a logger of its own").remedy("Use that")
+            );
         }
         let filter = callback.map_or(log::LevelFilter::Off, |_| filter);
         let sink = callback.map(|callback| Arc::new(Sink { callback, user, filter, gate: Gate::default() }));
         let former = {
             let mut current = SINK.lock();
             if current.as_ref().is_some_and(|sink| sink.gate.holds_me()) {
-                return Err(Failure::new(CAIRN_ERROR_BUSY, "this is the former callback itself. Return from it first"));
+                return Err(
+                    Failure::new(CAIRN_ERROR_BUSY, "this is the former callback itself").remedy("Return from it first")
+                );
             }
             log::set_max_level(filter);
             std::mem::replace(&mut *current, sink)

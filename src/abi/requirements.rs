@@ -151,7 +151,7 @@ pub unsafe extern "C" fn cairn_device_requirements(
                 CAIRN_REQUIREMENT_PLATFORM,
                 CAIRN_REQUIREMENT_NOT_MET,
                 "Windows, and a build of this library with Direct3D 12",
-                &format!("{}: {}", platform(), Failure::no_d3d12().message),
+                &format!("{}: {}", platform(), Failure::no_d3d12()),
             )],
             other => return Err(Failure::argument("kind", format!("{other} is no kind of device"))),
         };

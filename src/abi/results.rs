@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::ffi::c_char;
+use std::fmt;
 
 use super::text::copy_text;
 use crate::{Error, ErrorKind};
@@ -95,14 +96,66 @@ pub unsafe extern "C" fn cairn_last_error(text: *mut c_char, capacity: usize, le
     super::boundary::guard(|| {
         LAST.with_borrow(|last| {
             // SAFETY: the caller's promise about `text`, `capacity` and `length` is copy_text's.
-            unsafe { copy_text(last, text, capacity, length) }
+            unsafe { copy_text(&last.message, text, capacity, length) }
         })
     })
     .unwrap_or_else(|failure| failure.code)
 }
 
+/// A part of the last error: the name of the function that failed.
+pub const CAIRN_LAST_ERROR_FUNCTION: u32 = 1;
+/// A part of the last error: the argument, file or field that is wrong, such as "options.threads".
+pub const CAIRN_LAST_ERROR_FIELD: u32 = 2;
+/// A part of the last error: what is wrong, one sentence without a final stop.
+pub const CAIRN_LAST_ERROR_CAUSE: u32 = 3;
+/// A part of the last error: what can be done, an imperative sentence without a final stop.
+pub const CAIRN_LAST_ERROR_REMEDY: u32 = 4;
+
+/// One part of the message of cairn_last_error, for hosts that show them in places of their own, or raise exceptions.
+///
+/// part: CAIRN_LAST_ERROR_FUNCTION to CAIRN_LAST_ERROR_REMEDY. A part that the message does not have is empty.
+/// text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
+/// length: gets the length in bytes of the whole part, without the NUL; may be null.
+///
+/// Ownership: the text is copied; on failure nothing is written.
+/// Threads: any thread, at any time; each thread has its own message.
+/// Results: CAIRN_OK; CAIRN_TRUNCATED; CAIRN_ERROR_INVALID_ARGUMENT, also for another part, which leaves the message as it was.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_last_error_part(
+    part: u32,
+    text: *mut c_char,
+    capacity: usize,
+    length: *mut usize,
+) -> cairn_result {
+    super::boundary::guard(|| {
+        LAST.with_borrow(|last| {
+            let part = match part {
+                CAIRN_LAST_ERROR_FUNCTION => &last.function,
+                CAIRN_LAST_ERROR_FIELD => &last.field,
+                CAIRN_LAST_ERROR_CAUSE => &last.cause,
+                CAIRN_LAST_ERROR_REMEDY => &last.remedy,
+                _ => return Err(Failure::argument("part", format_args!("{part} is no part of a message"))),
+            };
+            // SAFETY: the caller's promise about `text`, `capacity` and `length` is copy_text's.
+            unsafe { copy_text(part, text, capacity, length) }
+        })
+    })
+    .unwrap_or_else(|failure| failure.code)
+}
+
+/// The last failure of a thread: the whole message, and its parts.
+#[derive(Default)]
+struct Last {
+    message: String,
+    function: String,
+    field: String,
+    cause: String,
+    remedy: String,
+}
+
 thread_local! {
-    static LAST: RefCell<String> = const { RefCell::new(String::new()) };
+    static LAST: RefCell<Last> = RefCell::default();
 }
 
 /// Keeps the message of a failed call for this thread.
@@ -110,32 +163,67 @@ pub(super) fn remember(function: &str, failure: &Failure) {
     // A thread that is ending has no place for it any more.
     let _ = LAST.try_with(|last| {
         if let Ok(mut last) = last.try_borrow_mut() {
-            last.clear();
-            last.push_str(function);
-            last.push_str(": ");
-            last.push_str(&failure.message);
+            let part = |part: &Option<String>| part.clone().unwrap_or_default();
+            *last = Last {
+                message: format!("{function}: {failure}"),
+                function: function.to_owned(),
+                field: part(&failure.field),
+                cause: failure.cause.clone(),
+                remedy: part(&failure.remedy),
+            };
         }
     });
 }
 
-/// Why a call failed: the code for the program, the message for people.
+/// Why a call failed: the code for the program, the rest for people.
 #[derive(Debug, Clone)]
 pub(super) struct Failure {
     pub(super) code: cairn_result,
-    pub(super) message: String,
+    field: Option<String>,
+    cause: String,
+    remedy: Option<String>,
+}
+
+/// The message, without the function's name.
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(field) = &self.field {
+            write!(f, "{field}: ")?;
+        }
+        f.write_str(&self.cause)?;
+        match &self.remedy {
+            Some(remedy) => write!(f, ". {remedy}"),
+            None => Ok(()),
+        }
+    }
 }
 
 /// Result of the work behind a call.
 pub(super) type Outcome<T = cairn_result> = Result<T, Failure>;
 
 impl Failure {
-    pub(super) fn new(code: cairn_result, message: impl Into<String>) -> Self {
-        Self { code, message: message.into() }
+    /// A failure; `cause` is one sentence without a final stop.
+    pub(super) fn new(code: cairn_result, cause: impl Into<String>) -> Self {
+        Self { code, field: None, cause: cause.into(), remedy: None }
+    }
+
+    /// Names the argument, file or field that is wrong.
+    #[must_use]
+    pub(super) fn field(mut self, field: impl Into<String>) -> Self {
+        self.field = Some(field.into());
+        self
+    }
+
+    /// Says what can be done, as an imperative sentence without a final stop.
+    #[must_use]
+    pub(super) fn remedy(mut self, remedy: impl Into<String>) -> Self {
+        self.remedy = Some(remedy.into());
+        self
     }
 
     /// An argument that breaks its documented rule.
     pub(super) fn argument(name: &str, why: impl std::fmt::Display) -> Self {
-        Self::new(CAIRN_ERROR_INVALID_ARGUMENT, format!("{name}: {why}"))
+        Self::new(CAIRN_ERROR_INVALID_ARGUMENT, why.to_string()).field(name)
     }
 
     /// What only Direct3D 12 could do.
@@ -145,7 +233,7 @@ impl Failure {
         } else {
             "Direct3D 12 is not there on this platform"
         };
-        Self::new(CAIRN_ERROR_UNSUPPORTED, format!("{why}. Use a CPU device"))
+        Self::new(CAIRN_ERROR_UNSUPPORTED, why).remedy("Use a CPU device")
     }
 }
 
@@ -162,7 +250,9 @@ impl From<Error> for Failure {
             ErrorKind::InvalidState => CAIRN_ERROR_INVALID_STATE,
             ErrorKind::Cancelled => CAIRN_ERROR_CANCELLED,
         };
-        Self::new(code, error.to_string())
+        let part = |part: Option<&str>| part.map(str::to_owned);
+        let (field, remedy) = (part(error.offending_field()), part(error.remedy_text()));
+        Self { code, field, cause: error.cause().to_owned(), remedy }
     }
 }
 
@@ -197,6 +287,22 @@ mod tests {
         assert_eq!(&text, b"f: here\0");
         assert_eq!((read(&mut text[..4], &mut length), length), (CAIRN_TRUNCATED, 7));
         assert_eq!(&text[..4], b"f: \0");
+        remember("f", &Failure::argument("a", "is wrong").remedy("Mend it"));
+        let mut text = [0xff_u8; 32];
+        assert_eq!((read(&mut text, &mut length), length), (CAIRN_OK, 24));
+        assert_eq!(&text[..25], b"f: a: is wrong. Mend it\0");
+        for (part, expected) in (1..).zip([&b"f\0"[..], b"a\0", b"is wrong\0", b"Mend it\0"]) {
+            let mut text = [0xff_u8; 16];
+            // SAFETY: the buffer has the capacity named.
+            let result = unsafe { cairn_last_error_part(part, text.as_mut_ptr().cast(), text.len(), &mut length) };
+            assert_eq!((result, length), (CAIRN_OK, expected.len() - 1));
+            assert_eq!(&text[..expected.len()], expected);
+        }
+        for part in [0, 5, u32::MAX] {
+            // SAFETY: nothing is written.
+            let result = unsafe { cairn_last_error_part(part, std::ptr::null_mut(), 0, &mut length) };
+            assert_eq!(result, CAIRN_ERROR_INVALID_ARGUMENT);
+        }
         std::thread::spawn(move || {
             assert_eq!((read(&mut text, &mut length), length), (CAIRN_OK, 0));
         })

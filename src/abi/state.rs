@@ -158,5 +158,5 @@ fn read_whole(path: &Path, most: u64) -> Outcome<Vec<u8>> {
 }
 
 fn io(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::new(CAIRN_ERROR_IO, format!("{}: {error}", path.display()))
+    Failure::new(CAIRN_ERROR_IO, error.to_string()).field(path.display().to_string())
 }

@@ -65,11 +65,10 @@ pub(super) unsafe fn read<T: Struct>(from: *const T, name: &str) -> Outcome<T> {
     if unknown.iter().any(|byte| *byte != 0) {
         return Err(Failure::new(
             CAIRN_ERROR_STRUCT_SIZE,
-            format!(
-                "{name}: {} of {size} bytes sets something this library does not know. Load a newer library",
-                T::NAME
-            ),
-        ));
+            format!("{} of {size} bytes sets something this library does not know", T::NAME),
+        )
+        .field(name)
+        .remedy("Load a newer library"));
     }
     // SAFETY: zeroes and any bytes are valid in every field, by the trait's promise.
     Ok(unsafe { own.assume_init() })
@@ -230,10 +229,9 @@ fn check_size<T: Struct>(size: usize, name: &str) -> Outcome<()> {
     if newer || T::SIZES.contains(&size) {
         return Ok(());
     }
-    Err(Failure::new(
-        CAIRN_ERROR_STRUCT_SIZE,
-        format!("{name}: {size} is no size of {}. Set struct_size to its sizeof, {own} in this version", T::NAME),
-    ))
+    Err(Failure::new(CAIRN_ERROR_STRUCT_SIZE, format!("{size} is no size of {}", T::NAME))
+        .field(name)
+        .remedy(format!("Set struct_size to its sizeof, {own} in this version")))
 }
 
 #[cfg(test)]

@@ -101,7 +101,7 @@ mod tests {
         unsafe {
             assert!(required_text(std::ptr::null(), "a").is_err());
             assert_eq!(optional_text(std::ptr::null(), "a").unwrap(), None);
-            assert!(required_text(c"\xff\xfe".as_ptr(), "a").unwrap_err().message.contains("UTF-8 (byte 0)"));
+            assert!(required_text(c"\xff\xfe".as_ptr(), "a").unwrap_err().to_string().contains("UTF-8 (byte 0)"));
             let endless = vec![b'a'; MAX_TEXT + 1];
             assert!(required_text(endless.as_ptr().cast(), "a").is_err());
             assert_eq!(required_text(c"h\xc3\xb6".as_ptr(), "a").unwrap(), "hö");

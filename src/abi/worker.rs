@@ -282,8 +282,8 @@ impl Core {
 impl Shared {
     fn check(&self) -> Outcome<()> {
         if self.broken.load(Ordering::SeqCst) {
-            let why = "a step of this rollout ended by a fault of the library. Destroy it";
-            return Err(Failure::new(CAIRN_ERROR_POISONED, why));
+            let why = "a step of this rollout ended by a fault of the library";
+            return Err(Failure::new(CAIRN_ERROR_POISONED, why).remedy("Destroy it"));
         }
         Ok(())
     }

@@ -200,7 +200,9 @@ pub unsafe extern "C" fn cairn_world_load(
         // SAFETY: as above.
         let point = unsafe { optional_text(options.operating_point, "options.operating_point") }?;
         let path = path.ok_or_else(|| {
-            Failure::new(CAIRN_ERROR_UNSUPPORTED, "options.path: this library has no embedded world. Give a path")
+            Failure::new(CAIRN_ERROR_UNSUPPORTED, "this library has no embedded world")
+                .field("options.path")
+                .remedy("Give a path")
         })?;
         let loaded = load(&device, path, point, &options)?;
         let handle = insert::<cairn_world>(loaded)?;
