@@ -1,5 +1,6 @@
 //! The rollout: controls, noise, schedule, KV ring, sampler, autoencoder, state.
 
+mod anchor;
 mod autoencoder;
 mod contract;
 mod controls;
@@ -30,6 +31,7 @@ mod time;
 #[expect(clippy::module_inception, reason = "a world is what this room is about")]
 mod world;
 
+pub use anchor::KeptAnchor;
 pub use controls::{ControlInput, MAX_MOUSE};
 pub use keys::{Key, KeySet};
 pub use kv_memory::Part;

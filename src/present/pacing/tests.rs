@@ -1,0 +1,127 @@
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+fn pacer(multiplier: u32, delay_ns: u64, catch_up: bool) -> Pacer {
+    let pacing = Pacing { multiplier, delay_ns, catch_up };
+    Pacer::new(Interval::of_ns(60 * MS).unwrap(), pacing).unwrap()
+}
+
+fn frame(pacer: &mut Pacer, now: u64) -> DueFrame {
+    pacer.due(now).unwrap().frame
+}
+
+#[test]
+fn steady_anchors_give_a_steady_stream() {
+    for multiplier in [1, 2, 3, 4, 6] {
+        let mut pacer = pacer(multiplier, 60 * MS, false);
+        assert_eq!(pacer.due(0), None);
+        let step = 60 * MS / u64::from(multiplier);
+        for now in (1_000 * MS..5_000 * MS).step_by(MS as usize) {
+            if (now - 1_000 * MS).is_multiple_of(60 * MS) {
+                pacer.push(now);
+            }
+            let position = (now.saturating_sub(1_060 * MS)) / step;
+            let due = pacer.due(now).unwrap();
+            assert_eq!(due.position, position);
+            assert_eq!(
+                (due.since_ns, due.until_ns),
+                (1_060 * MS + position * step, 1_060 * MS + (position + 1) * step)
+            );
+            let (anchor, part) = (position / u64::from(multiplier), (position % u64::from(multiplier)) as u32);
+            let expected = match part {
+                0 => DueFrame::Anchor(anchor),
+                step => DueFrame::Between { previous: anchor, step },
+            };
+            assert_eq!(due.frame, expected, "{now}");
+        }
+        assert_eq!((pacer.late(), pacer.slipped_ns()), (0, 0));
+    }
+}
+
+#[test]
+fn what_comes_late_is_extrapolated_then_stands_and_is_due_when_it_comes() {
+    let mut pacer = pacer(2, 60 * MS, false);
+    pacer.push(0);
+    pacer.push(60 * MS);
+    assert_eq!(frame(&mut pacer, 119 * MS), DueFrame::Between { previous: 0, step: 1 });
+    assert_eq!(frame(&mut pacer, 120 * MS), DueFrame::Anchor(1));
+    assert_eq!(frame(&mut pacer, 150 * MS), DueFrame::Beyond { last: 1, step: 1 });
+    assert_eq!(frame(&mut pacer, 180 * MS), DueFrame::Beyond { last: 1, step: 2 });
+    assert_eq!(frame(&mut pacer, 210 * MS), DueFrame::Stalled { last: 1 });
+    pacer.push(300 * MS);
+    assert_eq!((pacer.late(), pacer.slipped_ns()), (1, 120 * MS));
+    assert_eq!(frame(&mut pacer, 300 * MS), DueFrame::Anchor(2));
+    assert_eq!(pacer.due(300 * MS).unwrap().until_ns, 330 * MS);
+}
+
+#[test]
+fn an_anchor_that_comes_within_its_room_changes_nothing() {
+    let mut pacer = pacer(2, 60 * MS, false);
+    pacer.push(0);
+    pacer.push(120 * MS);
+    assert_eq!((pacer.late(), pacer.slipped_ns()), (0, 0));
+    assert_eq!(frame(&mut pacer, 120 * MS), DueFrame::Anchor(1));
+}
+
+#[test]
+fn what_a_stall_added_is_caught_up_step_by_step_where_asked_for() {
+    for catch_up in [false, true] {
+        let mut pacer = pacer(2, 60 * MS, catch_up);
+        pacer.push(0);
+        pacer.push(180 * MS);
+        assert_eq!(pacer.slipped_ns(), 60 * MS);
+        // From here on they are as early as they were meant to be.
+        for i in 2..40 {
+            pacer.push(i * 60 * MS);
+        }
+        let due = pacer.due(39 * 60 * MS).unwrap();
+        let behind = if catch_up { 60 * MS } else { 120 * MS };
+        assert_eq!(due.position, (39 * 60 * MS - behind) / (30 * MS));
+    }
+}
+
+#[test]
+fn rates_that_are_no_whole_nanoseconds_do_not_drift() {
+    let pacing = Pacing { multiplier: 3, delay_ns: 0, catch_up: false };
+    let mut pacer = Pacer::new(Interval::per_second(15).unwrap(), pacing).unwrap();
+    for _ in 0..15 * 3_600 + 1 {
+        pacer.push(0);
+    }
+    let hour = 3_600 * SECOND;
+    assert_eq!(pacer.due(hour - 1).unwrap().position, 45 * 3_600 - 1);
+    let due = pacer.due(hour).unwrap();
+    assert_eq!((due.position, due.since_ns), (45 * 3_600, hour));
+    for position in 0..10_000 {
+        let start = pacer.interval.start(position, 7);
+        assert_eq!(pacer.interval.position(start, 7), position);
+        assert_eq!(pacer.interval.position(start - 1, 7), position.saturating_sub(1));
+    }
+}
+
+#[test]
+fn clocks_that_jump_do_no_harm() {
+    let mut pacer = pacer(6, 0, true);
+    pacer.push(u64::MAX - 5);
+    assert!(pacer.due(0).is_some());
+    assert_eq!(pacer.due(u64::MAX).unwrap().until_ns, u64::MAX);
+    pacer.push(3);
+    assert_eq!(pacer.waiting(u64::MAX), 1);
+    pacer.reset();
+    assert_eq!(pacer.due(u64::MAX), None);
+    let mut pacer = self::pacer(2, 0, false);
+    pacer.push(0);
+    assert!(matches!(pacer.due(u64::MAX).unwrap().frame, DueFrame::Stalled { last: 0 }));
+    pacer.push(u64::MAX);
+    assert_eq!(frame(&mut pacer, u64::MAX), DueFrame::Anchor(1));
+}
+
+#[test]
+fn senseless_pacing_is_refused() {
+    assert!(Interval::per_second(0).is_err());
+    assert!(Interval::of_ns(0).is_err() && Interval::of_ns(MAX_INTERVAL_NS + 1).is_err());
+    let interval = Interval::of_ns(1).unwrap();
+    for (multiplier, delay_ns) in [(0, 0), (65, 0), (2, MAX_INTERVAL_NS + 1)] {
+        assert!(Pacer::new(interval, Pacing { multiplier, delay_ns, catch_up: false }).is_err());
+    }
+}

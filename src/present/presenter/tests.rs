@@ -1,0 +1,215 @@
+use super::*;
+use crate::framegen::GenerateReport;
+use crate::framegen::cpu::CpuGenerator;
+
+const MS: u64 = 1_000_000;
+const WIDTH: u32 = 48;
+const HEIGHT: u32 = 32;
+
+/// A picture with structure that moves by two pixels from anchor to anchor.
+fn anchor(number: u64, cut: bool) -> Arc<KeptAnchor> {
+    let mut picture = Picture::new(WIDTH, HEIGHT).unwrap();
+    for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
+        let (x, y) = (i as u64 % u64::from(WIDTH) + 2 * number, i as u64 / u64::from(WIDTH));
+        *pixel = [(x * 9 % 200) as u8, (y * 7) as u8, ((x / 4 + y / 4) % 2 * 90) as u8, 255];
+    }
+    Arc::new(KeptAnchor::of_picture(picture, number, cut))
+}
+
+fn options() -> PresenterOptions {
+    PresenterOptions {
+        interval: Some(Interval::of_ns(60 * MS).unwrap()),
+        multiplier: 2,
+        delay_ns: None,
+        catch_up: false,
+        extrapolate: true,
+        decoded: true,
+        size: None,
+        capacity: 4,
+        motion: MotionSource::PictureFlow,
+    }
+}
+
+fn presenter(options: PresenterOptions) -> Presenter {
+    Presenter::new(options, Some(Box::new(CpuGenerator::new()))).unwrap()
+}
+
+fn draw(presenter: &Presenter, now: u64) -> (Shown, Picture) {
+    let mut out = None;
+    let size = presenter.size().unwrap();
+    let shown = presenter.draw(now, size, |picture| out = Some(picture.clone())).unwrap().unwrap();
+    (shown, out.unwrap())
+}
+
+#[test]
+fn anchors_are_shown_as_they_are_and_frames_between_them_as_the_generator_has_them() {
+    let presenter = presenter(options());
+    assert_eq!(presenter.query(0), None);
+    let anchors = [anchor(0, true), anchor(1, false)];
+    for (i, anchor) in anchors.iter().enumerate() {
+        assert!(presenter.push(anchor.clone(), None, i as u64 * 60 * MS).unwrap());
+    }
+    let (shown, picture) = draw(&presenter, 60 * MS);
+    assert_eq!((shown.source, shown.previous, shown.t), (ShownSource::Anchor, 0, 0.0));
+    assert_eq!(&picture, anchors[0].picture());
+    let (shown, picture) = draw(&presenter, 90 * MS);
+    assert_eq!((shown.source, shown.previous, shown.current, shown.t), (ShownSource::Generated, 0, 1, 0.5));
+    let guidance = extract(MotionSource::PictureFlow, &anchors[0], &anchors[1]).unwrap();
+    let pair = AnchorPair::new(anchors[0].picture(), anchors[1].picture(), &guidance).unwrap();
+    let mut expected = Picture::new(WIDTH, HEIGHT).unwrap();
+    CpuGenerator::new().generate(&pair, 0.5, &mut expected).unwrap();
+    assert_eq!(picture, expected);
+    // Guidance that is given is used.
+    let still = Arc::new(Guidance::new(WIDTH, HEIGHT, paper::PROJECTION).unwrap());
+    presenter.reset();
+    presenter.push(anchors[0].clone(), None, 1_000 * MS).unwrap();
+    presenter.push(anchors[1].clone(), Some(still), 1_060 * MS).unwrap();
+    assert_ne!(draw(&presenter, 1_090 * MS).1, expected);
+}
+
+#[test]
+fn a_frame_that_is_drawn_again_is_not_made_again() {
+    let presenter = presenter(PresenterOptions { size: Some((96, 64)), ..options() });
+    presenter.push(anchor(0, true), None, 0).unwrap();
+    presenter.push(anchor(1, false), None, 60 * MS).unwrap();
+    let (first, picture) = draw(&presenter, 90 * MS);
+    let spent = presenter.statistics().generate;
+    let (again, same) = draw(&presenter, 119 * MS);
+    assert_eq!((first.repeated, again.repeated), (false, true));
+    assert!(picture == same && picture.size() == (96, 64));
+    let statistics = presenter.statistics();
+    assert_eq!((statistics.generate, statistics.generated, statistics.repeated), (spent, 2, 1));
+    // Also where only the anchor's number is the same.
+    presenter.reset();
+    presenter.push(anchor(0, true), None, 200 * MS).unwrap();
+    presenter.push(anchor(1, false), None, 260 * MS).unwrap();
+    assert!(!draw(&presenter, 290 * MS).0.repeated);
+}
+
+#[test]
+fn nothing_is_generated_across_a_cut() {
+    for (second, states_it) in [(anchor(1, true), true), (anchor(7, false), false)] {
+        let presenter = presenter(PresenterOptions { multiplier: 4, ..options() });
+        let first = anchor(0, true);
+        presenter.push(first.clone(), None, 0).unwrap();
+        presenter.push(second.clone(), None, 60 * MS).unwrap();
+        for (step, expected) in [(1, &first), (2, &second), (3, &second)] {
+            let (shown, picture) = draw(&presenter, 60 * MS + step * 15 * MS);
+            assert_eq!((shown.source, shown.cut), (ShownSource::Held, true), "stated: {states_it}");
+            assert_eq!(&picture, expected.picture());
+        }
+        // Nor beyond it: no motion leads to this anchor.
+        let (shown, picture) = draw(&presenter, 135 * MS);
+        assert_eq!((shown.source, shown.cut, &picture), (ShownSource::Held, true, second.picture()));
+    }
+}
+
+#[test]
+fn late_anchors_are_made_up_for_by_motion_where_wanted() {
+    for extrapolate in [true, false] {
+        let presenter = presenter(PresenterOptions { extrapolate, ..options() });
+        let last = anchor(1, false);
+        presenter.push(anchor(0, true), None, 0).unwrap();
+        presenter.push(last.clone(), None, 60 * MS).unwrap();
+        let sources = [(120, ShownSource::Anchor), (150, ShownSource::Extrapolated), (210, ShownSource::Held)];
+        let mut pictures = Vec::new();
+        for (ms, source) in sources {
+            let (shown, picture) = draw(&presenter, ms * MS);
+            let standing = if source == ShownSource::Anchor { source } else { ShownSource::Held };
+            assert_eq!(shown.source, if extrapolate { source } else { standing }, "{ms}");
+            pictures.push(picture);
+        }
+        assert_eq!(pictures.iter().all(|picture| picture == last.picture()), !extrapolate);
+        assert_eq!(pictures[1] == pictures[2], !extrapolate);
+    }
+}
+
+#[test]
+fn without_a_generator_the_nearer_anchor_stands() {
+    let presenter = Presenter::new(PresenterOptions { multiplier: 3, ..options() }, None).unwrap();
+    let anchors = [anchor(0, true), anchor(1, false)];
+    presenter.push(anchors[0].clone(), None, 0).unwrap();
+    presenter.push(anchors[1].clone(), None, 60 * MS).unwrap();
+    for (ms, nearer) in [(80, 0), (100, 1), (150, 1)] {
+        let (shown, picture) = draw(&presenter, ms * MS);
+        assert_eq!((shown.source, shown.cut), (ShownSource::Held, false));
+        assert_eq!(&picture, anchors[nearer].picture());
+    }
+}
+
+/// Can do the middle only, and paints all green.
+struct Halfway;
+
+impl FrameGenerator for Halfway {
+    fn name(&self) -> &str {
+        "halfway"
+    }
+
+    fn phases(&self) -> Phases {
+        Phases::OnlyHalf
+    }
+
+    fn generate(&mut self, _: &AnchorPair<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport> {
+        assert_eq!(t, 0.5);
+        out.pixels_mut().fill([0, 255, 0, 255]);
+        Ok(GenerateReport { outcome: Outcome::Generated, uncovered: 0.0, unexplained: 0.0 })
+    }
+
+    fn extrapolate(&mut self, _: &Anchor<'_>, _: f32, out: &mut Picture) -> Result<GenerateReport> {
+        out.pixels_mut().fill([255, 0, 0, 255]);
+        Ok(GenerateReport { outcome: Outcome::Held, uncovered: 0.0, unexplained: 0.0 })
+    }
+
+    fn reset(&mut self) {}
+}
+
+#[test]
+fn a_generator_of_the_middle_only_makes_the_middle_only() {
+    let presenter = Presenter::new(PresenterOptions { multiplier: 4, ..options() }, Some(Box::new(Halfway))).unwrap();
+    presenter.push(anchor(0, true), None, 0).unwrap();
+    presenter.push(anchor(1, false), None, 60 * MS).unwrap();
+    let sources = [15, 30, 45].map(|ms| draw(&presenter, (60 + ms) * MS).0.source);
+    assert_eq!(sources, [ShownSource::Held, ShownSource::Generated, ShownSource::Held]);
+    // What a generator says it did is what is told.
+    assert_eq!(draw(&presenter, 135 * MS).0.source, ShownSource::Held);
+}
+
+#[test]
+fn as_many_wait_as_may() {
+    let presenter = presenter(PresenterOptions { capacity: 2, ..options() });
+    assert!(presenter.push(anchor(0, true), None, 0).unwrap());
+    assert!(presenter.push(anchor(1, false), None, 0).unwrap());
+    assert!(presenter.push(anchor(2, false), None, 0).unwrap());
+    assert!(!presenter.push(anchor(3, false), None, 0).unwrap());
+    assert_eq!((presenter.waiting(0), presenter.statistics().anchors), (2, 3));
+    // Anchor 1 is due and makes room.
+    assert!(presenter.push(anchor(3, false), None, 120 * MS).unwrap());
+    for now in (0..2_000).map(|ms| ms * MS) {
+        draw(&presenter, now);
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let field = |error: Error| error.offending_field().map(str::to_owned);
+    let presenter = Presenter::new(PresenterOptions { interval: None, ..options() }, None).unwrap();
+    assert_eq!(field(presenter.push(anchor(0, true), None, 0).unwrap_err()), Some("anchor".into()));
+    let presenter = self::presenter(PresenterOptions { motion: MotionSource::Paper, ..options() });
+    presenter.push(anchor(0, true), None, 0).unwrap();
+    let small = Arc::new(KeptAnchor::of_picture(Picture::new(8, 8).unwrap(), 1, false));
+    assert_eq!(field(presenter.push(small, None, 0).unwrap_err()), Some("anchor".into()));
+    let small = Arc::new(Guidance::new(8, 8, paper::PROJECTION).unwrap());
+    assert_eq!(field(presenter.push(anchor(1, false), Some(small), 0).unwrap_err()), Some("guidance".into()));
+    presenter.push(anchor(1, false), None, 60 * MS).unwrap();
+    assert!(presenter.draw(90 * MS, (WIDTH, HEIGHT), |_| ()).is_err(), "no latents");
+    assert!(presenter.draw(120 * MS, (8, 8), |_| ()).is_err(), "another size");
+    assert!(presenter.draw(120 * MS, (WIDTH, HEIGHT), |_| ()).unwrap().is_some());
+    for wrong in [
+        PresenterOptions { multiplier: 0, ..options() },
+        PresenterOptions { size: Some((0, 4)), ..options() },
+        PresenterOptions { capacity: 0, ..options() },
+        PresenterOptions { capacity: usize::MAX, ..options() },
+    ] {
+        assert!(Presenter::new(wrong, None).is_err());
+    }
+}
