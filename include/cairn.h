@@ -609,6 +609,8 @@ CAIRN_API cairn_result cairn_world_destroy(cairn_world *world);
 #define CAIRN_FORMAT_RGBA8 0
 /** Four bytes to a pixel, blue first; otherwise the same. */
 #define CAIRN_FORMAT_BGRA8 1
+/** Four half floats to a pixel, red first, 0 to 1; for targets only. */
+#define CAIRN_FORMAT_RGBA16F 2
 
 /** A picture in the host's memory that the library reads, only during the call it is given to. */
 typedef struct cairn_picture {
@@ -635,7 +637,7 @@ typedef struct cairn_picture {
 typedef struct cairn_target {
     /** sizeof(cairn_target) */
     uint32_t struct_size;
-    /** CAIRN_FORMAT_RGBA8 or CAIRN_FORMAT_BGRA8 */
+    /** CAIRN_FORMAT_RGBA8, CAIRN_FORMAT_BGRA8 or CAIRN_FORMAT_RGBA16F */
     uint32_t format;
     /** In pixels; must be the picture's. */
     uint32_t width;
@@ -645,7 +647,7 @@ typedef struct cairn_target {
     void *pixels;
     /** Bytes that may be written from there. */
     uint64_t size;
-    /** Bytes from one row to the next; 0 for width * 4. */
+    /** Bytes from one row to the next; 0 for rows without a gap. */
     uint64_t row_pitch;
 } cairn_target;
 
@@ -1082,7 +1084,390 @@ CAIRN_API cairn_result cairn_rollout_restore(cairn_rollout *rollout, const void 
  */
 CAIRN_API cairn_result cairn_rollout_restore_file(cairn_rollout *rollout, const char *path);
 
-/* ---- 11. Per frame: input written down, and played again --------------------------------------------------------- */
+/* ---- 11. Per frame: guidance ------------------------------------------------------------------------------------- */
+
+/** Motion from what scores best; today CAIRN_MOTION_PICTURES. */
+#define CAIRN_MOTION_AUTO 0
+/** Motion from the two pictures: dense optical flow. */
+#define CAIRN_MOTION_PICTURES 1
+/** Motion from the two latents, as the paper has it. Only anchors of a world have latents. */
+#define CAIRN_MOTION_PAPER 2
+/** A flag of cairn_guidance_data: depth is 1 near and 0 far. */
+#define CAIRN_DEPTH_INVERTED 1
+/** A flag of cairn_guidance_data: depth is the distance along the view axis, in the units of near_plane. */
+#define CAIRN_DEPTH_LINEAR 2
+
+/**
+ * Motion and depth of a pair of anchors, both of the anchors' size. It does not change.
+ *
+ * Motion is in pixels, a half float each for x and y, stored where the current anchor's pixels are and pointing from the
+ * current anchor to the previous one, y down. Depth is device depth of the current anchor, 0 near and 1 far.
+ */
+typedef struct cairn_guidance cairn_guidance;
+
+/** Motion and depth that the host has, in its memory. */
+typedef struct cairn_guidance_data {
+    /** sizeof(cairn_guidance_data) */
+    uint32_t struct_size;
+    /** CAIRN_DEPTH_INVERTED, or CAIRN_DEPTH_LINEAR, or 0 for device depth with 0 near */
+    uint32_t flags;
+    /** In pixels, 1 to 16384; the anchors'. */
+    uint32_t width;
+    /** See width. */
+    uint32_t height;
+    /**
+     * Half floats x, y for each pixel, row by row without padding, as cairn_guidance has them. What is not finite counts as
+     * 0.
+     */
+    const uint16_t *motion;
+    /** Half floats there are: width * height * 2. */
+    uint64_t motion_count;
+    /** A number for each pixel, row by row without padding; null where there is no depth. */
+    const float *depth;
+    /** Numbers there are: width * height, or 0. */
+    uint64_t depth_count;
+    /** Distance of the near plane, above 0; 0 in all three for 0.1, 100 and 60 degrees. */
+    float near_plane;
+    /** Distance of the far plane, above near_plane; may be infinite. */
+    float far_plane;
+    /** Vertical field of view in radians, inside (0, pi). */
+    float vertical_fov;
+    /** 0 */
+    uint32_t reserved;
+} cairn_guidance_data;
+
+/** What guidance is. */
+typedef struct cairn_guidance_info {
+    /** sizeof(cairn_guidance_info) */
+    uint32_t struct_size;
+    /** In pixels. */
+    uint32_t width;
+    /** In pixels. */
+    uint32_t height;
+    /** Distance of the near plane. */
+    float near_plane;
+    /** Distance of the far plane; may be infinite. */
+    float far_plane;
+    /** Vertical field of view in radians. */
+    float vertical_fov;
+} cairn_guidance_info;
+
+/**
+ * Finds motion and depth of a pair of anchors. Takes milliseconds, on the calling thread: a presenter does it by itself when
+ * a frame first needs it, so this is for hosts that would rather do it off the render thread, or look at it.
+ *
+ * source: CAIRN_MOTION_AUTO, CAIRN_MOTION_PICTURES or CAIRN_MOTION_PAPER.
+ *
+ * Ownership: on success *guidance is the caller's, for cairn_guidance_destroy; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for anchors of different sizes and for
+ * latents that are not there; CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_guidance_create(
+    const cairn_anchor *previous, const cairn_anchor *current, uint32_t source, cairn_guidance **guidance);
+
+/**
+ * Makes guidance of the host's own motion and depth, as an engine has them.
+ *
+ * Ownership: on success *guidance is the caller's, for cairn_guidance_destroy; on failure it is not written. What data points
+ * to is copied.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_guidance_create_from_host(const cairn_guidance_data *data, cairn_guidance **guidance);
+
+/**
+ * Says what guidance is.
+ *
+ * Ownership: info stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_guidance_get_info(const cairn_guidance *guidance, cairn_guidance_info *info);
+
+/**
+ * Copies the motion: half floats x, y for each pixel, row by row.
+ *
+ * count: half floats there is room for; must be width * height * 2.
+ *
+ * Ownership: the numbers are copied, on success; on failure none is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_guidance_read_motion(const cairn_guidance *guidance, uint16_t *values, size_t count);
+
+/**
+ * Copies the depth: device depth for each pixel, 0 near, row by row.
+ *
+ * count: numbers there is room for; must be width * height.
+ *
+ * Ownership: the numbers are copied, on success; on failure none is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_guidance_read_depth(const cairn_guidance *guidance, float *values, size_t count);
+
+/**
+ * Destroys the handle of guidance; null is allowed. Presenters that were given it keep what they need.
+ *
+ * Ownership: on success guidance is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the guidance.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
+
+/* ---- 12. Per frame: presenters ----------------------------------------------------------------------------------- */
+
+/** The generator is used where it can be. */
+#define CAIRN_PREFER_AUTO 0
+/** The generator is used, or the presenter is not made. */
+#define CAIRN_PREFER_REQUIRE 1
+/** The generator is not used. */
+#define CAIRN_PREFER_NEVER 2
+/** A flag of cairn_presenter_options: where an anchor is late the last one stands; its motion does not go on. */
+#define CAIRN_PRESENTER_HOLD_LATE 1
+
+/**
+ * A flag of cairn_presenter_options: after a late anchor frames are shown sooner, by a quarter of a frame for each anchor,
+ * until anchors are due delay_ns after they come again. For hosts that make anchors at a steady pace, and not as fast as
+ * they can.
+ */
+#define CAIRN_PRESENTER_CATCH_UP 2
+
+/**
+ * A flag of cairn_presenter_options: frames are generated also where the anchor brings as many decoded pictures as there
+ * are frames to an anchor.
+ */
+#define CAIRN_PRESENTER_NO_DECODED 4
+/** Display-referred sRGB, as pictures are. */
+#define CAIRN_COLOUR_SRGB 0
+/** Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F only. */
+#define CAIRN_COLOUR_LINEAR 1
+/** A frame is an anchor. */
+#define CAIRN_FRAME_ANCHOR 1
+/** A frame is a picture that the later anchor brought with it. */
+#define CAIRN_FRAME_DECODED 2
+/** A frame is generated between two anchors. */
+#define CAIRN_FRAME_GENERATED 3
+/** A frame is generated beyond the last anchor, as the next one is late. */
+#define CAIRN_FRAME_EXTRAPOLATED 4
+/** A frame is a picture that stands, as nothing can be generated: between two anchors the nearer, else the last. */
+#define CAIRN_FRAME_HELD 5
+/** A flag of cairn_frame: a cut keeps it from being generated. */
+#define CAIRN_FRAME_CUT 1
+/** A flag of cairn_frame: it is the very picture that was drawn before. */
+#define CAIRN_FRAME_REPEATED 2
+
+/**
+ * Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, generates it
+ * and writes it into the host's memory. It reads no clock: every time is the host's, in nanoseconds from wherever it likes.
+ *
+ * Anchor i is due at origin + i * interval, where origin is when the first came, plus the delay. Between two anchors that
+ * are there, frames are generated; while the next one is late the motion of the last goes on for at most an interval, and
+ * then the picture stands. An anchor that comes after it was due is due when it comes, and those after it are later by as
+ * much: a world that is too slow is shown slowly, and whole.
+ */
+typedef struct cairn_presenter cairn_presenter;
+
+/** How anchors are shown. All zero: two frames to an anchor, one interval after they come. */
+typedef struct cairn_presenter_options {
+    /** sizeof(cairn_presenter_options) */
+    uint32_t struct_size;
+    /** Frames to an anchor: 1, 2, 3, 4 or 6; 0 for 2. */
+    uint32_t multiplier;
+    /** Size of the frames in pixels, 1 to 16384 each way; 0 both ways for the anchors'. */
+    uint32_t width;
+    /** See width. */
+    uint32_t height;
+    /**
+     * Nanoseconds from one anchor to the next, at most 60 seconds; 0 for what the first anchor's latents_per_second says.
+     */
+    uint64_t interval_ns;
+    /**
+     * Nanoseconds from when an anchor comes until it is due, at most 60 seconds; 0 for an interval. Frames between need the
+     * anchor after, so that less than (multiplier - 1) / multiplier of an interval makes frames late.
+     */
+    uint64_t delay_ns;
+    /** CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED */
+    uint32_t flags;
+    /** Anchors that may wait for their time, 1 to CAIRN_MAX_QUEUE; 0 for 4. */
+    uint32_t capacity;
+    /** Where motion comes from when an anchor comes without guidance: CAIRN_MOTION_AUTO and so on. */
+    uint32_t motion;
+    /** CAIRN_COLOUR_SRGB or CAIRN_COLOUR_LINEAR */
+    uint32_t colour_space;
+    /** AMD FidelityFX frame generation, for Direct3D 12: CAIRN_PREFER_AUTO and so on. */
+    uint32_t fsr;
+    /** The library's own shaders, for Direct3D 12. */
+    uint32_t shader;
+    /** The library's own generator on the processor. */
+    uint32_t cpu;
+    /** 0 */
+    uint32_t reserved;
+} cairn_presenter_options;
+
+/** A frame of a presenter. */
+typedef struct cairn_frame {
+    /** sizeof(cairn_frame) */
+    uint32_t struct_size;
+    /** CAIRN_FRAME_ANCHOR to CAIRN_FRAME_HELD */
+    uint32_t source;
+    /**
+     * Place in the stream: anchor i, counted from 0 as they came, has place i * multiplier. When a late anchor comes it may
+     * step back.
+     */
+    uint64_t position;
+    /** When it is due. For the first anchor this may be yet to come: it is shown from its arrival on. */
+    uint64_t since_ns;
+    /** When the next one is due, if no anchor is late. */
+    uint64_t until_ns;
+    /** Number of the anchor that it shows or starts from. */
+    uint64_t previous;
+    /** Number of the anchor that it leads to; the same where it leads to none. */
+    uint64_t current;
+    /** Intervals from the previous anchor, 0 to 1. */
+    float t;
+    /** CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED */
+    uint32_t flags;
+} cairn_frame;
+
+/** What a presenter has done since it was made. */
+typedef struct cairn_presenter_statistics {
+    /** sizeof(cairn_presenter_statistics) */
+    uint32_t struct_size;
+    /** 0 */
+    uint32_t reserved;
+    /** Anchors that came. */
+    uint64_t anchors;
+    /** Those that came after they were due. */
+    uint64_t late_anchors;
+    /** Nanoseconds that time stood still for late ones. */
+    uint64_t slipped_ns;
+    /** Frames drawn that were anchors. A frame drawn again counts again, here and below. */
+    uint64_t shown_anchors;
+    /** Frames drawn that anchors brought with them. */
+    uint64_t shown_decoded;
+    /** Frames drawn that were generated between anchors. */
+    uint64_t shown_generated;
+    /** Frames drawn that were generated beyond the last anchor. */
+    uint64_t shown_extrapolated;
+    /** Frames drawn that stood. */
+    uint64_t shown_held;
+    /** Those of all of them that were the same as the one drawn before. */
+    uint64_t repeated;
+    /** Those that a cut kept from being generated. */
+    uint64_t cuts;
+    /** Nanoseconds of finding motion and depth. */
+    uint64_t guidance_ns;
+    /** Nanoseconds of generating. */
+    uint64_t generate_ns;
+    /** Nanoseconds of resizing. */
+    uint64_t resize_ns;
+    /** The generator that is used, such as "cpu"; empty where there is none. */
+    char generator[32];
+    /** Why a generator that might be better is not used, for people; UTF-8. */
+    char preference[160];
+} cairn_presenter_statistics;
+
+/**
+ * Makes a presenter.
+ *
+ * options: may be null for the defaults.
+ *
+ * Ownership: on success *presenter is the caller's, for cairn_presenter_destroy; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED for a required generator
+ * that is not there; CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_create(const cairn_presenter_options *options, cairn_presenter **presenter);
+
+/**
+ * Gives a presenter the next anchor. What comes without a number one above the last, or with CAIRN_ANCHOR_CUT, is a cut:
+ * nothing is generated between it and the one before.
+ *
+ * guidance: of the anchor before and this one; null to have the presenter find it.
+ * now_ns: when it came, on the host's clock.
+ *
+ * Ownership: the presenter keeps what it needs of anchor and guidance, whose handles stay the caller's; on failure it keeps
+ * nothing.
+ * Threads: any thread, at any time, also while a frame is drawn. A time before one that was heard of counts as that one.
+ * Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for another size than the first
+ * anchor's, and for a first one without a rate where the options have no interval.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_push(
+    const cairn_presenter *presenter, const cairn_anchor *anchor, const cairn_guidance *guidance, uint64_t now_ns);
+
+/**
+ * Says which frame is due. Takes less than a microsecond.
+ *
+ * now_ns: when it will be shown, on the host's clock.
+ *
+ * Ownership: frame stays the caller's and is filled on success; on failure, and when there is none, it is not written.
+ * Threads: any thread, at any time, also while a frame is drawn.
+ * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
+ * CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_query(const cairn_presenter *presenter, uint64_t now_ns, cairn_frame *frame);
+
+/**
+ * Makes the frame that is due and writes it. One that is due already when it is drawn again is not made again. A generator
+ * may find a cut that cairn_presenter_query could not know of; frame says what was drawn.
+ *
+ * now_ns: when it will be shown, on the host's clock.
+ * target: of the frames' size.
+ * frame: may be null.
+ *
+ * Ownership: the pixels are copied and frame is filled, on success; on failure, and when there is none, neither is written.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
+ * when CAIRN_MOTION_PAPER meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_draw(
+    cairn_presenter *presenter, uint64_t now_ns, const cairn_target *target, cairn_frame *frame);
+
+/**
+ * Forgets all anchors and when they came: the next one is a first again, of any size.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_reset(const cairn_presenter *presenter);
+
+/**
+ * Says what a presenter has done, and with what.
+ *
+ * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_get_statistics(
+    const cairn_presenter *presenter, cairn_presenter_statistics *statistics);
+
+/**
+ * Destroys the handle of a presenter; null is allowed.
+ *
+ * Ownership: on success presenter is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the presenter.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_destroy(cairn_presenter *presenter);
+
+/* ---- 13. Per frame: input written down, and played again --------------------------------------------------------- */
 
 /** What a player does, by world time, in the format of docs/control-script.md. It does not change. */
 typedef struct cairn_script cairn_script;
@@ -1246,7 +1631,7 @@ CAIRN_API cairn_result cairn_recorder_make_script(
  */
 CAIRN_API cairn_result cairn_recorder_destroy(cairn_recorder *recorder);
 
-/* ---- 12. Queries: statistics ------------------------------------------------------------------------------------- */
+/* ---- 14. Queries: statistics ------------------------------------------------------------------------------------- */
 
 /** What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time. */
 typedef struct cairn_rollout_statistics {

@@ -3,10 +3,10 @@
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
 use super::images::{Target, cairn_picture, cairn_target, read_picture};
-use super::results::{CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, slice_mut};
-use crate::world::Rollout;
-use crate::{Error, ErrorKind, Picture};
+use crate::world::KeptAnchor;
+use crate::{Error, ErrorKind};
 
 /// A flag of cairn_anchor_info: nothing leads from the anchor before to this one, so that nothing may be generated between
 /// them. It is the first of a rollout, after a reset or a restored state, or a picture that was appended.
@@ -15,24 +15,13 @@ pub const CAIRN_ANCHOR_CUT: u32 = 1;
 /// An anchor: a copy that stays as it is, whatever becomes of its rollout.
 pub struct cairn_anchor(());
 
-/// What lies behind a handle of an anchor.
-pub(super) struct Anchor {
-    number: u64,
-    latents_per_second: u32,
-    flags: u32,
-    /// In order of time; the last is the anchor itself.
-    pictures: Vec<Picture>,
-    shape: [u32; 3],
-    latent: Vec<f32>,
-}
-
 impl Handle for cairn_anchor {
     const KIND: Kind = Kind::Anchor;
     const NAME: &'static str = "cairn_anchor";
-    type Object = Anchor;
+    type Object = KeptAnchor;
 }
 
-impl Object for Anchor {}
+impl Object for KeptAnchor {}
 
 /// What an anchor is.
 #[repr(C)]
@@ -89,8 +78,7 @@ pub unsafe extern "C" fn cairn_anchor_create(
         }
         // SAFETY: the host's promise about `picture`.
         let picture = unsafe { read_picture(picture, "picture") }?;
-        let (shape, latent) = ([0; 3], Vec::new());
-        let made = Anchor { number, latents_per_second: 0, flags, pictures: vec![picture], shape, latent };
+        let made = KeptAnchor::of_picture(picture, number, flags & CAIRN_ANCHOR_CUT != 0);
         let handle = insert::<cairn_anchor>(made)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { anchor.write(handle) };
@@ -113,14 +101,14 @@ pub unsafe extern "C" fn cairn_anchor_get_info(
         let anchor = enter(anchor)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::new(info, "info") }?;
-        let (width, height) = anchor.size();
-        let [latent_channels, latent_height, latent_width] = anchor.shape;
+        let (width, height) = anchor.picture().size();
+        let [latent_channels, latent_height, latent_width] = anchor.latent_shape();
         info.write(&cairn_anchor_info {
             struct_size: 0,
-            flags: anchor.flags,
-            latent: anchor.number,
-            latents_per_second: anchor.latents_per_second,
-            pictures: anchor.pictures.len() as u32,
+            flags: if anchor.is_cut() { CAIRN_ANCHOR_CUT } else { 0 },
+            latent: anchor.number(),
+            latents_per_second: anchor.latents_per_second(),
+            pictures: anchor.pictures().len() as u32,
             width,
             height,
             latent_channels,
@@ -149,8 +137,9 @@ pub unsafe extern "C" fn cairn_anchor_read_picture(
 ) -> cairn_result {
     call("cairn_anchor_read_picture", || {
         let anchor = enter(anchor)?;
-        let picture = anchor.pictures.get(index as usize).ok_or_else(|| {
-            Failure::argument("index", format!("there is no picture {index}, the anchor has {}", anchor.pictures.len()))
+        let pictures = anchor.pictures();
+        let picture = pictures.get(index as usize).ok_or_else(|| {
+            Failure::argument("index", format!("there is no picture {index}, the anchor has {}", pictures.len()))
         })?;
         // SAFETY: the host's promise about `target`.
         unsafe { Target::new(target, picture.size(), "target") }?.write(picture);
@@ -175,15 +164,15 @@ pub unsafe extern "C" fn cairn_anchor_read_latent(
 ) -> cairn_result {
     call("cairn_anchor_read_latent", || {
         let anchor = enter(anchor)?;
-        if anchor.latent.is_empty() {
+        if anchor.latent().is_empty() {
             return Err(Error::new(ErrorKind::Unsupported, "the host's own picture has no latent").into());
         }
-        if count != anchor.latent.len() {
-            let why = format!("{count} numbers, the latent has {}", anchor.latent.len());
+        if count != anchor.latent().len() {
+            let why = format!("{count} numbers, the latent has {}", anchor.latent().len());
             return Err(Failure::argument("count", why));
         }
         // SAFETY: the host's promise about `values`.
-        unsafe { slice_mut(values, count, "values") }?.copy_from_slice(&anchor.latent);
+        unsafe { slice_mut(values, count, "values") }?.copy_from_slice(anchor.latent());
         Ok(CAIRN_OK)
     })
 }
@@ -197,44 +186,4 @@ pub unsafe extern "C" fn cairn_anchor_read_latent(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_anchor_destroy(anchor: *mut cairn_anchor) -> cairn_result {
     call("cairn_anchor_destroy", || destroy(anchor))
-}
-
-impl Anchor {
-    /// A copy of what `rollout` made last.
-    pub(super) fn of(rollout: &mut Rollout, cut: bool) -> Outcome<Self> {
-        let point = rollout.operating_point().clone();
-        let mut pictures = Vec::new();
-        for i in 0..point.pictures_per_latent {
-            let (width, height) = rollout.world().render_size();
-            let mut picture = Picture::new(width, height)?;
-            rollout.read_picture(i, &mut picture)?;
-            pictures.push(picture);
-        }
-        let shape = rollout.world().manifest().geometry.latent;
-        let mut latent = Vec::new();
-        let values = rollout.latent()?;
-        latent.try_reserve_exact(values.len()).map_err(|_| {
-            Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("a latent of {} numbers cannot be copied", values.len()))
-        })?;
-        latent.extend_from_slice(values);
-        Ok(Self {
-            number: rollout.planner().latents().saturating_sub(1),
-            latents_per_second: point.latents_per_second,
-            flags: if cut { CAIRN_ANCHOR_CUT } else { 0 },
-            pictures,
-            shape: [shape.channels, shape.height, shape.width],
-            latent,
-        })
-    }
-
-    /// `(width, height)` of its pictures.
-    pub(super) fn size(&self) -> (u32, u32) {
-        self.picture().size()
-    }
-
-    /// The picture that the anchor is.
-    pub(super) fn picture(&self) -> &Picture {
-        // It is made with one at least.
-        &self.pictures[self.pictures.len() - 1]
-    }
 }

@@ -34,6 +34,8 @@ pub(super) enum Kind {
     Anchor,
     Script,
     Recorder,
+    Guidance,
+    Presenter,
 }
 
 /// The opaque type that a handle points to in the header.
@@ -83,6 +85,13 @@ struct Pass {
     gate: Arc<Gate>,
     alone: bool,
     was_panicking: bool,
+}
+
+impl<T> Entered<T> {
+    /// The object for keeps, also when its handle is gone.
+    pub(super) fn share(&self) -> Arc<T> {
+        self.object.clone()
+    }
 }
 
 impl<T> Deref for Entered<T> {
@@ -165,7 +174,7 @@ pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
         let mut table = TABLE.write();
         let gate = &table.find(handle.cast_const())?.gate;
         if gate.holds_me() {
-            return Err(busy::<H>("this is a callback of a call on it. Destroy it after that call"));
+            return Err(busy::<H>("this is a callback of a call on it").remedy("Destroy it after that call"));
         }
         table.remove(handle.cast_const())
     };

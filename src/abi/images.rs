@@ -2,6 +2,8 @@
 
 use std::ffi::c_void;
 
+use half::f16;
+
 use super::results::{Failure, Outcome};
 use super::structs::{describe, read};
 use crate::Picture;
@@ -10,6 +12,8 @@ use crate::Picture;
 pub const CAIRN_FORMAT_RGBA8: u32 = 0;
 /// Four bytes to a pixel, blue first; otherwise the same.
 pub const CAIRN_FORMAT_BGRA8: u32 = 1;
+/// Four half floats to a pixel, red first, 0 to 1; for targets only.
+pub const CAIRN_FORMAT_RGBA16F: u32 = 2;
 
 /// A picture in the host's memory that the library reads, only during the call it is given to.
 #[repr(C)]
@@ -39,7 +43,7 @@ describe!(cairn_picture, [], { struct_size, format, width, height, pixels, size,
 pub struct cairn_target {
     /// sizeof(cairn_target)
     pub struct_size: u32,
-    /// CAIRN_FORMAT_RGBA8 or CAIRN_FORMAT_BGRA8
+    /// CAIRN_FORMAT_RGBA8, CAIRN_FORMAT_BGRA8 or CAIRN_FORMAT_RGBA16F
     pub format: u32,
     /// In pixels; must be the picture's.
     pub width: u32,
@@ -49,7 +53,7 @@ pub struct cairn_target {
     pub pixels: *mut c_void,
     /// Bytes that may be written from there.
     pub size: u64,
-    /// Bytes from one row to the next; 0 for width * 4.
+    /// Bytes from one row to the next; 0 for rows without a gap.
     pub row_pitch: u64,
 }
 describe!(cairn_target, [], { struct_size, format, width, height, pixels, size, row_pitch });
@@ -64,16 +68,19 @@ struct Rows {
 
 impl Rows {
     /// Checks a layout; `field` names the struct, for messages.
-    fn check(width: u32, height: u32, size: u64, pitch: u64, pixels: *const c_void, field: &str) -> Outcome<Self> {
-        let wrong = |part: &str, why: String| Err(Failure::argument(&format!("{field}.{part}"), why));
+    fn check(from: &cairn_picture, format: Format, field: &str) -> Outcome<Self> {
+        let cairn_picture { width, height, pixels, size, row_pitch: pitch, .. } = *from;
+        let refuse = |part: &str, why: String| Failure::argument(&format!("{field}.{part}"), why);
+        let wrong = |part: &str, why: String| Err(refuse(part, why));
         let sides = 1..=crate::MAX_SIDE;
         if !sides.contains(&width) || !sides.contains(&height) {
-            return wrong("width", format!("{width} x {height} pixels. Use 1 to {} each way", crate::MAX_SIDE));
+            let remedy = format!("Use 1 to {} each way", crate::MAX_SIDE);
+            return Err(refuse("width", format!("{width} x {height} pixels")).remedy(remedy));
         }
         if pixels.is_null() {
             return wrong("pixels", "a null pointer".into());
         }
-        let row = u64::from(width) * 4;
+        let row = u64::from(width) * format.pixel();
         let pitch = if pitch == 0 { row } else { pitch };
         if pitch < row {
             return wrong("row_pitch", format!("{pitch} bytes are less than a row of {row}"));
@@ -87,12 +94,30 @@ impl Rows {
     }
 }
 
-/// The byte order of a format; `field` names the struct, for messages.
-fn is_bgra(format: u32, field: &str) -> Outcome<bool> {
-    match format {
-        CAIRN_FORMAT_RGBA8 => Ok(false),
-        CAIRN_FORMAT_BGRA8 => Ok(true),
-        other => Err(Failure::argument(&format!("{field}.format"), format!("{other} is no format of this library"))),
+/// How pixels lie in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Rgba8,
+    Bgra8,
+    Rgba16F,
+}
+
+impl Format {
+    /// What the header's number means; `field` names the struct, for messages.
+    fn of(number: u32, field: &str) -> Outcome<Self> {
+        match number {
+            CAIRN_FORMAT_RGBA8 => Ok(Self::Rgba8),
+            CAIRN_FORMAT_BGRA8 => Ok(Self::Bgra8),
+            CAIRN_FORMAT_RGBA16F => Ok(Self::Rgba16F),
+            other => {
+                Err(Failure::argument(&format!("{field}.format"), format!("{other} is no format of this library")))
+            }
+        }
+    }
+
+    /// Bytes of a pixel.
+    fn pixel(self) -> u64 {
+        if self == Self::Rgba16F { 8 } else { 4 }
     }
 }
 
@@ -107,13 +132,16 @@ fn swap_red_and_blue(row: &mut [u8]) {
 pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Outcome<Picture> {
     // SAFETY: the caller's promise is the same.
     let from = unsafe { read(from, name) }?;
-    let bgra = is_bgra(from.format, name)?;
-    let rows = Rows::check(from.width, from.height, from.size, from.row_pitch, from.pixels, name)?;
+    let format = Format::of(from.format, name)?;
+    if format == Format::Rgba16F {
+        return Err(Failure::argument(&format!("{name}.format"), "half floats are for targets only"));
+    }
+    let rows = Rows::check(&from, format, name)?;
     let mut picture = Picture::new(from.width, from.height)?;
     for (i, row) in picture.rgba_mut().chunks_exact_mut(rows.len).enumerate() {
         // SAFETY: row `i` lies within the size that was checked, and the picture is memory of our own.
         unsafe { from.pixels.cast::<u8>().add(i * rows.pitch).copy_to_nonoverlapping(row.as_mut_ptr(), rows.len) };
-        if bgra {
+        if format == Format::Bgra8 {
             swap_red_and_blue(row);
         }
     }
@@ -125,7 +153,8 @@ pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Out
 pub(super) struct Target {
     pixels: *mut u8,
     rows: Rows,
-    bgra: bool,
+    format: Format,
+    linear: bool,
 }
 
 impl Target {
@@ -133,31 +162,67 @@ impl Target {
     /// `to` is null or points to a readable struct whose pixels can be written as it says, as long as this lives.
     pub(super) unsafe fn new(to: *const cairn_target, size: (u32, u32), name: &str) -> Outcome<Self> {
         // SAFETY: the caller's promise is the same.
-        let to = unsafe { read(to, name) }?;
-        let bgra = is_bgra(to.format, name)?;
-        let rows = Rows::check(to.width, to.height, to.size, to.row_pitch, to.pixels, name)?;
-        if (to.width, to.height) != size {
-            let why = format!("{} x {} pixels where {} x {} come", to.width, to.height, size.0, size.1);
+        let cairn_target { struct_size, format, width, height, pixels, size: bytes, row_pitch } =
+            unsafe { read(to, name) }?;
+        let layout = cairn_picture { struct_size, format, width, height, pixels, size: bytes, row_pitch };
+        let format = Format::of(format, name)?;
+        let rows = Rows::check(&layout, format, name)?;
+        if (width, height) != size {
+            let why = format!("{width} x {height} pixels where {} x {} come", size.0, size.1);
             return Err(Failure::argument(&format!("{name}.width"), why));
         }
-        Ok(Self { pixels: to.pixels.cast(), rows, bgra })
+        Ok(Self { pixels: pixels.cast(), rows, format, linear: false })
+    }
+
+    /// The same place, for linear light if `linear`.
+    pub(super) fn in_linear_light(self, linear: bool) -> Outcome<Self> {
+        if linear && self.format != Format::Rgba16F {
+            let why = "linear light needs more than 8 bits";
+            return Err(Failure::argument("target.format", why).remedy("Use CAIRN_FORMAT_RGBA16F"));
+        }
+        Ok(Self { linear, ..self })
     }
 
     /// Writes a picture of the size that was checked.
     pub(super) fn write(self, picture: &Picture) {
-        let Self { pixels, rows, bgra } = self;
-        for (i, row) in picture.rgba().chunks_exact(rows.len).take(rows.count).enumerate() {
+        let Self { pixels, rows, format, linear } = self;
+        let halves = (format == Format::Rgba16F).then(|| [halves(linear), halves(false)]);
+        let from = picture.rgba().chunks_exact(picture.width() as usize * 4);
+        for (i, row) in from.take(rows.count).enumerate() {
             // SAFETY: row `i` lies within the size that was checked; nobody else uses it, by the promise of `new`.
             let to = unsafe {
                 let to = pixels.add(i * rows.pitch);
-                to.copy_from_nonoverlapping(row.as_ptr(), rows.len);
+                to.write_bytes(0, rows.len);
                 std::slice::from_raw_parts_mut(to, rows.len)
             };
-            if bgra {
-                swap_red_and_blue(to);
+            match &halves {
+                None => {
+                    to.copy_from_slice(row);
+                    if format == Format::Bgra8 {
+                        swap_red_and_blue(to);
+                    }
+                }
+                Some([colour, alpha]) => {
+                    let channels = to.as_chunks_mut::<2>().0.iter_mut().zip(row).enumerate();
+                    for (c, (half, level)) in channels {
+                        *half = if c % 4 == 3 { alpha } else { colour }[*level as usize].to_ne_bytes();
+                    }
+                }
             }
         }
     }
+}
+
+/// Every 8-bit level as a half float from 0 to 1, also brought to linear light by the curve of sRGB (IEC 61966-2-1).
+fn halves(linear: bool) -> [f16; 256] {
+    std::array::from_fn(|level| {
+        let value = level as f64 / 255.0;
+        f16::from_f64(match value {
+            v if !linear => v,
+            v if v <= 0.04045 => v / 12.92,
+            v => libm::pow((v + 0.055) / 1.055, 2.4),
+        })
+    })
 }
 
 #[cfg(test)]
@@ -202,6 +267,32 @@ mod tests {
     }
 
     #[test]
+    fn half_floats_are_written_in_either_light() {
+        let picture = Picture::from_rgba(1, 1, vec![0, 128, 255, 51]).unwrap();
+        for (linear, middle) in [(false, 128.0 / 255.0), (true, 0.215_86)] {
+            let mut back = [0_u16; 4];
+            let to = cairn_target {
+                struct_size: size_of::<cairn_target>() as u32,
+                format: CAIRN_FORMAT_RGBA16F,
+                width: 1,
+                height: 1,
+                pixels: back.as_mut_ptr().cast(),
+                size: 8,
+                row_pitch: 0,
+            };
+            // SAFETY: the bytes are there.
+            let place = |to: &cairn_target| unsafe { Target::new(to, (1, 1), "target") };
+            place(&to).unwrap().in_linear_light(linear).unwrap().write(&picture);
+            let [red, green, blue, alpha] = back.map(|bits| f16::from_bits(bits).to_f32());
+            assert_eq!((red, blue), (0.0, 1.0));
+            assert!((green - middle).abs() < 3e-4 && (alpha - 0.2).abs() < 1e-4, "{green} {alpha}");
+            let eight = cairn_target { format: CAIRN_FORMAT_RGBA8, ..to };
+            assert_eq!(place(&eight).unwrap().in_linear_light(linear).is_err(), linear);
+            assert!(place(&cairn_target { size: 7, ..to }).is_err());
+        }
+    }
+
+    #[test]
     fn layouts_that_cannot_be_are_refused() {
         let bytes = [0_u8; 16];
         let good = source(&bytes);
@@ -219,7 +310,8 @@ mod tests {
             cairn_picture { row_pitch: 7, ..good },
             cairn_picture { row_pitch: 9, ..good },
             cairn_picture { row_pitch: u64::MAX, ..good },
-            cairn_picture { format: 2, ..good },
+            cairn_picture { format: CAIRN_FORMAT_RGBA16F, ..good },
+            cairn_picture { format: 3, ..good },
             cairn_picture { width: 3, ..good },
         ] {
             assert_eq!(result(bad).unwrap_err(), CAIRN_ERROR_INVALID_ARGUMENT, "{bad:?}");

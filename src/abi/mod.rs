@@ -9,6 +9,7 @@
 //! | `requirements`, `device`, `world` | what is created first |
 //! | `images`, `controls` | what crosses the border in every frame |
 //! | `rollout`, `steps`, `anchor`, `state` | a rollout step by step, by its queue, what it makes, and its state kept |
+//! | `guidance`, `presenter` | motion and depth, and frames when they are due |
 //! | `script`, `recorder` | input written down, and played again |
 //! | `statistics` | what can be asked |
 //!
@@ -21,8 +22,10 @@
 pub mod anchor;
 pub mod controls;
 pub mod device;
+pub mod guidance;
 pub mod images;
 pub mod logging;
+pub mod presenter;
 pub mod record;
 pub mod recorder;
 pub mod requirements;

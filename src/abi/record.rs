@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use super::structs::Struct;
 use super::{
-    anchor::*, controls::*, device::*, images::*, logging::*, requirements::*, results::*, rollout::*, statistics::*,
-    steps::*, version::*, world::*,
+    anchor::*, controls::*, device::*, guidance::*, images::*, logging::*, presenter::*, requirements::*, results::*,
+    rollout::*, statistics::*, steps::*, version::*, world::*,
 };
 
 /// Constants and structs, in the words of `abi.txt`.
@@ -38,8 +38,14 @@ fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
         CAIRN_REQUIREMENT_PLATFORM CAIRN_REQUIREMENT_ONNXRUNTIME CAIRN_REQUIREMENT_MEMORY
         CAIRN_REQUIREMENT_MET CAIRN_REQUIREMENT_NOT_MET CAIRN_REQUIREMENT_UNKNOWN
         CAIRN_LOAD_READING CAIRN_LOAD_PREPARING
-        CAIRN_FORMAT_RGBA8 CAIRN_FORMAT_BGRA8
+        CAIRN_FORMAT_RGBA8 CAIRN_FORMAT_BGRA8 CAIRN_FORMAT_RGBA16F
         CAIRN_MAX_QUEUE CAIRN_STEP_COMMITTED CAIRN_FOREVER CAIRN_ANCHOR_CUT
+        CAIRN_MOTION_AUTO CAIRN_MOTION_PICTURES CAIRN_MOTION_PAPER CAIRN_DEPTH_INVERTED CAIRN_DEPTH_LINEAR
+        CAIRN_PREFER_AUTO CAIRN_PREFER_REQUIRE CAIRN_PREFER_NEVER
+        CAIRN_PRESENTER_HOLD_LATE CAIRN_PRESENTER_CATCH_UP CAIRN_PRESENTER_NO_DECODED
+        CAIRN_COLOUR_SRGB CAIRN_COLOUR_LINEAR
+        CAIRN_FRAME_ANCHOR CAIRN_FRAME_DECODED CAIRN_FRAME_GENERATED CAIRN_FRAME_EXTRAPOLATED CAIRN_FRAME_HELD
+        CAIRN_FRAME_CUT CAIRN_FRAME_REPEATED
     ]
 }
 
@@ -59,6 +65,11 @@ fn structs(text: &mut String) {
     one::<cairn_rollout_info>(text);
     one::<cairn_step_info>(text);
     one::<cairn_anchor_info>(text);
+    one::<cairn_guidance_data>(text);
+    one::<cairn_guidance_info>(text);
+    one::<cairn_presenter_options>(text);
+    one::<cairn_frame>(text);
+    one::<cairn_presenter_statistics>(text);
     one::<cairn_rollout_statistics>(text);
 }
 

@@ -63,7 +63,7 @@ pub unsafe extern "C" fn cairn_recorder_key(
         let recorder = enter_alone(recorder)?;
         let key = u8::try_from(key).map_err(|_| Failure::argument("key", format!("{key} is no virtual-key code")))?;
         if down > 1 {
-            return Err(Failure::argument("down", format!("{down}. Use 1 or 0")));
+            return Err(Failure::argument("down", format!("{down} is neither up nor down")).remedy("Use 1 or 0"));
         }
         recorder.0.lock().key(WorldTime::from_micros(microseconds), Key(key), down == 1)?;
         Ok(CAIRN_OK)

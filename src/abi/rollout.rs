@@ -127,8 +127,8 @@ pub unsafe extern "C" fn cairn_rollout_create(
             0 => 4,
             capacity @ 1..=CAIRN_MAX_QUEUE => capacity,
             other => {
-                let why = format!("{other} steps cannot wait. Use 1 to {CAIRN_MAX_QUEUE}, or 0");
-                return Err(Failure::argument("options.queue_capacity", why));
+                let failure = Failure::argument("options.queue_capacity", format!("{other} steps cannot wait"));
+                return Err(failure.remedy(format!("Use 1 to {CAIRN_MAX_QUEUE}, or 0")));
             }
         };
         let made = Rollout::new(&world.world, &point, options.seed)?;

@@ -135,8 +135,8 @@ pub unsafe extern "C" fn cairn_script_destroy(script: *mut cairn_script) -> cair
 /// World time that a latent stands for.
 pub(super) fn span(latent: u64, latents_per_second: u32) -> Outcome<(WorldTime, WorldTime)> {
     if latents_per_second == 0 || latents_per_second > crate::world::MAX_LATENT_RATE {
-        let why = format!("{latents_per_second}. Use 1 to {}", crate::world::MAX_LATENT_RATE);
-        return Err(Failure::argument("latents_per_second", why));
+        let failure = Failure::argument("latents_per_second", format!("{latents_per_second} is no rate of latents"));
+        return Err(failure.remedy(format!("Use 1 to {}", crate::world::MAX_LATENT_RATE)));
     }
     let at = |number| WorldTime::new(number, latents_per_second);
     Ok((at(latent.saturating_sub(1)), at(latent)))

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
-use super::anchor::Anchor;
 use super::boundary::guard;
 use super::handles::Object;
 use super::results::{
@@ -16,7 +15,7 @@ use super::results::{
     Failure, Outcome,
 };
 use crate::Picture;
-use crate::world::{ControlInput, Rollout, Statistics, StepInfo};
+use crate::world::{ControlInput, KeptAnchor, Rollout, Statistics, StepInfo};
 
 /// What lies behind a handle of a rollout.
 pub(super) struct Running {
@@ -71,7 +70,7 @@ pub(super) enum Job {
 #[derive(Clone)]
 pub(super) struct Done {
     pub(super) info: StepInfo,
-    pub(super) anchor: Arc<Anchor>,
+    pub(super) anchor: Arc<KeptAnchor>,
 }
 
 /// What has become of a ticket.
@@ -122,7 +121,7 @@ impl Running {
         self.shared.check()?;
         let queue = self.shared.queue.lock();
         if queue.running.is_some() || !queue.waiting.is_empty() {
-            return Err(busy("steps are queued on it. Wait for them, or cancel them"));
+            return Err(busy("steps are queued on it").remedy("Wait for them, or cancel them"));
         }
         let core = self.shared.core.try_lock().ok_or_else(|| busy("another call is using it"))?;
         // What was cancelled before has ended.
@@ -218,7 +217,7 @@ impl Running {
     pub(super) fn single(&self) -> Outcome<bool> {
         let mut queue = self.shared.queue.lock();
         if !queue.paused {
-            return Err(Failure::argument("rollout", "it is not paused. Pause it first"));
+            return Err(Failure::argument("rollout", "it is not paused").remedy("Pause it first"));
         }
         if queue.singles >= queue.waiting.len() {
             return Ok(false);
@@ -274,8 +273,8 @@ impl Core {
     }
 
     /// The anchor that the last step made.
-    pub(super) fn anchor(&mut self) -> Outcome<Anchor> {
-        Anchor::of(&mut self.rollout, self.cut)
+    pub(super) fn anchor(&mut self) -> Outcome<KeptAnchor> {
+        Ok(KeptAnchor::of(&mut self.rollout, self.cut)?)
     }
 }
 

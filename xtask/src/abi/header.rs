@@ -19,6 +19,8 @@ const CHAPTERS: &[(&str, &[&str])] = &[
     ("Per frame: rollouts", &["rollout"]),
     ("Per frame: the queue of a rollout", &["steps"]),
     ("Per frame: the state of a rollout", &["state"]),
+    ("Per frame: guidance", &["guidance"]),
+    ("Per frame: presenters", &["presenter"]),
     ("Per frame: input written down, and played again", &["script", "recorder"]),
     ("Queries: statistics", &["statistics"]),
 ];
