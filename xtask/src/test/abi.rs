@@ -20,6 +20,10 @@ const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 /// C programs that run against the library; each is a file of `tests/abi`.
 const PROGRAMS: &str = "tests/abi";
 
+/// Headers that hosts may have been compiled with, by their folder in `tests/abi/earlier`, and programs that must run with
+/// them still.
+const EARLIER: [(&str, &[&str]); 1] = [("1", &["basics", "world", "input", "rollout"])];
+
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let clone = context.clone;
     let work = clone.target.join("xtask").join("abi");
@@ -173,7 +177,8 @@ fn exports(library: &Path, declared: &Declarations) -> Result<Option<String>, St
     Ok((!wrong.is_empty()).then(|| format!("exported or declared, but not both: {}", wrong.join(", "))))
 }
 
-/// Compiles and runs every C program against the library. Each prints a line for every test, as Rust's do.
+/// Compiles and runs every C program against the library, and some as hosts that were compiled with an earlier header. Each
+/// prints a line for every test, as Rust's do.
 fn programs(
     context: &Context<'_>,
     log: &mut Log,
@@ -181,30 +186,52 @@ fn programs(
     library: &Path,
     tally: &mut Tally,
 ) -> Result<(), String> {
-    let sources: Vec<String> =
-        context.clone.files()?.into_iter().filter(|file| file.starts_with(PROGRAMS) && file.ends_with(".c")).collect();
+    let root = &context.clone.root;
+    let is_program = |file: &&String| {
+        let name = file.strip_prefix(PROGRAMS).and_then(|rest| rest.strip_prefix('/'));
+        name.is_some_and(|name| name.ends_with(".c") && !name.contains('/'))
+    };
+    let files = context.clone.files()?;
+    let sources: Vec<&String> = files.iter().filter(is_program).collect();
     if sources.is_empty() {
         return Err(format!("{PROGRAMS} has no programs"));
     }
+    let shim = shim(context, log, work)?;
+    let include = root.join("include");
+    let mut hosts: Vec<(String, &Path, String)> =
+        sources.into_iter().map(|source| (source.clone(), include.as_path(), source.clone())).collect();
+    let earlier: Vec<(PathBuf, &[&str])> = EARLIER
+        .iter()
+        .map(|(number, programs)| (root.join(PROGRAMS).join("earlier").join(number), *programs))
+        .collect();
+    for (header, programs) in &earlier {
+        let name = |program: &str| format!("{program} with {}", header.strip_prefix(root).unwrap_or(header).display());
+        hosts.extend(programs.iter().map(|program| {
+            let source = format!("{PROGRAMS}/{program}.c");
+            (name(&source), header.as_path(), source)
+        }));
+    }
     let folder = library.parent().unwrap_or(Path::new("."));
-    for source in &sources {
-        let name = Path::new(source).file_stem().unwrap_or_default();
-        let program = work.join(name);
+    for (number, (name, header, source)) in hosts.iter().enumerate() {
+        let program = work.join(format!("program-{number}"));
         let mut command = c_compiler();
-        command.arg("-I").arg(context.clone.root.join("include")).arg(context.clone.root.join(source));
-        command.arg(library).arg(format!("-Wl,-rpath,{}", folder.display())).args(["-lpthread", "-lm", "-o"]);
+        command.arg("-I").arg(header).arg(root.join(source)).arg(library);
+        if context.clone.read(source)?.contains("shim/onnxruntime.h") {
+            command.arg(&shim).arg(format!("-Wl,-rpath,{}", work.display()));
+        }
+        command.arg(format!("-Wl,-rpath,{}", folder.display())).args(["-lpthread", "-lm", "-o"]);
         if !log.run(command.arg(&program))?.success {
-            tally.failures.push(format!("{source} does not compile"));
+            tally.failures.push(format!("{name} does not compile"));
             continue;
         }
         let mut command = Command::new(&program);
-        command.current_dir(work).env("CAIRN_TEST_WORLD", context.bundle("tiny")?);
+        command.current_dir(work).env("CAIRN_TEST_WORLD", context.bundle("tiny")?).env("CAIRN_TEST_SHIM", &shim);
         context.provide_worlds(&mut command)?;
         let ended = log.run(&mut command)?;
         let (mut passed, mut failed) = (0, 0);
         for line in ended.output.lines() {
             if let Some(test) = line.strip_prefix("test ").and_then(|line| line.strip_suffix(" ... FAILED")) {
-                tally.failures.push(format!("{source}: {test}"));
+                tally.failures.push(format!("{name}: {test}"));
                 failed += 1;
             } else if line.starts_with("test ") && line.ends_with(" ... ok") {
                 passed += 1;
@@ -212,7 +239,16 @@ fn programs(
         }
         tally.passed += passed;
         let broken = passed + failed == 0 || ended.success != (failed == 0);
-        tally.check(broken.then(|| format!("{source} ended before its tests did")));
+        tally.check(broken.then(|| format!("{name} ended before its tests did")));
     }
     Ok(())
+}
+
+/// The ONNX Runtime that programs can look into.
+fn shim(context: &Context<'_>, log: &mut Log, work: &Path) -> Result<PathBuf, String> {
+    let library = work.join("libonnxruntime-shim.so");
+    let mut command = c_compiler();
+    command.args(["-shared", "-fPIC"]).arg(context.clone.root.join(PROGRAMS).join("shim").join("onnxruntime.c"));
+    let made = log.run(command.args(["-ldl", "-o"]).arg(&library))?.success;
+    if made { Ok(library) } else { Err("the shim of ONNX Runtime does not compile".to_owned()) }
 }

@@ -1,0 +1,1277 @@
+/* The header of the first version, as hosts were compiled with it. It stays as it is. */
+
+/**
+ * Cairn: a generative world inside a game engine. A world model draws few, strong pictures (anchors) from the player's
+ * controls; motion-guided frame generation fills in the rest. This header is the whole library: load the shared library with
+ * it, or link against it.
+ *
+ * It is a course, to be read from the top: what it promises (version, results, logging), what is created once (device, world),
+ * what is done in every frame (pictures and controls, anchors, rollouts), what can be asked, and last what may still change.
+ *
+ * A rollout, from a seed picture to the pictures of one second:
+ *
+ *     cairn_result play(const char *path, const cairn_picture *seed, const cairn_target *target)
+ *     {
+ *         cairn_device *device = NULL;
+ *         cairn_world *world = NULL;
+ *         cairn_rollout *rollout = NULL;
+ *         cairn_world_options options = {.struct_size = sizeof options, .path = path};
+ *         cairn_controls walk = {.struct_size = sizeof walk, .keys = {0, 1ull << 23}}; // W
+ *         cairn_result r = cairn_device_create_cpu(NULL, &device);
+ *         if (r == CAIRN_OK) r = cairn_world_load(device, &options, &world);
+ *         if (r == CAIRN_OK) r = cairn_rollout_create(world, NULL, &rollout);
+ *         if (r == CAIRN_OK) r = cairn_rollout_append(rollout, seed, NULL);
+ *         for (int i = 0; i < 15 && r == CAIRN_OK; i++) {
+ *             cairn_anchor *anchor = NULL;
+ *             r = cairn_rollout_step(rollout, &walk, NULL);
+ *             if (r == CAIRN_OK) r = cairn_rollout_get_anchor(rollout, &anchor);
+ *             if (r == CAIRN_OK) r = cairn_anchor_read_picture(anchor, 0, target);
+ *             cairn_anchor_destroy(anchor); // what can be destroyed may be null
+ *         }
+ *         cairn_rollout_destroy(rollout);
+ *         cairn_world_destroy(world);
+ *         cairn_device_destroy(device); // any order will do
+ *         return r; // if negative, cairn_last_error() has the message
+ *     }
+ *
+ * The rules, once:
+ *
+ * Handles. A pointer to an object, such as cairn_world *, is a number to be handed back, never memory to be read. One that is
+ * null, stale, of another object or made up gives CAIRN_ERROR_INVALID_HANDLE. What has a create function has a destroy
+ * function, which takes null and waits for calls in flight. Objects keep what they need alive, so the order does not matter.
+ *
+ * Threads. Through a pointer to const, any number of threads may call at the same time. Through a pointer that is not const,
+ * one call at a time: a second one beside it gets CAIRN_ERROR_BUSY and does nothing. Nothing a thread does wrong here corrupts
+ * memory.
+ *
+ * Structs. Set struct_size to the struct's sizeof, also of structs that the library fills, and zero what you do not set: zero
+ * is every field's default. Hosts compiled with an older header, whose structs are shorter, are understood; so are newer ones
+ * as long as they ask for nothing this library does not know. The library never writes past struct_size.
+ *
+ * Results. 0 is success, a positive number is not an error, a negative one is; besides those named at a function, any may
+ * answer CAIRN_ERROR_INTERNAL, and any that takes a handle CAIRN_ERROR_POISONED. A call that fails has done nothing, and has
+ * written none of its results. All text is UTF-8.
+ *
+ * Memory. What the caller passes is read or written during the call and not kept, where it is not said otherwise. Null,
+ * misaligned and too short buffers are refused; a pointer to something else altogether cannot be caught.
+ *
+ * Callbacks are called without a lock held and may call Cairn, but must not destroy what a call further up is using, and must
+ * not throw. The library starts no thread before an object that needs one, and writes no file unless asked.
+ */
+
+#ifndef CAIRN_H
+#define CAIRN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* Define CAIRN_STATIC where the library is linked statically. */
+#if defined(_WIN32) && !defined(CAIRN_STATIC)
+#define CAIRN_API __declspec(dllimport)
+#else
+#define CAIRN_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- 1. Version -------------------------------------------------------------------------------------------------- */
+
+/**
+ * What the library was built as, to be compared with the constant of the same name in the header a host was compiled with.
+ *
+ * History: 1 is the first.
+ */
+#define CAIRN_ABI_VERSION 1
+/** The version of the library this header belongs to: major * 1000000 + minor * 1000 + patch. */
+#define CAIRN_VERSION 1000
+
+/**
+ * The binary interface of the loaded library. It must be equal to CAIRN_ABI_VERSION of the header, or nothing else may be
+ * called: structs or functions have changed in a way that old hosts cannot know.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: the number itself; cannot fail.
+ * Since: 0.1.0
+ */
+CAIRN_API uint32_t cairn_abi_version(void);
+
+/**
+ * The version of the loaded library, as CAIRN_VERSION. Where the binary interface is equal, a library that is not older
+ * than the header has all that the header names.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: the number itself; cannot fail.
+ * Since: 0.1.0
+ */
+CAIRN_API uint32_t cairn_version(void);
+
+/* ---- 2. Results -------------------------------------------------------------------------------------------------- */
+
+/**
+ * What a call answers: 0 is success, a positive number is not an error, a negative one is. Numbers are never used again
+ * for something else; a newer library may answer with numbers this header does not know, whose sign still tells.
+ */
+typedef int32_t cairn_result;
+
+/** It worked. */
+#define CAIRN_OK 0
+/** Not an error: what was asked for is not there yet. Ask again later. */
+#define CAIRN_NOT_READY 1
+/** Not an error: a text was longer than the buffer and was cut; the buffer holds its beginning. */
+#define CAIRN_TRUNCATED 2
+/** Not an error: the queue is full and nothing was taken. Take results from it, then try again. */
+#define CAIRN_QUEUE_FULL 3
+/** An argument is outside its range, not finite, null, misaligned or not UTF-8. The message names it. */
+#define CAIRN_ERROR_INVALID_ARGUMENT (-1)
+/** The handle is null, was destroyed, belongs to another kind of object, or never was one. */
+#define CAIRN_ERROR_INVALID_HANDLE (-2)
+
+/**
+ * A struct_size is no size that the struct ever had, or a larger one with bytes set that this library does not know.
+ */
+#define CAIRN_ERROR_STRUCT_SIZE (-3)
+/** The object is in use by another call that allows no second one beside it. Nothing was done. */
+#define CAIRN_ERROR_BUSY (-4)
+/** A valid request that this build, platform, device or world cannot serve. */
+#define CAIRN_ERROR_UNSUPPORTED (-5)
+/** More memory is needed than there is, or than was allowed. The message has the figures. */
+#define CAIRN_ERROR_OUT_OF_MEMORY (-6)
+/** The operating system refused a file operation. */
+#define CAIRN_ERROR_IO (-7)
+/** The world's bundle is damaged, tampered with, or breaks the format. */
+#define CAIRN_ERROR_INVALID_BUNDLE (-8)
+/** ONNX Runtime is missing or has the wrong version. */
+#define CAIRN_ERROR_RUNTIME_MISSING (-9)
+/** ONNX Runtime or the device failed while running. */
+#define CAIRN_ERROR_DEVICE (-10)
+/** A saved state is damaged, or belongs to another world. */
+#define CAIRN_ERROR_INVALID_STATE (-11)
+/** The host asked to stop. */
+#define CAIRN_ERROR_CANCELLED (-12)
+/** An earlier call on this object failed by a fault of the library. The object can only be destroyed. */
+#define CAIRN_ERROR_POISONED (-13)
+
+/**
+ * A fault of the library. What the call had hold of is poisoned; everything else goes on. Please report the message.
+ */
+#define CAIRN_ERROR_INTERNAL (-14)
+
+/**
+ * The name of a result, such as "CAIRN_ERROR_IO"; "unknown result" for a number this library never answers with.
+ *
+ * Ownership: the text is static and must not be freed, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: the text; never null, cannot fail.
+ * Since: 0.1.0
+ */
+CAIRN_API const char *cairn_result_name(cairn_result result);
+
+/**
+ * The message of the calling thread's latest call that answered with an error: what went wrong, with which argument or
+ * file, and what can be done. It begins with the name of the function. Empty when no call of this thread has failed yet.
+ * Calls that succeed leave it alone.
+ *
+ * text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
+ * length: gets the length in bytes of the whole message, without the NUL; may be null.
+ *
+ * Ownership: the text is copied; on failure nothing is written.
+ * Threads: any thread, at any time; each thread has its own message.
+ * Results: CAIRN_OK; CAIRN_TRUNCATED; CAIRN_ERROR_INVALID_ARGUMENT, which leaves the message as it was.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_last_error(char *text, size_t capacity, size_t *length);
+
+/* ---- 3. Logging -------------------------------------------------------------------------------------------------- */
+
+/** No message at all. */
+#define CAIRN_LOG_OFF 0
+/** Something failed. */
+#define CAIRN_LOG_ERROR 1
+/** Something is odd, and the work goes on. */
+#define CAIRN_LOG_WARNING 2
+/** What a user may want to know. */
+#define CAIRN_LOG_INFO 3
+/** What a developer may want to know. */
+#define CAIRN_LOG_DEBUG 4
+/** Everything. */
+#define CAIRN_LOG_TRACE 5
+
+/**
+ * Gets one message. level is one of CAIRN_LOG_ERROR to CAIRN_LOG_TRACE; target names the part of the library, such as
+ * "cairn::onnxruntime"; both texts are UTF-8 and valid during the call only. user is what was given with the callback.
+ *
+ * It is called on whatever thread has something to say, also on several at once, without any lock held. It may call
+ * Cairn, but not end the call it is in: it must not destroy an object that a call further up is using, and must not throw.
+ * What is logged while it runs, on its own thread, is dropped.
+ */
+typedef void (*cairn_log_callback)(uint32_t level, const char *target, const char *message, void *user);
+
+/**
+ * Sets where messages of at least that importance go: level is CAIRN_LOG_OFF to CAIRN_LOG_TRACE. A null callback ends
+ * logging. There is one for the whole process; without one nothing is logged.
+ *
+ * When this returns, the callback set before is not running and will not be called again, so what its user pointer points
+ * to may go.
+ *
+ * Ownership: user stays the caller's and must live until another callback is set; on failure nothing changes.
+ * Threads: any thread; waits for calls of the former callback. Not from within that callback.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for another level; CAIRN_ERROR_BUSY from within the former callback;
+ * CAIRN_ERROR_UNSUPPORTED when the library is linked into a program whose own logger has the log.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_set_log_callback(uint32_t level, cairn_log_callback callback, void *user);
+
+/* ---- 4. Create: devices ------------------------------------------------------------------------------------------ */
+
+/** The host's processor, by ONNX Runtime's CPU provider. */
+#define CAIRN_DEVICE_CPU 1
+/** A Direct3D 12 adapter, by ONNX Runtime's DirectML provider. */
+#define CAIRN_DEVICE_D3D12 2
+/** Float32. */
+#define CAIRN_PRECISION_F32 1
+/** Float16. */
+#define CAIRN_PRECISION_F16 2
+
+/**
+ * A flag of cairn_cpu_options: ONNX Runtime's deterministic kernels only. Its CPU kernels repeat bit for bit at a fixed
+ * thread count without it, too.
+ */
+#define CAIRN_CPU_DETERMINISTIC 1
+
+/** A device that runs worlds. */
+typedef struct cairn_device cairn_device;
+
+/** How the processor is used. All zero: one thread for each physical core. */
+typedef struct cairn_cpu_options {
+    /** sizeof(cairn_cpu_options) */
+    uint32_t struct_size;
+    /**
+     * Threads that share one pass, 1 to 1024, the caller's own among them; 0 for one for each physical core. The numbers of
+     * a rollout depend on it in their last bits.
+     */
+    uint32_t threads;
+    /** CAIRN_CPU_DETERMINISTIC, or 0. */
+    uint32_t flags;
+    /** 0 */
+    uint32_t reserved;
+    /**
+     * The file of ONNX Runtime 1.24.x, UTF-8. Null: the one the environment variable CAIRN_ONNXRUNTIME names, else the first
+     * beside this library, beside the program, or in the user's cache directory. A process uses one file only.
+     */
+    const char *onnxruntime;
+} cairn_cpu_options;
+
+/** What a device is. */
+typedef struct cairn_device_info {
+    /** sizeof(cairn_device_info) */
+    uint32_t struct_size;
+    /** CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12 */
+    uint32_t kind;
+    /** What it computes in unless told otherwise: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16 */
+    uint32_t precision;
+    /** Threads that share one pass. */
+    uint32_t threads;
+    /** For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"; UTF-8. */
+    char description[128];
+} cairn_device_info;
+
+/**
+ * Makes a device of the host's processor and loads ONNX Runtime. Works on every system.
+ *
+ * options: may be null for the defaults.
+ *
+ * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point
+ * to is read during the call only. ONNX Runtime stays loaded until the process ends.
+ * Threads: any thread, at any time. Takes a fraction of a second the first time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when ONNX Runtime is
+ * not there or has another version; CAIRN_ERROR_UNSUPPORTED when the process uses another file of it already;
+ * CAIRN_ERROR_DEVICE when it does not start.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_create_cpu(const cairn_cpu_options *options, cairn_device **device);
+
+/**
+ * Says what a device is.
+ *
+ * Ownership: info stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_get_info(const cairn_device *device, cairn_device_info *info);
+
+/**
+ * Destroys the handle of a device; null is allowed. Worlds that run on the device keep it alive.
+ *
+ * Ownership: on success device is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the device. Not from within their callbacks.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_destroy(cairn_device *device);
+
+/** The operating system and the build of this library. */
+#define CAIRN_REQUIREMENT_PLATFORM 1
+/** ONNX Runtime's library. */
+#define CAIRN_REQUIREMENT_ONNXRUNTIME 2
+/** Memory of the system. */
+#define CAIRN_REQUIREMENT_MEMORY 3
+/** It is there. */
+#define CAIRN_REQUIREMENT_MET 1
+/** It is missing, and the device cannot be made. */
+#define CAIRN_REQUIREMENT_NOT_MET 2
+/** It depends on the world, or the system does not tell. */
+#define CAIRN_REQUIREMENT_UNKNOWN 3
+
+/** Something that a device can be made of. */
+typedef struct cairn_adapter {
+    /** The stride of the array. */
+    uint32_t struct_size;
+    /** CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12 */
+    uint32_t kind;
+    /** Its place among those of its kind. */
+    uint32_t index;
+    /** 0 */
+    uint32_t reserved;
+    /** The LUID of a Direct3D 12 adapter, low part first; else 0. */
+    uint64_t luid;
+    /** Bytes of its own memory; for the processor, of the system's. 0: unknown. */
+    uint64_t memory;
+    /** For people; UTF-8. */
+    char name[128];
+} cairn_adapter;
+
+/** One thing that a device needs. */
+typedef struct cairn_requirement {
+    /** The stride of the array. */
+    uint32_t struct_size;
+    /** One of CAIRN_REQUIREMENT_PLATFORM and its like; a newer library may have more. */
+    uint32_t what;
+    /** CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET or CAIRN_REQUIREMENT_UNKNOWN */
+    uint32_t status;
+    /** 0 */
+    uint32_t reserved;
+    /** What is needed, for people; UTF-8. */
+    char needed[96];
+    /** What was found; UTF-8. */
+    char found[512];
+} cairn_requirement;
+
+/**
+ * Lists what devices can be made of: the processor always, and the Direct3D 12 adapters where this build can use them.
+ *
+ * adapters: an array of capacity elements, stride bytes apart, usually sizeof(cairn_adapter); null with capacity 0 to learn
+ * the count.
+ * count: gets how many there are in all, which may be more than capacity.
+ *
+ * Ownership: the array stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE for a stride that is no size of cairn_adapter.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, uint32_t capacity, uint32_t *count);
+
+/**
+ * Says what a device of that kind needs and what was found, so that a player can be shown why something is off.
+ *
+ * kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
+ * options: what cairn_device_create_cpu would be given; may be null.
+ * requirements: an array of capacity elements, stride bytes apart, usually sizeof(cairn_requirement); null with capacity 0 to
+ * learn the count.
+ * count: gets how many there are in all, which may be more than capacity.
+ *
+ * Ownership: the array stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does.
+ * Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_requirements(
+    uint32_t kind, const cairn_cpu_options *options, cairn_requirement *requirements, size_t stride, uint32_t capacity,
+    uint32_t *count);
+
+/* ---- 5. Create: worlds ------------------------------------------------------------------------------------------- */
+
+/** A stage of loading: files are read and checked; done and total count bytes. */
+#define CAIRN_LOAD_READING 1
+/** A stage of loading: ONNX Runtime prepares the graphs; done and total count graphs. */
+#define CAIRN_LOAD_PREPARING 2
+
+/** A loaded world. It may have any number of rollouts, which share its weights. */
+typedef struct cairn_world cairn_world;
+
+/** How far loading is. */
+typedef struct cairn_load_progress {
+    /** sizeof(cairn_load_progress), as this library has it. */
+    uint32_t struct_size;
+    /** CAIRN_LOAD_READING, then CAIRN_LOAD_PREPARING */
+    uint32_t stage;
+    /** What of the stage is done. */
+    uint64_t done;
+    /** What there is to do. */
+    uint64_t total;
+} cairn_load_progress;
+
+/**
+ * Gets the progress of a load, on the thread that called cairn_world_load, after every mebibyte and every graph, without any
+ * lock held. progress is valid during the call only; user is what the options have. A result that is not 0 ends the load
+ * with CAIRN_ERROR_CANCELLED before anything more is read or run. It may call Cairn, except to destroy the device, and must
+ * not throw.
+ */
+typedef uint32_t (*cairn_load_callback)(const struct cairn_load_progress *progress, void *user);
+
+/** Which world to load, and how. */
+typedef struct cairn_world_options {
+    /** sizeof(cairn_world_options) */
+    uint32_t struct_size;
+    /** CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16; 0 for what the device is best at. */
+    uint32_t precision;
+    /**
+     * The bundle: a directory or an archive, UTF-8. Null for the world embedded in this library, where there is one.
+     */
+    const char *path;
+    /**
+     * How rollouts run, UTF-8: a preset ("coherence", "baseline-128", "baseline-112", "baseline-doubled", "decoded-60", "heavy",
+     * "stock"), with changes after commas where needed: "stock,g64,native". Null for "stock" at the bundle's own window. Its
+     * global window is the world's for good; the rest may differ from rollout to rollout.
+     */
+    const char *operating_point;
+    /** Bytes that the world with one rollout may take; 0 for what the system has available. */
+    uint64_t memory_limit;
+    /** Gets the progress and can end the load; null for none. */
+    cairn_load_callback progress;
+    /** Handed to the callback. */
+    void *user;
+} cairn_world_options;
+
+/** What a world is. */
+typedef struct cairn_world_info {
+    /** sizeof(cairn_world_info) */
+    uint32_t struct_size;
+    /** What the graphs compute in: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16 */
+    uint32_t precision;
+    /** Size of the pictures that anchors have, in square pixels. */
+    uint32_t render_width;
+    /** See render_width. */
+    uint32_t render_height;
+    /** Size of the pictures as the autoencoder makes them, which may be squeezed. */
+    uint32_t decoded_width;
+    /** See decoded_width. */
+    uint32_t decoded_height;
+    /** Shape of a latent: [channels, height, width]. */
+    uint32_t latent_channels;
+    /** See latent_channels. */
+    uint32_t latent_height;
+    /** See latent_channels. */
+    uint32_t latent_width;
+    /** Tokens of a latent. */
+    uint32_t tokens;
+    /** Layers of the transformer. */
+    uint32_t layers;
+    /** Pictures that a latent decodes to. */
+    uint32_t pictures_per_latent;
+    /** Latents that a local layer remembers. */
+    uint32_t local_window;
+    /** g: latents that a global layer looks back over, as loaded. */
+    uint32_t global_window;
+    /** The largest g that the bundle allows. */
+    uint32_t max_global_window;
+    /** g is a multiple of this. */
+    uint32_t global_dilation;
+    /** Latents per second of world time that the model was made for. */
+    uint32_t latents_per_second;
+    /** Keys that it knows: virtual-key codes from 0 to this, less one. */
+    uint32_t keys;
+    /** The world's name, for people; UTF-8. */
+    char name[128];
+    /** The licence as an SPDX expression; the text is had from cairn_world_get_licence. */
+    char licence[64];
+    /** The bundle's identity: SHA-256 of its manifest, in hexadecimal. */
+    char digest[72];
+} cairn_world_info;
+
+/** Bytes that a world and one rollout need. */
+typedef struct cairn_world_memory {
+    /** sizeof(cairn_world_memory) */
+    uint32_t struct_size;
+    /** 0 */
+    uint32_t reserved;
+    /** The bundle's files, while they are loaded. */
+    uint64_t bundle;
+    /** Weights as ONNX Runtime holds them. */
+    uint64_t weights;
+    /** Keys and values of one rollout's ring: what each further rollout takes, with the slabs. */
+    uint64_t ring;
+    /** Keys and values of the current latent. */
+    uint64_t slabs;
+    /** Intermediate values of a pass. */
+    uint64_t intermediates;
+    /** Intermediate values, pictures and memories of encoder and decoder. */
+    uint64_t autoencoder;
+    /** What ONNX Runtime's allocator keeps beyond the values. */
+    uint64_t arena;
+    /** The sum. */
+    uint64_t total;
+} cairn_world_memory;
+
+/**
+ * Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs.
+ * Takes seconds to minutes with real weights, so call it off the render thread; the callback tells how far it is and can end
+ * it.
+ *
+ * device: kept alive by the world.
+ *
+ * Ownership: on success *world is the caller's, for cairn_world_destroy; on failure it is not written and nothing is kept. What
+ * options point to is read during the call only.
+ * Threads: any thread, at any time, several loads beside each other too.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that the world does
+ * not fit; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
+ * the format, a precision the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with figures;
+ * CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_world_load(
+    const cairn_device *device, const cairn_world_options *options, cairn_world **world);
+
+/**
+ * Says what a world is.
+ *
+ * Ownership: info stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_world_get_info(const cairn_world *world, cairn_world_info *info);
+
+/**
+ * Says how much memory a world with one rollout needs, as it was found before loading.
+ *
+ * Ownership: memory stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_world_get_memory(const cairn_world *world, cairn_world_memory *memory);
+
+/**
+ * Copies the text of the world's licence; empty where the bundle has none.
+ *
+ * text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
+ * length: gets the length in bytes of the whole text, without the NUL; may be null.
+ *
+ * Ownership: the text is copied; on failure nothing is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_TRUNCATED; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_world_get_licence(const cairn_world *world, char *text, size_t capacity, size_t *length);
+
+/**
+ * Destroys the handle of a world; null is allowed. Its rollouts keep it alive.
+ *
+ * Ownership: on success world is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the world.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_world_destroy(cairn_world *world);
+
+/* ---- 6. Per frame: pictures and controls ------------------------------------------------------------------------- */
+
+/** Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default. */
+#define CAIRN_FORMAT_RGBA8 0
+/** Four bytes to a pixel, blue first; otherwise the same. */
+#define CAIRN_FORMAT_BGRA8 1
+
+/** A picture in the host's memory that the library reads, only during the call it is given to. */
+typedef struct cairn_picture {
+    /** sizeof(cairn_picture) */
+    uint32_t struct_size;
+    /** CAIRN_FORMAT_RGBA8 or CAIRN_FORMAT_BGRA8 */
+    uint32_t format;
+    /** In pixels, 1 to 16384. */
+    uint32_t width;
+    /** In pixels, 1 to 16384. */
+    uint32_t height;
+    /** The top left pixel; rows run from top to bottom. Any alignment. */
+    const void *pixels;
+    /** Bytes that may be read from there. */
+    uint64_t size;
+    /** Bytes from one row to the next; 0 for width * 4. */
+    uint64_t row_pitch;
+} cairn_picture;
+
+/**
+ * Memory of the host that the library writes a picture into, only during the call it is given to. Bytes between rows are
+ * left alone.
+ */
+typedef struct cairn_target {
+    /** sizeof(cairn_target) */
+    uint32_t struct_size;
+    /** CAIRN_FORMAT_RGBA8 or CAIRN_FORMAT_BGRA8 */
+    uint32_t format;
+    /** In pixels; must be the picture's. */
+    uint32_t width;
+    /** In pixels; must be the picture's. */
+    uint32_t height;
+    /** The top left pixel; rows run from top to bottom. Any alignment. */
+    void *pixels;
+    /** Bytes that may be written from there. */
+    uint64_t size;
+    /** Bytes from one row to the next; 0 for width * 4. */
+    uint64_t row_pitch;
+} cairn_target;
+
+/** Controls of one latent step. All zero: nothing moves, no key is held. */
+typedef struct cairn_controls {
+    /** sizeof(cairn_controls) */
+    uint32_t struct_size;
+    /** Mouse motion in raw counts, summed over the step, right positive; -32768 to 32768. */
+    float mouse_dx;
+    /** The same, down positive. */
+    float mouse_dy;
+    /** The wheel, up positive; any finite number, of which the sign counts. */
+    float scroll;
+    /**
+     * Keys and mouse buttons that are held at any moment of the step, by Windows virtual-key code: bit code % 64 of word
+     * code / 64. W is 0x57: bit 23 of the second word.
+     */
+    uint64_t keys[4];
+} cairn_controls;
+
+/* ---- 7. Per frame: anchors --------------------------------------------------------------------------------------- */
+
+/**
+ * A flag of cairn_anchor_info: nothing leads from the anchor before to this one, so that nothing may be generated between
+ * them. It is the first of a rollout, after a reset or a restored state, or a picture that was appended.
+ */
+#define CAIRN_ANCHOR_CUT 1
+
+/** An anchor: a copy that stays as it is, whatever becomes of its rollout. */
+typedef struct cairn_anchor cairn_anchor;
+
+/** What an anchor is. */
+typedef struct cairn_anchor_info {
+    /** sizeof(cairn_anchor_info) */
+    uint32_t struct_size;
+    /** CAIRN_ANCHOR_CUT, or 0 */
+    uint32_t flags;
+    /** Number of its latent in the rollout, from 0. It stands at latent / latents_per_second seconds of world time. */
+    uint64_t latent;
+    /** Latents per second of world time; 0 for a host's own picture. */
+    uint32_t latents_per_second;
+    /** Pictures it has, in order of time; the last is the anchor itself. */
+    uint32_t pictures;
+    /** Size of its pictures, in square pixels. */
+    uint32_t width;
+    /** See width. */
+    uint32_t height;
+    /** Shape of its latent, [channels, height, width]; all 0 where it has none. */
+    uint32_t latent_channels;
+    /** See latent_channels. */
+    uint32_t latent_height;
+    /** See latent_channels. */
+    uint32_t latent_width;
+    /** 0 */
+    uint32_t reserved;
+} cairn_anchor_info;
+
+/**
+ * Makes an anchor of a picture of the host's own, for frame generation without a world.
+ *
+ * number: counts up by one from anchor to anchor.
+ * flags: CAIRN_ANCHOR_CUT where nothing leads to it from the one before, or 0.
+ *
+ * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written. The picture is copied.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_anchor_create(
+    const cairn_picture *picture, uint64_t number, uint32_t flags, cairn_anchor **anchor);
+
+/**
+ * Says what an anchor is.
+ *
+ * Ownership: info stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_anchor_get_info(const cairn_anchor *anchor, cairn_anchor_info *info);
+
+/**
+ * Copies one of an anchor's pictures into the host's memory.
+ *
+ * index: 0 to pictures - 1, in order of time.
+ * target: of the anchor's size.
+ *
+ * Ownership: the pixels are copied, on success; on failure none is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_anchor_read_picture(
+    const cairn_anchor *anchor, uint32_t index, const cairn_target *target);
+
+/**
+ * Copies an anchor's latent: float32, [channels, height, width], the last index running fastest.
+ *
+ * count: numbers there is room for; must be channels * height * width.
+ *
+ * Ownership: the numbers are copied, on success; on failure none is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED for an anchor without a
+ * latent.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_anchor_read_latent(const cairn_anchor *anchor, float *values, size_t count);
+
+/**
+ * Destroys the handle of an anchor; null is allowed. Guidance and presenters that were given it keep what they need.
+ *
+ * Ownership: on success anchor is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the anchor.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_anchor_destroy(cairn_anchor *anchor);
+
+/* ---- 8. Per frame: rollouts -------------------------------------------------------------------------------------- */
+
+/** The longest queue there may be. */
+#define CAIRN_MAX_QUEUE 64
+/** A flag of cairn_step_info: keys and values of the latent went into the ring. */
+#define CAIRN_STEP_COMMITTED 1
+
+/** One running instance of a world: its memory of the past, its clocks and its noise. */
+typedef struct cairn_rollout cairn_rollout;
+
+/** How a rollout runs. All zero: as its world, with seed 0. */
+typedef struct cairn_rollout_options {
+    /** sizeof(cairn_rollout_options) */
+    uint32_t struct_size;
+    /** Steps that may wait, run, or be done and not asked for, 1 to CAIRN_MAX_QUEUE; 0 for 4. */
+    uint32_t queue_capacity;
+    /** Decides all noise: the same seed, world, device and controls give the same pictures, bit for bit. */
+    uint64_t seed;
+    /** As in cairn_world_options, with the global window of the world; null for the world's. */
+    const char *operating_point;
+} cairn_rollout_options;
+
+/** What a rollout is, and how far. */
+typedef struct cairn_rollout_info {
+    /** sizeof(cairn_rollout_info) */
+    uint32_t struct_size;
+    /** Pictures that each anchor has. */
+    uint32_t pictures_per_latent;
+    /** Latents made so far. */
+    uint64_t latents;
+    /** What decides its noise. */
+    uint64_t seed;
+    /** Latents per second of world time: what each step's controls are summed over. */
+    uint32_t latents_per_second;
+    /** Pictures per second that the operating point means to show. */
+    uint32_t presented_rate;
+    /** How it runs, in full; UTF-8. */
+    char operating_point[192];
+} cairn_rollout_info;
+
+/** What one step did. Times are nanoseconds of wall time. */
+typedef struct cairn_step_info {
+    /** sizeof(cairn_step_info) */
+    uint32_t struct_size;
+    /** CAIRN_STEP_COMMITTED, or 0 */
+    uint32_t flags;
+    /** The number of the latent that was made, from 0. */
+    uint64_t latent;
+    /** Denoise passes. */
+    uint32_t denoise_passes;
+    /** Passes that make keys and values for the ring. */
+    uint32_t cache_passes;
+    /** A picture made a latent. */
+    uint64_t encode_ns;
+    /** All denoise passes. */
+    uint64_t denoise_ns;
+    /** All cache passes. */
+    uint64_t cache_ns;
+    /** Results checked and copied into the ring. */
+    uint64_t commit_ns;
+    /** The latent made pictures. */
+    uint64_t decode_ns;
+    /** Bytes that went into the ring. */
+    uint64_t ring_bytes;
+} cairn_step_info;
+
+/**
+ * Starts a rollout, empty: the first thing to do is to append a seed picture.
+ *
+ * world: kept alive by the rollout. options: may be null for the defaults.
+ *
+ * Ownership: on success *rollout is the caller's, for cairn_rollout_destroy; on failure it is not written. What options point to
+ * is read during the call only.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_OUT_OF_MEMORY with figures; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_create(
+    const cairn_world *world, const cairn_rollout_options *options, cairn_rollout **rollout);
+
+/**
+ * Destroys the handle of a rollout; null is allowed. What is queued is not made any more, and the step in progress ends before
+ * its next pass.
+ *
+ * Ownership: on success rollout is no handle any more; on failure it is as it was. Anchors that were taken from it stay.
+ * Threads: any thread; waits for calls in flight on the rollout, and for its worker.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_destroy(cairn_rollout *rollout);
+
+/**
+ * Says what a rollout is, and how far.
+ *
+ * Ownership: info stays the caller's and is filled on success; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY while a
+ * step is running.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_get_info(const cairn_rollout *rollout, cairn_rollout_info *info);
+
+/**
+ * Appends a picture of any size: the seed, or later an edit of the scene. It becomes a latent of its own, with a pass that
+ * puts it into the world's memory. On the calling thread.
+ *
+ * info: may be null.
+ *
+ * Ownership: the picture is copied; info stays the caller's and is filled on success; on failure it is not written and the
+ * rollout is as it was.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED when a clock has run out.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_append(
+    cairn_rollout *rollout, const cairn_picture *picture, cairn_step_info *info);
+
+/**
+ * Makes the next latent with these controls, which stand for 1 / latents_per_second seconds of world time. On the calling
+ * thread.
+ *
+ * info: may be null.
+ *
+ * Ownership: controls are read during the call; info stays the caller's and is filled on success; on failure it is not
+ * written and the rollout is as it was.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED for a key that the world does
+ * not know, and when a clock has run out.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_step(
+    cairn_rollout *rollout, const cairn_controls *controls, cairn_step_info *info);
+
+/**
+ * Back to the start with the same seed: no latents, empty memory.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
+
+/**
+ * Takes a copy of the last anchor: its pictures and its latent.
+ *
+ * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also before the first latent; CAIRN_ERROR_BUSY
+ * while a step is running; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_get_anchor(const cairn_rollout *rollout, cairn_anchor **anchor);
+
+/* ---- 9. Per frame: the queue of a rollout ------------------------------------------------------------------------ */
+
+/** A timeout that never comes. */
+#define CAIRN_FOREVER UINT64_MAX
+
+/**
+ * Queues a step for the rollout's own thread, which makes one after the other in the order they were queued. A step that
+ * fails takes those queued behind it with it, and the rollout is as before it.
+ *
+ * ticket: gets the number to ask for the result with.
+ *
+ * Ownership: controls are read during the call; *ticket is written on success only, not on failure.
+ * Threads: any thread, at any time. Returns at once.
+ * Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_submit(
+    const cairn_rollout *rollout, const cairn_controls *controls, uint64_t *ticket);
+
+/**
+ * Queues the append of a picture, as cairn_rollout_append does it.
+ *
+ * ticket: gets the number to ask for the result with.
+ *
+ * Ownership: the picture is copied; *ticket is written on success only, not on failure.
+ * Threads: any thread, at any time. Returns at once.
+ * Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_submit_picture(
+    const cairn_rollout *rollout, const cairn_picture *picture, uint64_t *ticket);
+
+/**
+ * Asks for the result of a queued step, without waiting. Every ticket has one result, which is given once and makes room in
+ * the queue; a failed step's message becomes the last error of the thread that asks.
+ *
+ * info, anchor: get what the step did and made; each may be null, and an anchor that nobody wants is gone.
+ *
+ * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_NOT_READY while it waits or runs; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for a
+ * ticket that was given its result; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_CANCELLED; and what cairn_rollout_step and
+ * cairn_rollout_append answer.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_poll(
+    const cairn_rollout *rollout, uint64_t ticket, cairn_step_info *info, cairn_anchor **anchor);
+
+/**
+ * As cairn_rollout_poll, and waits for the step to end.
+ *
+ * timeout_ns: how long at most; CAIRN_FOREVER for as long as it takes. A paused queue ends nothing.
+ *
+ * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
+ * Threads: any thread, at any time. Destroying the rollout ends the wait with CAIRN_ERROR_CANCELLED.
+ * Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; and all others of cairn_rollout_poll.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_wait(
+    const cairn_rollout *rollout, uint64_t ticket, uint64_t timeout_ns, cairn_step_info *info, cairn_anchor **anchor);
+
+/**
+ * Ends everything that is going on in a rollout: queued steps are not made, and a step in progress, queued or on another
+ * thread, ends before its next pass. Each answers CAIRN_ERROR_CANCELLED, and the rollout is as before it. What is submitted
+ * later is not concerned. Does not wait.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_cancel(const cairn_rollout *rollout);
+
+/**
+ * Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_pause(const cairn_rollout *rollout);
+
+/**
+ * Lets a held queue go on.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK, also when it was not paused; CAIRN_ERROR_INVALID_HANDLE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_resume(const cairn_rollout *rollout);
+
+/**
+ * Lets exactly one step of a held queue run.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time. Does not wait for the step.
+ * Results: CAIRN_OK; CAIRN_NOT_READY when no step is queued that was not let go already; CAIRN_ERROR_INVALID_HANDLE;
+ * CAIRN_ERROR_INVALID_ARGUMENT when the queue is not paused.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_single_step(const cairn_rollout *rollout);
+
+/* ---- 10. Per frame: the state of a rollout ----------------------------------------------------------------------- */
+
+/**
+ * Copies the whole state of a rollout: its memory, clocks, seed, operating point and last pictures. A rollout that takes it up
+ * goes on bit for bit, in this process or another, on the same kind of device.
+ *
+ * bytes: capacity bytes, or null with capacity 0 to learn the size.
+ * size: gets the size of the state; it stays the same as long as the rollout is not restored.
+ *
+ * Ownership: the state is copied; on failure nothing is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the capacity is too small;
+ * CAIRN_ERROR_BUSY while a step is running; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_save(const cairn_rollout *rollout, void *bytes, size_t capacity, size_t *size);
+
+/**
+ * Writes the whole state of a rollout into a file, whole or not at all: it is written beside it and then takes its name.
+ *
+ * path: UTF-8; a file that is there is replaced.
+ *
+ * Ownership: path is read during the call; on success the file is the caller's, on failure what was there is as it was.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY while a step is running;
+ * CAIRN_ERROR_IO; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_save_file(const cairn_rollout *rollout, const char *path);
+
+/**
+ * Takes up a state that was saved of a rollout of the same bundle, precision and global window. Seed and operating point become
+ * the state's.
+ *
+ * Ownership: bytes are read during the call; on failure the rollout is as it was, on success as the saved one.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_INVALID_STATE;
+ * CAIRN_ERROR_UNSUPPORTED for a state of another version; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_restore(cairn_rollout *rollout, const void *bytes, size_t size);
+
+/**
+ * Takes up a state from a file; as cairn_rollout_restore.
+ *
+ * path: UTF-8.
+ *
+ * Ownership: path is read during the call; on failure the rollout is as it was, on success as the saved one.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_IO;
+ * CAIRN_ERROR_INVALID_STATE; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_restore_file(cairn_rollout *rollout, const char *path);
+
+/* ---- 11. Per frame: input written down, and played again --------------------------------------------------------- */
+
+/** What a player does, by world time, in the format of docs/control-script.md. It does not change. */
+typedef struct cairn_script cairn_script;
+
+/**
+ * Reads a control script.
+ *
+ * text: length bytes of UTF-8, without a NUL.
+ *
+ * Ownership: on success *script is the caller's, for cairn_script_destroy; on failure it is not written. The text is read during
+ * the call.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, with line and column of what is wrong; CAIRN_ERROR_UNSUPPORTED for a newer
+ * version of the format.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_script_create(const char *text, size_t length, cairn_script **script);
+
+/**
+ * Gives the controls of a latent step: what the script does from (latent - 1) / latents_per_second seconds on until latent /
+ * latents_per_second. The steps of a rollout lose nothing and count nothing twice, and after the script's end nothing moves.
+ *
+ * latent: the number that the step will have, from 1; 0 is the seed's, which has no controls.
+ * latents_per_second: of the rollout, 1 to 240.
+ *
+ * Ownership: controls stay the caller's and are filled on success, for the step as they are; on failure they are not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the mouse moves farther in the step than
+ * controls can say; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_script_get_controls(
+    const cairn_script *script, uint64_t latent, uint32_t latents_per_second, cairn_controls *controls);
+
+/**
+ * Says how long a script lasts: to its end where it has one, else until the last thing happens.
+ *
+ * microseconds: gets the world time.
+ *
+ * Ownership: *microseconds is written on success; on failure it is not.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_script_get_duration(const cairn_script *script, uint64_t *microseconds);
+
+/**
+ * Copies a script as text, in the canonical form of the format, to be written to a file.
+ *
+ * text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
+ * length: gets the length in bytes of the whole text, without the NUL; may be null.
+ *
+ * Ownership: the text is copied; on failure nothing is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_TRUNCATED; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_script_get_text(const cairn_script *script, char *text, size_t capacity, size_t *length);
+
+/**
+ * Destroys the handle of a script; null is allowed.
+ *
+ * Ownership: on success script is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the script.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_script_destroy(cairn_script *script);
+
+/**
+ * Collects what a player does and makes a script of it: event by event as it happens, or the controls of whole latent steps.
+ */
+typedef struct cairn_recorder cairn_recorder;
+
+/**
+ * Makes an empty recording.
+ *
+ * Ownership: on success *recorder is the caller's, for cairn_recorder_destroy; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_recorder_create(cairn_recorder **recorder);
+
+/**
+ * A key or mouse button went down or up. Repeats of what is known are ignored, as keyboards repeat.
+ *
+ * microseconds: world time; events come in order.
+ * key: a Windows virtual-key code, 0 to 255.
+ * down: 1 or 0.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
+ * CAIRN_ERROR_BUSY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_recorder_key(cairn_recorder *recorder, uint64_t microseconds, uint32_t key, uint32_t down);
+
+/**
+ * The mouse moved by dx (right positive) and dy (down positive) counts.
+ *
+ * microseconds: world time; events come in order.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for what is not finite, and when the recording is
+ * full; CAIRN_ERROR_BUSY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_recorder_mouse(cairn_recorder *recorder, uint64_t microseconds, float dx, float dy);
+
+/**
+ * The wheel turned by this many notches, up positive.
+ *
+ * microseconds: world time; events come in order.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT when the recording is full; CAIRN_ERROR_BUSY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_recorder_scroll(cairn_recorder *recorder, uint64_t microseconds, int32_t notches);
+
+/**
+ * A latent step got these controls. When every step is recorded, in order and without a gap, cairn_script_get_controls gives
+ * them back bit for bit.
+ *
+ * latent: the number that the step has, from 1.
+ * latents_per_second: of the rollout, 1 to 240.
+ *
+ * Ownership: controls are read during the call; nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
+ * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_recorder_step(
+    cairn_recorder *recorder, uint64_t latent, uint32_t latents_per_second, const cairn_controls *controls);
+
+/**
+ * Makes a script of what was recorded, which ends at microseconds of world time; keys that are still held are released there.
+ * The recording goes on.
+ *
+ * Ownership: on success *script is the caller's, for cairn_script_destroy; on failure it is not written.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when something happened after that time;
+ * CAIRN_ERROR_BUSY; CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_recorder_make_script(
+    cairn_recorder *recorder, uint64_t microseconds, cairn_script **script);
+
+/**
+ * Destroys the handle of a recorder; null is allowed. Scripts that were made of it stay.
+ *
+ * Ownership: on success recorder is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the recorder.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_recorder_destroy(cairn_recorder *recorder);
+
+/* ---- 12. Queries: statistics ------------------------------------------------------------------------------------- */
+
+/** What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time. */
+typedef struct cairn_rollout_statistics {
+    /** sizeof(cairn_rollout_statistics) */
+    uint32_t struct_size;
+    /** Steps that wait or run in its queue, now. */
+    uint32_t queue_depth;
+    /** Latents made, appended ones among them. */
+    uint64_t latents;
+    /** Denoise passes. */
+    uint64_t denoise_passes;
+    /** Passes that make keys and values for the ring. */
+    uint64_t cache_passes;
+    /** Passes of the decoder, also those that only prime it. */
+    uint64_t decode_passes;
+    /** Pictures made latents. */
+    uint64_t encode_ns;
+    /** Denoise passes. */
+    uint64_t denoise_ns;
+    /** Cache passes. */
+    uint64_t cache_ns;
+    /** Results checked and copied into the ring. */
+    uint64_t commit_ns;
+    /** Latents made pictures. */
+    uint64_t decode_ns;
+    /** Pictures read and resized. */
+    uint64_t resize_ns;
+    /** Bytes from the host to the device. */
+    uint64_t uploaded_bytes;
+    /** Bytes from place to place on the device. */
+    uint64_t copied_bytes;
+    /** Bytes from the device to the host. */
+    uint64_t read_bytes;
+    /** The part of copied_bytes that went into the ring. */
+    uint64_t ring_bytes;
+} cairn_rollout_statistics;
+
+/**
+ * Says what a rollout has done so far. Does not wait for a step that is running.
+ *
+ * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_get_statistics(const cairn_rollout *rollout, cairn_rollout_statistics *statistics);
+
+#ifdef __cplusplus
+} /* extern "C" */
+#endif
+
+#endif /* CAIRN_H */
