@@ -5,17 +5,20 @@
 //!
 //! ```text
 //! luma     Y = 0.299 R + 0.587 G + 0.114 B in code values, halved by 2 x 2 means until a side is short
-//! patches  8 x 8 pixels every 4; start: the best of four motions of the coarser level and of none
+//! patches  8 x 8 pixels every 4, or every 8 above a megapixel; start: the best of the motions there and beside there
+//!          on the coarser level, and of none
 //! search   min over u of the sum of ((Y1(x + u) - mean) - (Y0(x) - mean))^2 by inverse-compositional steps
 //!          u -= H^-1 b, H = sum of g g^T once per patch, g the centred gradient of Y0
 //! grid     min over u of the sum of (u - u_p)^T H_p (u - u_p) / (residual + noise), and of differences of neighbours,
 //!          weighted by likeness of their luma and of their motion
-//! pixels   mean of the patches over a pixel, weighted by how well each explains the pixel
+//! pixels   bilinear between patches on a smooth sheet; at edges of motion, of the motions around, that which explains
+//!          best the pixels near by that look alike
 //! ```
 //!
-//! It runs from the current picture to the previous one, which is the motion given out, and back. Where the two do not
-//! undo each other, or lead out of the picture, motion is taken from the nearest places where they do, those of similar
-//! colour first. Removing each patch's mean makes it blind to a change of brightness.
+//! It runs from the current picture to the previous one, which is the motion given out, and back, above a megapixel at
+//! half the size. Where the two do not undo each other, lead out of the picture or to what looks otherwise, motion is
+//! taken from near places where none of this is so, those of similar colour first. Removing each patch's mean makes it
+//! blind to a change of brightness.
 //!
 //! **Depth is flat**: 0.5 everywhere, no order. Longer motion is nearer only where the eye moves straight on through a
 //! world at rest; while it turns all moves alike, and a held item rests although it is nearest. A guess that is wrong
@@ -25,8 +28,12 @@ mod dense;
 mod grid;
 mod patch;
 mod pyramid;
+mod trust;
 
-use half::f16;
+use std::time::{Duration, Instant};
+
+use fearless_simd::Level;
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
 use super::{Guidance, Projection, paper};
@@ -39,6 +46,8 @@ use pyramid::Pyramid;
 pub const PROJECTION: Projection = paper::PROJECTION;
 /// The depth given to every pixel, in device depth.
 pub const FLAT_DEPTH: f32 = 0.5;
+/// Pixels of a row that are written at once.
+const RUN: usize = 32;
 
 /// Fills `out` for the step from `previous` to `current`.
 ///
@@ -50,15 +59,33 @@ pub fn extract(previous: &Picture, current: &Picture, out: &mut Guidance) -> Res
     Extractor::new().extract(previous, current, out)
 }
 
-/// The extractor with its working memory. It allocates nothing once it has seen the largest picture. Rows run in
-/// parallel on the current rayon pool; the result does not depend on how many threads it has.
-#[derive(Debug, Default)]
+/// The extractor with its working memory, about 60 bytes per pixel. It allocates nothing once it has seen the largest
+/// picture. Rows run in parallel on the current rayon pool; the result depends neither on how many threads it has nor on
+/// the vector instructions of the processor.
+#[derive(Debug)]
 pub struct Extractor {
+    level: Level,
     current: Pyramid,
     previous: Pyramid,
     backward: Direction,
     forward: Direction,
     trusted: Vec<bool>,
+    times: StageTimes,
+}
+
+/// How long the stages of an extraction took.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub struct StageTimes {
+    /// Luma at all sizes.
+    pub pyramid: Duration,
+    /// Search and smoothing of the patches, in both directions.
+    pub search: Duration,
+    /// From patches to pixels, in both directions.
+    pub densify: Duration,
+    /// Which motions to trust.
+    pub check: Duration,
+    /// Fills, and the guidance itself.
+    pub write: Duration,
 }
 
 /// The flow from one picture to the other.
@@ -69,14 +96,34 @@ struct Direction {
     dense: Dense,
 }
 
+impl Default for Extractor {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Extractor {
     /// An extractor without working memory yet.
     pub fn new() -> Self {
-        Self::default()
+        Self::at(Level::new())
     }
 
-    /// Fills `out` for the step from `previous` to `current`; `out` takes their size if it has another. Motion is
-    /// finite and no longer than the picture along each axis; depth is [`FLAT_DEPTH`].
+    /// An extractor that uses vector instructions up to `level`.
+    fn at(level: Level) -> Self {
+        Self {
+            level,
+            current: Pyramid::default(),
+            previous: Pyramid::default(),
+            backward: Direction::default(),
+            forward: Direction::default(),
+            trusted: Vec::new(),
+            times: StageTimes::default(),
+        }
+    }
+
+    /// Fills `out` for the step from `previous` to `current`; `out` takes their size, and a vector and a depth to each
+    /// pixel, if it has others. Motion is finite and no longer than the picture along each axis; depth is
+    /// [`FLAT_DEPTH`].
     ///
     /// # Errors
     /// `InvalidArgument` when the pictures differ in size, `OutOfMemory` when working memory or `out` cannot grow.
@@ -89,14 +136,77 @@ impl Extractor {
             )
             .field("previous"));
         }
-        out.make_per_pixel(size, PROJECTION)?;
-        self.current.build(current)?;
-        self.previous.build(previous)?;
-        self.backward.follow(&self.current, &self.previous)?;
-        self.forward.follow(&self.previous, &self.current)?;
+        let start = Instant::now();
+        // Until all has gone well there is no picture to go on from.
+        self.current.clear();
+        self.previous.build(self.level, previous)?;
+        self.times.pyramid = start.elapsed();
+        self.between(current, out)
+    }
+
+    /// As [`extract`](Self::extract), where the previous picture is the current one of the last call: what is known of
+    /// it is used again, which saves time. The result is the same to the bit.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when there was no call before, the last one failed, or its pictures had another size;
+    /// `OutOfMemory` as there.
+    pub fn extract_next(&mut self, current: &Picture, out: &mut Guidance) -> Result<()> {
+        let size = (current.width() as usize, current.height() as usize);
+        match self.current.levels().first() {
+            Some(last) if (last.width, last.height) == size => {}
+            last => {
+                let have = last.map_or("no picture yet".to_owned(), |l| format!("one of {} x {}", l.width, l.height));
+                return Err(Error::new(
+                    ErrorKind::InvalidArgument,
+                    format!("a picture of {} x {} pixels cannot go on from {have}", size.0, size.1),
+                )
+                .field("current")
+                .remedy("Pass both pictures to extract"));
+            }
+        }
+        std::mem::swap(&mut self.previous, &mut self.current);
+        self.times.pyramid = Duration::ZERO;
+        self.between(current, out)
+    }
+
+    /// How long the stages of the last extraction took.
+    pub fn stage_times(&self) -> StageTimes {
+        self.times
+    }
+
+    /// The step from the picture whose pyramid stands to `current`.
+    fn between(&mut self, current: &Picture, out: &mut Guidance) -> Result<()> {
+        let start = Instant::now();
+        self.current.clear();
+        out.make_per_pixel(current.size(), PROJECTION)?;
+        // Taken for the time of the work: an error on the way leaves no picture to go on from.
+        let mut pyramid = std::mem::take(&mut self.current);
+        pyramid.build(self.level, current)?;
+        let built = Instant::now();
+
+        // The way back is only for checking: half the size will do for large pictures.
+        let finest = self.previous.finest_close();
+        self.backward.follow(self.level, &pyramid, &self.previous, 0)?;
+        self.forward.follow(self.level, &self.previous, &pyramid, finest)?;
+        let searched = Instant::now();
+
+        self.backward.spread(self.level, &pyramid, &self.previous, 0)?;
+        self.forward.spread(self.level, &self.previous, &pyramid, finest)?;
+        let spread = Instant::now();
+
         reserve(&mut self.trusted, self.backward.dense.flow.len(), false)?;
-        dense::check(&self.backward.dense, &self.forward.dense, &mut self.trusted);
+        trust::check(&self.backward.dense, &self.forward.dense, finest, &mut self.trusted);
+        let checked = Instant::now();
+
         self.write(current, out);
+        self.current = pyramid;
+        self.times = StageTimes {
+            pyramid: self.times.pyramid + (built - start),
+            search: searched - built,
+            densify: spread - searched,
+            check: checked - spread,
+            write: checked.elapsed(),
+        };
         Ok(())
     }
 
@@ -108,26 +218,42 @@ impl Extractor {
         let Guidance { motion, depth } = out;
         depth.depth_mut().fill(FLAT_DEPTH);
         motion.vectors_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            for (x, vector) in row.iter_mut().enumerate() {
-                let found = dense::filled(flow, trusted, current, x, y);
-                // Added to 0 so that no motion is +0.
-                *vector = [0, 1].map(|axis| f16::from_f32(0.0 + found[axis].clamp(-limit[axis], limit[axis])));
+            let (flow_row, trusted_row) = (&flow.flow[y * width..][..width], &trusted[y * width..][..width]);
+            let mut found = [[0.0_f32; 2]; RUN];
+            for (i, run) in row.chunks_mut(RUN).enumerate() {
+                let found = &mut found[..run.len()];
+                found.copy_from_slice(&flow_row[i * RUN..][..run.len()]);
+                for (k, vector) in found.iter_mut().enumerate() {
+                    let x = i * RUN + k;
+                    if !trusted_row[x] {
+                        *vector = trust::filled(flow, trusted, current, x, y);
+                    }
+                    // Added to 0 so that no motion is +0.
+                    vector[0] = 0.0 + vector[0].clamp(-limit[0], limit[0]);
+                    vector[1] = 0.0 + vector[1].clamp(-limit[1], limit[1]);
+                }
+                run.as_flattened_mut().convert_from_f32_slice(found.as_flattened());
             }
         });
     }
 }
 
 impl Direction {
-    /// The flow from each pixel of `from` to where it is in `to`, coarse to fine.
-    fn follow(&mut self, from: &Pyramid, to: &Pyramid) -> Result<()> {
-        for level in (0..from.levels().len()).rev() {
+    /// The patches' motion from `from` to `to`, coarse to fine down to level `finest`.
+    fn follow(&mut self, simd: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
+        for level in (finest..from.levels().len()).rev() {
             let (from_plane, to_plane) = (&from.levels()[level], &to.levels()[level]);
             std::mem::swap(&mut self.coarse, &mut self.fine);
             let coarse = (level + 1 < from.levels().len()).then_some(&self.coarse);
-            self.fine.search(from_plane, to_plane, coarse)?;
-            self.fine.smooth()?;
+            self.fine.search(simd, from_plane, to_plane, coarse)?;
+            self.fine.smooth(simd)?;
         }
-        self.dense.spread(&from.levels()[0], &to.levels()[0], &self.fine)
+        Ok(())
+    }
+
+    /// The motion of each pixel of level `finest`.
+    fn spread(&mut self, level: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
+        self.dense.spread(level, &from.levels()[finest], &to.levels()[finest], &self.fine)
     }
 }
 

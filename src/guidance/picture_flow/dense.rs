@@ -1,131 +1,339 @@
-//! From patches to pixels; which of them to trust, and what to put in place of the others.
+//! From patches to pixels.
+//!
+//! Pixels are taken in blocks of 8 x 8. Where the patches in and around a block move as if on one smooth sheet, motion is
+//! bilinear between them. Elsewhere an edge of motion runs somewhere near, and each pixel chooses: every motion that is
+//! found around the block is tried on the whole of it, and a pixel takes that which explains it and the pixels around it
+//! best.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
 use super::grid::Grid;
-use super::patch::{SIDE, STRIDE};
-use super::pyramid::Plane;
+use super::pyramid::{Plane, floor};
 use super::reserve;
-use crate::{Picture, Result};
+use crate::Result;
 
-/// How far forward and backward motion may fail to undo each other, in squared pixels: this,
-const SLACK: f32 = 0.5;
-/// and this part of their squared lengths.
-const SLACK_PER_LENGTH: f32 = 0.01;
-/// How far a fill looks, in pixels.
-const REACH: i32 = 64;
-/// Colour by which pixels differ before they count as different things, in code values.
-const COLOUR_SCALE: f32 = 10.0;
-/// Where a fill looks.
-const RAYS: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
+/// Pixels along a block's side.
+const BLOCK: usize = 8;
+/// How far around a pixel a motion must explain the pictures to explain it.
+const REACH: usize = 2;
+const WIDE: usize = BLOCK + 2 * REACH;
+const DIAMETER: usize = 2 * REACH + 1;
+/// Lanes of a row of a wide block, with room to work on all of them.
+const LANES: usize = 16;
+/// Motions that are tried on a block at most.
+const MOST: usize = 8;
+/// Motions nearer to each other than this, in pixels, are tried once.
+const SAME: f32 = 0.25;
+/// Motions nearer to each other than this, in pixels, are of one surface.
+const SURFACE: f32 = 1.0;
+/// A difference counts at most this much, in code values.
+const MOST_UNLIKE: f32 = 40.0;
+/// What a pixel that leads out of the picture counts, in code values.
+const OUTSIDE: f32 = 8.0;
+/// A mean difference above this is no match, in code values.
+const MISMATCH: f32 = 16.0;
 
-/// A motion to a pixel, in pixels.
+/// A motion for each pixel, in pixels.
 #[derive(Debug, Default)]
 pub(super) struct Dense {
-    width: usize,
+    pub(super) width: usize,
     pub(super) flow: Vec<[f32; 2]>,
+    /// Whether the other picture shows the same at the motion's end.
+    pub(super) matched: Vec<bool>,
 }
 
+/// The cells in and around a block.
+struct Window {
+    flow: [[f32; 2]; 16],
+    brightening: [f32; 16],
+    /// Along a side: 3 of 8 pixels, or 4 of 4.
+    side: usize,
+}
+
+/// What a row of 8 pixels is bilinear between: for each the nearer and the farther cell, and the weight of that.
+struct Taps {
+    near: [usize; BLOCK],
+    far: [usize; BLOCK],
+    weight: [f32; BLOCK],
+}
+
+const APART: Taps = taps(8);
+const CLOSE: Taps = taps(4);
+
+const fn taps(stride: usize) -> Taps {
+    let mut taps = Taps { near: [0; BLOCK], far: [0; BLOCK], weight: [0.0; BLOCK] };
+    let mut x = 0;
+    while x < BLOCK {
+        let within = (x % stride) as f32 + 0.5 - 0.5 * stride as f32;
+        taps.near[x] = 1 + x / stride;
+        taps.far[x] = if within < 0.0 { x / stride } else { 2 + x / stride };
+        taps.weight[x] = if within < 0.0 { -within } else { within } / stride as f32;
+        x += 1;
+    }
+    taps
+}
+
+/// Cells of a window, those nearest to its middle first.
+const ORDER_OF_9: [usize; 9] = [4, 3, 5, 1, 7, 0, 2, 6, 8];
+const ORDER_OF_16: [usize; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
+
 impl Dense {
-    /// Spreads the motion of `grid`'s patches over the pixels: each pixel takes the mean of the four patches over it,
-    /// weighted by how well their motion explains it.
-    pub(super) fn spread(&mut self, from: &Plane, to: &Plane, grid: &Grid) -> Result<()> {
+    /// Spreads the motion of `grid`'s patches over the pixels of `from`.
+    pub(super) fn spread(&mut self, level: Level, from: &Plane, to: &Plane, grid: &Grid) -> Result<()> {
         self.width = from.width;
         reserve(&mut self.flow, from.luma.len(), [0.0; 2])?;
-        // Every pixel lies under the patch of its own cell and under that of the cell whose edge is nearer.
-        const { assert!(SIDE == 2 * STRIDE) };
-        let pair = |x: usize, len: usize| {
-            let own = x / STRIDE;
-            let other = if x % STRIDE < STRIDE / 2 { own.saturating_sub(1) } else { (own + 1).min(len - 1) };
-            [own, other]
-        };
-        self.flow.par_chunks_mut(from.width).enumerate().for_each(|(y, row)| {
-            let cells_down = pair(y, grid.down);
-            for (x, flow) in row.iter_mut().enumerate() {
-                let luma = from.luma[y * from.width + x];
-                let first = grid.flow[cells_down[0] * grid.across + x / STRIDE];
-                let (mut weight_sum, mut sum) = (0.0, [0.0_f32; 2]);
-                for j in cells_down {
-                    for i in pair(x, grid.across) {
-                        let k = j * grid.across + i;
-                        let [u, v] = grid.flow[k];
-                        let other = to.sample(x as f32 + u, y as f32 + v);
-                        let left = other - luma - grid.found[k].brightening;
-                        let weight = 1.0 / (1.0 + left * left);
-                        weight_sum += weight;
-                        // Differences, so that equal motions stay equal to the last bit.
-                        sum[0] += weight * (u - first[0]);
-                        sum[1] += weight * (v - first[1]);
-                    }
-                }
-                *flow = [first[0] + sum[0] / weight_sum, first[1] + sum[1] / weight_sum];
-            }
+        reserve(&mut self.matched, from.luma.len(), false)?;
+        let rows = self.flow.par_chunks_mut(BLOCK * from.width).zip(self.matched.par_chunks_mut(BLOCK * from.width));
+        rows.enumerate().for_each(|(j, (flow, matched))| {
+            dispatch!(level, simd => spread_row(simd, from, to, grid, j, flow, matched));
         });
         Ok(())
     }
+}
 
-    /// The motion at a position in pixels that lies in the picture; bilinear.
-    fn sample(&self, x: f32, y: f32) -> [f32; 2] {
-        let height = self.flow.len() / self.width;
-        let (left, top) = (x as usize, y as usize);
-        let (right, below) = ((left + 1).min(self.width - 1), (top + 1).min(height - 1));
-        let (fx, fy) = (x - left as f32, y - top as f32);
-        [0, 1].map(|axis| {
-            let at = |x: usize, y: usize| self.flow[y * self.width + x][axis];
-            let above = at(left, top) + (at(right, top) - at(left, top)) * fx;
-            let below = at(left, below) + (at(right, below) - at(left, below)) * fx;
-            above + (below - above) * fy
-        })
+/// Row `j` of blocks.
+#[inline(always)]
+fn spread_row<S: Simd>(
+    simd: S,
+    from: &Plane,
+    to: &Plane,
+    grid: &Grid,
+    j: usize,
+    flow: &mut [[f32; 2]],
+    matched: &mut [bool],
+) {
+    let width = from.width;
+    for i in 0..width.div_ceil(BLOCK) {
+        let (window, is_rough) = Window::new(grid, i, j);
+        let origin = [(i * BLOCK) as i32, (j * BLOCK) as i32];
+        let (motion, good) =
+            if is_rough { window.choose(simd, from, to, origin) } else { (window.bilinear(simd), [[true; 8]; 8]) };
+        let len = BLOCK.min(width - i * BLOCK);
+        let rows = flow.chunks_exact_mut(width).zip(matched.chunks_exact_mut(width));
+        for (y, (flow, matched)) in rows.enumerate() {
+            let [u, v] = [&motion[0][y], &motion[1][y]];
+            let flow = &mut flow[i * BLOCK..i * BLOCK + len];
+            for (x, flow) in flow.iter_mut().enumerate() {
+                *flow = [u[x], v[x]];
+            }
+            matched[i * BLOCK..i * BLOCK + len].copy_from_slice(&good[y][..len]);
+        }
     }
 }
 
-/// Which pixels' motion in `flow` is undone by `back` at its end. Motion out of the picture cannot be checked, and is
-/// not trusted.
-pub(super) fn check(flow: &Dense, back: &Dense, trusted: &mut [bool]) {
-    let (width, height) = (flow.width, flow.flow.len() / flow.width);
-    let (last_x, last_y) = ((width - 1) as f32, (height - 1) as f32);
-    trusted.par_chunks_mut(width).zip(flow.flow.par_chunks(width)).enumerate().for_each(|(y, (trusted, row))| {
-        for (x, (trusted, &[u, v])) in trusted.iter_mut().zip(row).enumerate() {
-            let (there_x, there_y) = (x as f32 + u, y as f32 + v);
-            *trusted = there_x >= 0.0 && there_y >= 0.0 && there_x <= last_x && there_y <= last_y && {
-                let [bu, bv] = back.sample(there_x, there_y);
-                let miss = (u + bu).powi(2) + (v + bv).powi(2);
-                miss <= SLACK + SLACK_PER_LENGTH * (u * u + v * v + bu * bu + bv * bv)
+type Block = [[f32; BLOCK]; BLOCK];
+
+impl Window {
+    /// The window of block (i, j), and whether its motion is other than that of a smooth sheet.
+    #[inline(always)]
+    fn new(grid: &Grid, i: usize, j: usize) -> (Self, bool) {
+        let (side, cells) = if grid.stride == BLOCK { (3, 1) } else { (4, 2) };
+        let mut window = Self { flow: [[0.0; 2]; 16], brightening: [0.0; 16], side };
+        let mut is_rough = false;
+        for y in 0..side {
+            let row = (j * cells + y).saturating_sub(1).min(grid.down - 1);
+            for x in 0..side {
+                let column = (i * cells + x).saturating_sub(1).min(grid.across - 1);
+                let k = row * grid.across + column;
+                window.flow[y * side + x] = grid.flow.at(column, row);
+                window.brightening[y * side + x] = grid.found[k].brightening;
+                is_rough |= grid.rough[k];
+            }
+        }
+        (window, is_rough)
+    }
+
+    /// Bilinear between the cells.
+    #[inline(always)]
+    fn bilinear<S: Simd>(&self, simd: S) -> [Block; 2] {
+        let taps = if self.side == 3 { &APART } else { &CLOSE };
+        let mut motion = [[[0.0; BLOCK]; BLOCK]; 2];
+        for (axis, motion) in motion.iter_mut().enumerate() {
+            let mut rows = [[0.0_f32; BLOCK]; 4];
+            for (y, row) in rows.iter_mut().enumerate().take(self.side) {
+                for (x, value) in row.iter_mut().enumerate() {
+                    let at = |x: usize| self.flow[y * self.side + x][axis];
+                    let near = at(taps.near[x]);
+                    // Differences, so that equal motions stay equal to the last bit.
+                    *value = near + (at(taps.far[x]) - near) * taps.weight[x];
+                }
+            }
+            for (y, out) in motion.iter_mut().enumerate() {
+                let near = f32x8::from_slice(simd, &rows[taps.near[y]]);
+                let far = f32x8::from_slice(simd, &rows[taps.far[y]]);
+                (near + (far - near) * taps.weight[y]).store_slice(out);
+            }
+        }
+        motion
+    }
+
+    /// The distinct motions of the window, those nearest to its middle first, and how many there are.
+    #[inline(always)]
+    fn motions(&self) -> ([usize; MOST], usize) {
+        let order = if self.side == 3 { &ORDER_OF_9[..] } else { &ORDER_OF_16[..] };
+        let (mut picked, mut count) = ([0; MOST], 0);
+        for &cell in order {
+            let [u, v] = self.flow[cell];
+            let near = |&other: &usize| {
+                let [a, b] = self.flow[other];
+                (a - u).abs().max((b - v).abs()) < SAME
             };
+            if count < MOST && !picked[..count].iter().any(near) {
+                picked[count] = cell;
+                count += 1;
+            }
         }
-    });
+        (picked, count)
+    }
+
+    /// For each pixel of the block from `origin` on the motion of the window that explains it best, and whether it does.
+    #[inline(always)]
+    fn choose<S: Simd>(
+        &self,
+        simd: S,
+        from: &Plane,
+        to: &Plane,
+        origin: [i32; 2],
+    ) -> ([Block; 2], [[bool; BLOCK]; BLOCK]) {
+        let (motions, count) = self.motions();
+        let reach = REACH as i32;
+        let corner = [origin[0] - reach, origin[1] - reach];
+        let own = from.block::<{ LANES + 1 }>(corner[0], corner[1]);
+        let none = f32x8::splat(simd, 0.0);
+        let mut best = [f32x8::splat(simd, f32::INFINITY); BLOCK];
+        let mut label = [none; BLOCK];
+        for (number, &cell) in motions[..count].iter().enumerate() {
+            let unlike = self.differences(simd, cell, &own, to, corner);
+            let number = f32x8::splat(simd, number as f32);
+            for y in 0..BLOCK {
+                let mut sums = [0.0; LANES];
+                for half in [0, BLOCK] {
+                    let mut sum = none;
+                    for row in &unlike[y..y + DIAMETER] {
+                        sum += f32x8::from_slice(simd, &row[half..half + BLOCK]);
+                    }
+                    sum.store_slice(&mut sums[half..half + BLOCK]);
+                }
+                let mut sum = none;
+                for dx in 0..DIAMETER {
+                    sum += f32x8::from_slice(simd, &sums[dx..dx + BLOCK]);
+                }
+                let is_better = sum.simd_lt(best[y]);
+                best[y] = is_better.select(sum, best[y]);
+                label[y] = is_better.select(number, label[y]);
+            }
+        }
+        let mut motion = [[none; BLOCK]; 2];
+        for (number, &cell) in motions[..count].iter().enumerate() {
+            let sheet = self.sheet(simd, cell);
+            let number = f32x8::splat(simd, number as f32);
+            for y in 0..BLOCK {
+                let is_own = label[y].simd_eq(number);
+                motion[0][y] = is_own.select(sheet[0][y], motion[0][y]);
+                motion[1][y] = is_own.select(sheet[1][y], motion[1][y]);
+            }
+        }
+        let (mut chosen, mut good) = ([[[0.0; BLOCK]; BLOCK]; 2], [[false; BLOCK]; BLOCK]);
+        for y in 0..BLOCK {
+            motion[0][y].store_slice(&mut chosen[0][y]);
+            motion[1][y].store_slice(&mut chosen[1][y]);
+            let best = <[f32; BLOCK]>::from(best[y]);
+            for x in 0..BLOCK {
+                good[y][x] = best[x] <= MISMATCH * (DIAMETER * DIAMETER) as f32;
+            }
+        }
+        (chosen, good)
+    }
+
+    /// How much the pixels of a wide block, `own` from `corner` on, differ from `to` at the motion of `cell`.
+    #[inline(always)]
+    fn differences<S: Simd>(
+        &self,
+        simd: S,
+        cell: usize,
+        own: &[[f32; LANES + 1]; LANES + 1],
+        to: &Plane,
+        corner: [i32; 2],
+    ) -> [[f32; LANES]; WIDE] {
+        let flow = self.flow[cell];
+        let brightening = self.brightening[cell];
+        let whole = [floor(flow[0]), floor(flow[1])];
+        let [fx, fy] = [flow[0] - whole[0] as f32, flow[1] - whole[1] as f32];
+        let (left, top) = (corner[0] + whole[0], corner[1] + whole[1]);
+        let block = to.block::<{ LANES + 1 }>(left, top);
+        let mut unlike = [[0.0; LANES]; WIDE];
+        let most = f32x8::splat(simd, MOST_UNLIKE);
+        for half in [0, BLOCK] {
+            let mut above = across(simd, &block[0], half, fx);
+            for y in 0..WIDE {
+                let below = across(simd, &block[y + 1], half, fx);
+                let here = f32x8::from_slice(simd, &own[y][half..half + BLOCK]);
+                let difference = (above + (below - above) * fy - here - brightening).abs();
+                difference.min(most).store_slice(&mut unlike[y][half..half + BLOCK]);
+                above = below;
+            }
+        }
+        if !to.holds(left, top, LANES + 1) {
+            for (row, y) in unlike.iter_mut().zip(top..) {
+                for (value, x) in row.iter_mut().zip(left..) {
+                    if !to.holds(x, y, 1) {
+                        *value = OUTSIDE;
+                    }
+                }
+            }
+        }
+        unlike
+    }
+
+    /// The motion over the block of the surface that `cell` is of.
+    #[inline(always)]
+    fn sheet<S: Simd>(&self, simd: S, cell: usize) -> [[f32x8<S>; BLOCK]; 2] {
+        let taps = if self.side == 3 { &APART } else { &CLOSE };
+        let own = self.flow[cell];
+        let none = f32x8::splat(simd, 0.0);
+        let (mut weights, mut sums) = ([f32x8::splat(simd, 1e-6); BLOCK], [[none; BLOCK]; 2]);
+        for row in 0..self.side {
+            let down = tent(taps, row);
+            for column in 0..self.side {
+                let there = self.flow[row * self.side + column];
+                let apart = [there[0] - own[0], there[1] - own[1]];
+                if apart[0].abs().max(apart[1].abs()) >= SURFACE {
+                    continue;
+                }
+                let across = f32x8::from_slice(simd, &tent(taps, column));
+                for y in 0..BLOCK {
+                    let weight = across * down[y];
+                    weights[y] += weight;
+                    sums[0][y] += weight * apart[0];
+                    sums[1][y] += weight * apart[1];
+                }
+            }
+        }
+        for y in 0..BLOCK {
+            sums[0][y] = sums[0][y] / weights[y] + own[0];
+            sums[1][y] = sums[1][y] / weights[y] + own[1];
+        }
+        sums
+    }
 }
 
-/// The motion of pixel (x, y): its own where it is trusted, else that of the nearest trusted pixels along eight rays,
-/// weighted by nearness and by likeness in `picture`; its own again where there are none.
-pub(super) fn filled(flow: &Dense, trusted: &[bool], picture: &Picture, x: usize, y: usize) -> [f32; 2] {
-    let (width, height) = (flow.width as i32, (flow.flow.len() / flow.width) as i32);
-    let here = y * flow.width + x;
-    if trusted[here] {
-        return flow.flow[here];
+/// How much cell number `cell` along a side counts for each of the 8 pixels: a tent over two cells each way.
+#[inline(always)]
+fn tent(taps: &Taps, cell: usize) -> [f32; BLOCK] {
+    let mut weights = [0.0; BLOCK];
+    for (x, weight) in weights.iter_mut().enumerate() {
+        let sign = if taps.far[x] > taps.near[x] { 1.0 } else { -1.0 };
+        let at = taps.near[x] as f32 + sign * taps.weight[x];
+        *weight = (2.0 - (at - cell as f32).abs()).max(0.0);
     }
-    let pixels = picture.pixels();
-    let own = pixels[here].map(f32::from);
-    let (mut weight_sum, mut sum) = (0.0, [0.0_f32; 2]);
-    for [dx, dy] in RAYS {
-        let (mut px, mut py) = (x as i32, y as i32);
-        for distance in 1..=REACH {
-            (px, py) = (px + dx, py + dy);
-            if px < 0 || py < 0 || px >= width || py >= height {
-                break;
-            }
-            let k = (py * width + px) as usize;
-            if trusted[k] {
-                let other = pixels[k].map(f32::from);
-                let unlike: f32 = (0..3).map(|c| (other[c] - own[c]).powi(2)).sum::<f32>() / 3.0;
-                let alike = 1.0 + unlike / (COLOUR_SCALE * COLOUR_SCALE);
-                let weight = 1.0 / (alike * alike * distance as f32);
-                weight_sum += weight;
-                sum[0] += weight * flow.flow[k][0];
-                sum[1] += weight * flow.flow[k][1];
-                break;
-            }
-        }
-    }
-    if weight_sum > 0.0 { sum.map(|s| s / weight_sum) } else { flow.flow[here] }
+    weights
+}
+
+/// Eight positions of a row from number `x` on, each a part `fraction` of a pixel on.
+#[inline(always)]
+fn across<S: Simd>(simd: S, row: &[f32; LANES + 1], x: usize, fraction: f32) -> f32x8<S> {
+    let left = f32x8::from_slice(simd, &row[x..x + BLOCK]);
+    left + (f32x8::from_slice(simd, &row[x + 1..x + 1 + BLOCK]) - left) * fraction
 }

@@ -1,12 +1,18 @@
 //! The grid of patches of one level: their search and their smoothing.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
-use super::patch::{Found, STRIDE, Template};
-use super::pyramid::Plane;
+use super::patch::{Found, SIDE, Template};
+use super::pyramid::{LARGE, Plane};
 use super::reserve;
 use crate::Result;
 
+/// Pixels from one patch to the next, in a level of at most [`LARGE`] pixels,
+const CLOSE: usize = 4;
+/// and in a larger one, where neither the search nor what it is for needs them closer.
+const APART: usize = 8;
 /// Rounds of the smoothing.
 const ROUNDS: usize = 12;
 /// Weight of a neighbour's motion against the information in a patch, per squared pixel.
@@ -17,105 +23,279 @@ const NOISE: f32 = 4.0;
 const LUMA_SCALE: f32 = 12.0;
 /// Motion by which neighbours differ before they count as different things, in pixels.
 const FLOW_SCALE: f32 = 1.0;
+/// By how much, in pixels to a pixel of the stride, a cell's motion may differ from that between two others on a smooth
+/// sheet.
+const ROUGH: f32 = 0.5;
+/// Cells that are worked on at once.
+const LANES: usize = 8;
+/// Cells that are worth a task of their own in the smoothing.
+const CELLS: usize = 4096;
 
-/// The patches of one level, one to a cell of [`STRIDE`] x [`STRIDE`] pixels and centred on it.
+/// The patches of one level, one to a square cell and centred on it.
 #[derive(Debug, Default)]
 pub(super) struct Grid {
     pub(super) across: usize,
     pub(super) down: usize,
+    /// Pixels along a cell's side.
+    pub(super) stride: usize,
     /// What the search found for each patch.
     pub(super) found: Vec<Found>,
     /// Motion of each patch after smoothing.
-    pub(super) flow: Vec<[f32; 2]>,
-    next: Vec<[f32; 2]>,
+    pub(super) flow: Padded<2>,
+    next: Padded<2>,
+    facts: Padded<7>,
+    /// Whether the motion of a cell is other than that between the cells on either side of it.
+    pub(super) rough: Vec<bool>,
+}
+
+/// `N` values for each cell, each a plane of its own, with a cell of none all around.
+#[derive(Debug)]
+pub(super) struct Padded<const N: usize> {
+    /// Cells along a row, with those around.
+    pitch: usize,
+    planes: [Vec<f32>; N],
+}
+
+/// What the smoothing knows of a cell: its search's motion, what that knows, and how alike its neighbours' luma is.
+#[derive(Debug, Clone, Copy)]
+struct Facts<'a> {
+    flow: [&'a [f32]; 2],
+    hessian: [&'a [f32]; 3],
+    /// To the left neighbour, and, one cell on, to the right.
+    beside: &'a [f32],
+    above: &'a [f32],
+    below: &'a [f32],
+}
+
+impl<const N: usize> Default for Padded<N> {
+    fn default() -> Self {
+        Self { pitch: 0, planes: std::array::from_fn(|_| Vec::new()) }
+    }
+}
+
+impl<const N: usize> Padded<N> {
+    fn resize(&mut self, across: usize, down: usize) -> Result<()> {
+        self.pitch = across + 2;
+        self.planes.iter_mut().try_for_each(|plane| reserve(plane, (across + 2) * (down + 2), 0.0))
+    }
+
+    /// The values of cell (i, j).
+    #[inline(always)]
+    pub(super) fn at(&self, i: usize, j: usize) -> [f32; N] {
+        let k = (j + 1) * self.pitch + i + 1;
+        std::array::from_fn(|n| self.planes[n][k])
+    }
+
+    /// Row `j` of plane `n` with the cells around; -1 and the number of rows are outside.
+    #[inline(always)]
+    fn row(&self, n: usize, j: isize) -> &[f32] {
+        let start = (j + 1) as usize * self.pitch;
+        &self.planes[n][start..start + self.pitch]
+    }
 }
 
 impl Grid {
     /// Searches every patch of `from` in `to`, starting from what the `coarse` level knows.
-    pub(super) fn search(&mut self, from: &Plane, to: &Plane, coarse: Option<&Grid>) -> Result<()> {
-        (self.across, self.down) = (from.width.div_ceil(STRIDE), from.height.div_ceil(STRIDE));
-        let across = self.across;
+    pub(super) fn search(&mut self, level: Level, from: &Plane, to: &Plane, coarse: Option<&Grid>) -> Result<()> {
+        self.stride = if from.luma.len() > LARGE { APART } else { CLOSE };
+        (self.across, self.down) = (from.width.div_ceil(self.stride), from.height.div_ceil(self.stride));
+        let (across, stride) = (self.across, self.stride);
         reserve(&mut self.found, across * self.down, Found::default())?;
         self.found.par_chunks_mut(across).enumerate().for_each(|(j, row)| {
-            for (i, found) in row.iter_mut().enumerate() {
-                let template = Template::new(from, i, j);
-                *found = match coarse {
-                    Some(coarse) => template.search(to, &coarse.starts(i, j)),
-                    None => template.search(to, &[[0.0; 2]]),
+            dispatch!(level, simd => search_row(simd, from, to, coarse, stride, j, row));
+        });
+        Ok(())
+    }
+
+    /// Motions to try for cell (i, j) of the next finer level: of the cell it lies in, of those beside it, and none.
+    #[inline(always)]
+    fn starts(&self, i: usize, j: usize, stride: usize) -> [[f32; 2]; 6] {
+        let (last_x, last_y) = (self.across - 1, self.down - 1);
+        let at = |x: usize, y: usize| {
+            let [u, v] = self.flow.at(x.min(last_x), y.min(last_y));
+            [2.0 * u, 2.0 * v]
+        };
+        if stride == 2 * self.stride {
+            // Cell upon cell.
+            let (left, above) = (at(i.saturating_sub(1), j), at(i, j.saturating_sub(1)));
+            return [at(i, j), left, at(i + 1, j), above, at(i, j + 1), [0.0; 2]];
+        }
+        // The cells around its centre.
+        let pair = |i: usize| [i / 2, if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 + 1 }];
+        let ([x, beside], [y, above]) = (pair(i), pair(j));
+        [at(x, y), at(beside, y), at(x, above), at(beside, above), [0.0; 2], [0.0; 2]]
+    }
+
+    /// Smooths the motion: patches that fix theirs well keep it, the others take their neighbours'. Jacobi rounds of
+    /// the normal equations, weights anew in each.
+    pub(super) fn smooth(&mut self, level: Level) -> Result<()> {
+        let (across, down) = (self.across, self.down);
+        self.flow.resize(across, down)?;
+        self.next.resize(across, down)?;
+        self.facts.resize(across, down)?;
+        self.gather();
+        let pitch = across + 2;
+        for _ in 0..ROUNDS {
+            let (flow, facts) = (&self.flow, &self.facts);
+            let [next_x, next_y] = &mut self.next.planes;
+            let rows = next_x[pitch..].par_chunks_mut(pitch).zip(next_y[pitch..].par_chunks_mut(pitch)).take(down);
+            rows.with_min_len(CELLS.div_ceil(across)).enumerate().for_each(|(j, (x, y))| {
+                let j = j as isize;
+                let row = |n| facts.row(n, j);
+                let known = Facts {
+                    flow: [row(0), row(1)],
+                    hessian: [row(2), row(3), row(4)],
+                    beside: row(5),
+                    above: row(6),
+                    below: facts.row(6, j + 1),
                 };
+                let around = [j - 1, j, j + 1].map(|j| [flow.row(0, j), flow.row(1, j)]);
+                dispatch!(level, simd => relax_row(simd, known, around, [&mut x[1..=across], &mut y[1..=across]]));
+            });
+            std::mem::swap(&mut self.flow, &mut self.next);
+        }
+        reserve(&mut self.rough, across * down, false)?;
+        let (flow, rough, most) = (&self.flow, &mut self.rough, ROUGH * self.stride as f32);
+        rough.par_chunks_mut(across).with_min_len(CELLS.div_ceil(across)).enumerate().for_each(|(j, row)| {
+            for (i, rough) in row.iter_mut().enumerate() {
+                let own = flow.at(i, j);
+                let far = |one: [f32; 2], other: [f32; 2]| {
+                    [0, 1].into_iter().any(|axis| (0.5 * (one[axis] + other[axis]) - own[axis]).abs() > most)
+                };
+                let (left, right) = (i.saturating_sub(1), (i + 1).min(across - 1));
+                let (above, below) = (j.saturating_sub(1), (j + 1).min(down - 1));
+                *rough = far(flow.at(left, j), flow.at(right, j)) || far(flow.at(i, above), flow.at(i, below));
             }
         });
         Ok(())
     }
 
-    /// Motions to try for cell (i, j) of the next finer level: the four cells around its centre, the one it lies in
-    /// first, and none.
-    fn starts(&self, i: usize, j: usize) -> [[f32; 2]; 5] {
-        let pair = |i: usize, len: usize| {
-            let own = (i / 2).min(len - 1);
-            let other = if i.is_multiple_of(2) { own.saturating_sub(1) } else { (own + 1).min(len - 1) };
-            [own, other]
-        };
-        let ([x, beside], [y, above]) = (pair(i, self.across), pair(j, self.down));
-        let at = |x: usize, y: usize| self.flow[y * self.across + x].map(|v| 2.0 * v);
-        [at(x, y), at(beside, y), at(x, above), at(beside, above), [0.0; 2]]
-    }
-
-    /// Smooths the motion: patches that fix theirs well keep it, the others take their neighbours'. Jacobi rounds of
-    /// the normal equations, weights anew in each.
-    pub(super) fn smooth(&mut self) -> Result<()> {
-        let len = self.found.len();
-        reserve(&mut self.flow, len, [0.0; 2])?;
-        reserve(&mut self.next, len, [0.0; 2])?;
-        for (flow, found) in self.flow.iter_mut().zip(&self.found) {
-            *flow = found.flow;
-        }
-        let (across, down, found) = (self.across, self.down, &self.found);
-        for _ in 0..ROUNDS {
-            let flow = &self.flow;
-            self.next.par_chunks_mut(across).enumerate().for_each(|(j, row)| {
-                for (i, next) in row.iter_mut().enumerate() {
-                    *next = relaxed(found, flow, across, down, i, j);
+    /// Lays out what the smoothing needs.
+    fn gather(&mut self) {
+        let (across, down, pitch) = (self.across, self.down, self.across + 2);
+        for planes in [&mut self.flow.planes[..], &mut self.next.planes[..], &mut self.facts.planes[..]] {
+            for plane in planes {
+                // The cells around may hold what was inside a grid of another size.
+                plane[..pitch].fill(0.0);
+                plane[(down + 1) * pitch..].fill(0.0);
+                for row in plane.chunks_exact_mut(pitch) {
+                    (row[0], row[pitch - 1]) = (0.0, 0.0);
                 }
-            });
-            std::mem::swap(&mut self.flow, &mut self.next);
+            }
         }
-        Ok(())
+        for (j, row) in self.found.chunks_exact(across).enumerate() {
+            for (i, found) in row.iter().enumerate() {
+                let k = (j + 1) * pitch + i + 1;
+                let certain = 1.0 / (found.residual + NOISE);
+                let alike = |other: f32| {
+                    let unlike = (other - found.mean) * (1.0 / LUMA_SCALE);
+                    1.0 + unlike * unlike
+                };
+                let [u, v] = found.flow;
+                let [xx, xy, yy] = found.hessian.map(|h| h * certain);
+                // The weights are quotients: LAMBDA over these. A neighbour that is not there has none.
+                let beside = if i > 0 { alike(row[i - 1].mean) } else { f32::INFINITY };
+                let above = if j > 0 { alike(self.found[(j - 1) * across + i].mean) } else { f32::INFINITY };
+                for (plane, value) in self.facts.planes.iter_mut().zip([u, v, xx, xy, yy, beside, above]) {
+                    plane[k] = value;
+                }
+                (self.flow.planes[0][k], self.flow.planes[1][k]) = (u, v);
+            }
+            self.facts.planes[5][(j + 2) * pitch - 1] = f32::INFINITY;
+        }
+        self.facts.planes[6][(down + 1) * pitch..].fill(f32::INFINITY);
     }
 }
 
-/// The motion of cell (i, j) that suits both its patch and its neighbours' present motion.
-fn relaxed(found: &[Found], flow: &[[f32; 2]], across: usize, down: usize, i: usize, j: usize) -> [f32; 2] {
-    let k = j * across + i;
-    let (own, here) = (&found[k], flow[k]);
-    let [xx, xy, yy] = own.hessian.map(|h| h / (own.residual + NOISE));
-    let (mut weight_sum, mut pull) = (1e-6, [0.0_f32; 2]);
-    let mut neighbour = |k: usize| {
-        let (there, luma) = (flow[k], found[k].mean - own.mean);
-        let change = (there[0] - here[0]).powi(2) + (there[1] - here[1]).powi(2);
-        let unlike = (luma / LUMA_SCALE).powi(2);
-        let weight = LAMBDA / ((1.0 + unlike) * (1.0 + change / (FLOW_SCALE * FLOW_SCALE)));
-        weight_sum += weight;
-        // Differences, so that equal motions stay equal to the last bit.
-        pull[0] += weight * (there[0] - here[0]);
-        pull[1] += weight * (there[1] - here[1]);
-    };
-    if i > 0 {
-        neighbour(k - 1);
+#[inline(always)]
+fn search_row<S: Simd>(
+    simd: S,
+    from: &Plane,
+    to: &Plane,
+    coarse: Option<&Grid>,
+    stride: usize,
+    j: usize,
+    row: &mut [Found],
+) {
+    let margin = (SIDE - stride) as i32 / 2;
+    for (i, found) in row.iter_mut().enumerate() {
+        let template = Template::new(simd, from, [(i * stride) as i32 - margin, (j * stride) as i32 - margin]);
+        *found = match coarse {
+            Some(coarse) => template.search(simd, to, &coarse.starts(i, j, stride)),
+            None => template.search(simd, to, &[[0.0; 2]]),
+        };
     }
-    if i + 1 < across {
-        neighbour(k + 1);
+}
+
+/// One round for a row of cells: the motion that suits both the patch and its neighbours' present motion. `around` is
+/// the present motion of the row above, of the row and of the row below.
+#[inline(always)]
+fn relax_row<S: Simd>(simd: S, known: Facts<'_>, around: [[&[f32]; 2]; 3], next: [&mut [f32]; 2]) {
+    let [next_x, next_y] = next;
+    let len = next_x.len();
+    let mut from = 0;
+    while from < len {
+        // The last eight may overlap those before.
+        if from + LANES > len && len >= LANES {
+            from = len - LANES;
+        }
+        let [above, own, below] = around;
+        let here = pair(simd, own, from + 1);
+        let none = f32x8::splat(simd, 0.0);
+        let (mut weights, mut pull) = (f32x8::splat(simd, 1e-6), [none; 2]);
+        let neighbours = [
+            (pair(simd, own, from), lanes(simd, known.beside, from + 1)),
+            (pair(simd, own, from + 2), lanes(simd, known.beside, from + 2)),
+            (pair(simd, above, from + 1), lanes(simd, known.above, from + 1)),
+            (pair(simd, below, from + 1), lanes(simd, known.below, from + 1)),
+        ];
+        for (there, alike) in neighbours {
+            // Differences, so that equal motions stay equal to the last bit.
+            let apart = [there[0] - here[0], there[1] - here[1]];
+            let change = apart[0] * apart[0] + apart[1] * apart[1];
+            let weight = f32x8::splat(simd, LAMBDA) / (alike * (change * (1.0 / (FLOW_SCALE * FLOW_SCALE)) + 1.0));
+            weights += weight;
+            pull[0] += weight * apart[0];
+            pull[1] += weight * apart[1];
+        }
+        let [xx, xy, yy] = [
+            lanes(simd, known.hessian[0], from + 1),
+            lanes(simd, known.hessian[1], from + 1),
+            lanes(simd, known.hessian[2], from + 1),
+        ];
+        let found = pair(simd, known.flow, from + 1);
+        let back = [found[0] - here[0], found[1] - here[1]];
+        let right = [xx * back[0] + xy * back[1] + pull[0], xy * back[0] + yy * back[1] + pull[1]];
+        let (a, c) = (xx + weights, yy + weights);
+        let determinant = a * c - xy * xy;
+        let moved = [
+            here[0] + (c * right[0] - xy * right[1]) / determinant,
+            here[1] + (a * right[1] - xy * right[0]) / determinant,
+        ];
+        for (next, moved) in [&mut *next_x, &mut *next_y].into_iter().zip(moved) {
+            let moved: [f32; LANES] = moved.into();
+            let next = &mut next[from..];
+            let count = next.len().min(LANES);
+            next[..count].copy_from_slice(&moved[..count]);
+        }
+        from += LANES;
     }
-    if j > 0 {
-        neighbour(k - across);
+}
+
+/// Eight values of `row` from number `k` on; what is beyond its end is 0.
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, row: &[f32], k: usize) -> f32x8<S> {
+    match row.get(k..k + LANES) {
+        Some(values) => f32x8::from_slice(simd, values),
+        None => {
+            let (mut few, rest) = ([0.0; LANES], &row[k..]);
+            few[..rest.len()].copy_from_slice(rest);
+            f32x8::from_slice(simd, &few)
+        }
     }
-    if j + 1 < down {
-        neighbour(k + across);
-    }
-    let back = [own.flow[0] - here[0], own.flow[1] - here[1]];
-    let right = [xx * back[0] + xy * back[1] + pull[0], xy * back[0] + yy * back[1] + pull[1]];
-    let (xx, yy) = (xx + weight_sum, yy + weight_sum);
-    let determinant = xx * yy - xy * xy;
-    let step = [(yy * right[0] - xy * right[1]) / determinant, (xx * right[1] - xy * right[0]) / determinant];
-    [here[0] + step[0], here[1] + step[1]]
+}
+
+#[inline(always)]
+fn pair<S: Simd>(simd: S, planes: [&[f32]; 2], k: usize) -> [f32x8<S>; 2] {
+    [lanes(simd, planes[0], k), lanes(simd, planes[1], k)]
 }

@@ -1,23 +1,29 @@
 //! One patch and its search.
 
-use super::pyramid::Plane;
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x8};
+
+use super::pyramid::{Plane, floor};
 
 /// Pixels along a patch's side.
 pub(super) const SIDE: usize = 8;
-/// Pixels from one patch to the next.
-pub(super) const STRIDE: usize = 4;
 
 const AREA: usize = SIDE * SIDE;
 /// Fewer pixels than these in both pictures say nothing about a motion.
 const FEWEST: f32 = (AREA / 4) as f32;
-const MOST_STEPS: usize = 10;
-/// A step shorter than this, in pixels, ends the search.
+const MOST_STEPS: usize = 8;
+/// A step shorter than this, in pixels, is the last and needs no trial.
 const SETTLED: f32 = 0.02;
+/// A start nearer than this to one that was tried, in pixels, is left to the steps.
+const NEAR: f32 = 0.3;
 /// By how much another start must be better than what the coarser level says, in squared code values: rounding to 8 bits
 /// alone must not decide it, or a plain sky would rest while all else turns.
 const MARGIN: f32 = 1.0;
 /// Added to the diagonal of H per pixel, in squared code values: what a flat patch has instead of a gradient.
 const DAMPING: f32 = 0.02;
+
+/// One value for each pixel of a patch.
+type Area = [[f32; SIDE]; SIDE];
 
 /// What the search found for a patch.
 #[derive(Debug, Clone, Copy, Default)]
@@ -37,15 +43,15 @@ pub(super) struct Found {
 /// A patch of the picture the motion is wanted for.
 pub(super) struct Template {
     origin: [i32; 2],
-    value: [f32; AREA],
-    gradient: [[f32; AREA]; 2],
-    inside: [f32; AREA],
+    value: Area,
+    gradient: [Area; 2],
     whole: bool,
     mean: f32,
     hessian: [f32; 3],
 }
 
 /// A template against the other picture at one motion.
+#[derive(Clone, Copy)]
 struct Comparison {
     slope: [f32; 2],
     residual: f32,
@@ -53,57 +59,111 @@ struct Comparison {
 }
 
 impl Template {
-    /// The patch number `i` across, `j` down; the patches at the edge hang over it, and what hangs over does not count.
-    pub(super) fn new(plane: &Plane, i: usize, j: usize) -> Self {
-        let margin = ((SIDE - STRIDE) / 2) as i32;
-        let origin = [(i * STRIDE) as i32 - margin, (j * STRIDE) as i32 - margin];
-        let around = plane.block::<{ SIDE + 2 }>(origin[0] - 1, origin[1] - 1);
-        let (mut value, mut gradient, mut inside) = ([0.0; AREA], [[0.0; AREA]; 2], [1.0; AREA]);
-        let mut whole = true;
-        for y in 0..SIDE {
-            for x in 0..SIDE {
-                let k = y * SIDE + x;
-                value[k] = around[y + 1][x + 1];
-                gradient[0][k] = 0.5 * (around[y + 1][x + 2] - around[y + 1][x]);
-                gradient[1][k] = 0.5 * (around[y + 2][x + 1] - around[y][x + 1]);
-                if !within(plane, origin[0] + x as i32, origin[1] + y as i32) {
-                    inside[k] = 0.0;
-                    whole = false;
-                }
-            }
+    /// The patch whose first pixel is `origin`; where it hangs over the edge of the picture, that does not count.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(simd: S, plane: &Plane, origin: [i32; 2]) -> Self {
+        let mut template = Self {
+            origin,
+            value: [[0.0; SIDE]; SIDE],
+            gradient: [[[0.0; SIDE]; SIDE]; 2],
+            whole: plane.holds(origin[0] - 1, origin[1] - 1, SIDE + 2),
+            mean: 0.0,
+            hessian: [0.0; 3],
+        };
+        if template.whole {
+            template.centre(simd, plane);
+        } else {
+            template.centre_at_edge(plane);
         }
-        let count: f32 = inside.iter().sum();
-        let mean = |of: &[f32; AREA]| of.iter().zip(&inside).map(|(v, w)| v * w).sum::<f32>() / count;
-        let means = [mean(&gradient[0]), mean(&gradient[1])];
-        let mut hessian = [0.0; 3];
-        for k in 0..AREA {
-            let [gx, gy] = [0, 1].map(|axis| (gradient[axis][k] - means[axis]) * inside[k]);
-            (gradient[0][k], gradient[1][k]) = (gx, gy);
+        template
+    }
+
+    /// Takes values and gradients from `plane`, the mean off the gradients, and sums up H.
+    #[inline(always)]
+    fn centre<S: Simd>(&mut self, simd: S, plane: &Plane) {
+        let (left, top) = (self.origin[0] - 1, self.origin[1] - 1);
+        let none = f32x8::splat(simd, 0.0);
+        let (mut value, mut gradient, mut sums) = ([none; SIDE], [[none; SIDE]; 2], [none; 3]);
+        let (mut above, mut own) = (plane.row::<{ SIDE + 2 }>(left, top), plane.row::<{ SIDE + 2 }>(left, top + 1));
+        for j in 0..SIDE {
+            let below = plane.row::<{ SIDE + 2 }>(left, top + 2 + j as i32);
+            value[j] = lanes(simd, &own, 1);
+            gradient[0][j] = (lanes(simd, &own, 2) - lanes(simd, &own, 0)) * 0.5;
+            gradient[1][j] = (lanes(simd, &below, 1) - lanes(simd, &above, 1)) * 0.5;
+            sums[0] += value[j];
+            sums[1] += gradient[0][j];
+            sums[2] += gradient[1][j];
+            (above, own) = (own, below);
+        }
+        let [mean, mean_x, mean_y] = [mean_of(sums[0]), mean_of(sums[1]), mean_of(sums[2])];
+        let mut hessian = [none; 3];
+        for j in 0..SIDE {
+            let (gx, gy) = (gradient[0][j] - mean_x, gradient[1][j] - mean_y);
             hessian[0] += gx * gx;
             hessian[1] += gx * gy;
             hessian[2] += gy * gy;
+            value[j].store_slice(&mut self.value[j]);
+            gx.store_slice(&mut self.gradient[0][j]);
+            gy.store_slice(&mut self.gradient[1][j]);
         }
-        let mean = mean(&value);
-        Self { origin, value, gradient, inside, whole, mean, hessian: hessian.map(|h| h / count) }
+        self.mean = mean;
+        self.hessian = [mean_of(hessian[0]), mean_of(hessian[1]), mean_of(hessian[2])];
+    }
+
+    /// As [`centre`](Self::centre), where pixels outside the picture do not count and those at its edge are repeated.
+    #[inline(never)]
+    fn centre_at_edge(&mut self, plane: &Plane) {
+        let around = plane.block::<{ SIDE + 2 }>(self.origin[0] - 1, self.origin[1] - 1);
+        let mut inside = [[0.0_f32; SIDE]; SIDE];
+        let (mut count, mut sums) = (0.0, [0.0_f32; 3]);
+        for y in 0..SIDE {
+            for x in 0..SIDE {
+                let values = [
+                    around[y + 1][x + 1],
+                    0.5 * (around[y + 1][x + 2] - around[y + 1][x]),
+                    0.5 * (around[y + 2][x + 1] - around[y][x + 1]),
+                ];
+                [self.value[y][x], self.gradient[0][y][x], self.gradient[1][y][x]] = values;
+                if plane.holds(self.origin[0] + x as i32, self.origin[1] + y as i32, 1) {
+                    inside[y][x] = 1.0;
+                    count += 1.0;
+                    (0..3).for_each(|n| sums[n] += values[n]);
+                }
+            }
+        }
+        let [mean, mean_x, mean_y] = sums.map(|sum| sum / count);
+        let mut hessian = [0.0_f32; 3];
+        for (y, inside) in inside.iter().enumerate() {
+            for (x, inside) in inside.iter().enumerate() {
+                let gx = (self.gradient[0][y][x] - mean_x) * inside;
+                let gy = (self.gradient[1][y][x] - mean_y) * inside;
+                (self.gradient[0][y][x], self.gradient[1][y][x]) = (gx, gy);
+                hessian[0] += gx * gx;
+                hessian[1] += gx * gy;
+                hessian[2] += gy * gy;
+            }
+        }
+        self.mean = mean;
+        self.hessian = hessian.map(|sum| sum / count);
     }
 
     /// The best motion into `target` that can be reached from one of `starts`; the first of them where all are bad.
-    pub(super) fn search(&self, target: &Plane, starts: &[[f32; 2]]) -> Found {
+    #[inline(always)]
+    pub(super) fn search<S: Simd, const N: usize>(&self, simd: S, target: &Plane, starts: &[[f32; 2]; N]) -> Found {
         let nowhere = Comparison { slope: [0.0; 2], residual: f32::INFINITY, brightening: 0.0 };
         let (mut flow, mut best) = (starts[0], nowhere);
         for (i, &start) in starts.iter().enumerate() {
-            let near = |other: &[f32; 2]| (start[0] - other[0]).abs().max((start[1] - other[1]).abs()) < 0.1;
-            if i > 0 && starts[..i].iter().any(near) {
+            let near = |other: &[f32; 2]| (start[0] - other[0]).abs().max((start[1] - other[1]).abs()) < NEAR;
+            if starts[..i].iter().any(near) {
                 continue;
             }
-            if let Some(comparison) = self.compare(target, start)
-                && comparison.residual + if best.residual.is_finite() { MARGIN } else { 0.0 } < best.residual
-            {
+            let comparison = self.compare(simd, target, start);
+            if comparison.residual + if best.residual.is_finite() { MARGIN } else { 0.0 } < best.residual {
                 (flow, best) = (start, comparison);
             }
         }
         if best.residual.is_finite() {
-            self.descend(target, &mut flow, &mut best);
+            self.descend(simd, target, &mut flow, &mut best);
         }
         Found {
             flow,
@@ -116,89 +176,125 @@ impl Template {
     }
 
     /// Inverse-compositional steps from `flow` on, kept while they do not make it worse.
-    fn descend(&self, target: &Plane, flow: &mut [f32; 2], best: &mut Comparison) {
+    #[inline(always)]
+    fn descend<S: Simd>(&self, simd: S, target: &Plane, flow: &mut [f32; 2], best: &mut Comparison) {
         let [xx, xy, yy] = self.hessian;
         let (xx, yy) = (xx + DAMPING, yy + DAMPING);
-        let determinant = xx * yy - xy * xy;
+        let reciprocal = 1.0 / (xx * yy - xy * xy);
         let start = *flow;
         for _ in 0..MOST_STEPS {
             let [bx, by] = best.slope;
-            let step = [(yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant];
+            let step = [(yy * bx - xy * by) * reciprocal, (xx * by - xy * bx) * reciprocal];
+            let length = step[0].abs().max(step[1].abs());
             let next = [flow[0] - step[0], flow[1] - step[1]];
-            let strayed = (next[0] - start[0]).abs().max((next[1] - start[1]).abs()) > SIDE as f32;
-            let Some(comparison) = self.compare(target, next).filter(|c| !strayed && c.residual < best.residual) else {
+            if length < SETTLED {
+                *flow = next;
                 break;
-            };
+            }
+            if (next[0] - start[0]).abs().max((next[1] - start[1]).abs()) > SIDE as f32 {
+                break;
+            }
+            let comparison = self.compare(simd, target, next);
+            // Not a number fails this too.
+            let better = comparison.residual < best.residual;
+            if !better {
+                break;
+            }
             (*flow, *best) = (next, comparison);
-            if step[0].abs().max(step[1].abs()) < SETTLED {
-                break;
-            }
         }
     }
 
-    /// The template against `target` at `flow`; none where too little of it is in both pictures.
-    #[inline]
-    fn compare(&self, target: &Plane, flow: [f32; 2]) -> Option<Comparison> {
-        let whole = [flow[0].floor(), flow[1].floor()];
-        let [fx, fy] = [flow[0] - whole[0], flow[1] - whole[1]];
-        let (x, y) = (self.origin[0] + whole[0] as i32, self.origin[1] + whole[1] as i32);
-        let block = target.block::<{ SIDE + 1 }>(x, y);
-        let mut difference = [0.0_f32; AREA];
-        let rows = difference.as_chunks_mut::<SIDE>().0.iter_mut().zip(self.value.as_chunks::<SIDE>().0);
-        for ((row, values), [upper, lower]) in rows.zip(block.array_windows::<2>()) {
-            for k in 0..SIDE {
-                let above = upper[k] + (upper[k + 1] - upper[k]) * fx;
-                let below = lower[k] + (lower[k + 1] - lower[k]) * fx;
-                row[k] = above + (below - above) * fy - values[k];
-            }
+    /// The template against `target` at `flow`; an infinite residual where too little of it is in both pictures.
+    #[inline(always)]
+    fn compare<S: Simd>(&self, simd: S, target: &Plane, flow: [f32; 2]) -> Comparison {
+        let whole = [floor(flow[0]), floor(flow[1])];
+        let [fx, fy] = [flow[0] - whole[0] as f32, flow[1] - whole[1] as f32];
+        let (x, y) = (self.origin[0].saturating_add(whole[0]), self.origin[1].saturating_add(whole[1]));
+        if !(self.whole && target.holds(x, y, SIDE + 1)) {
+            return self.compare_at_edge(target, x, y, [fx, fy]);
         }
-        let side = SIDE as i32;
-        if self.whole && within(target, x, y) && within(target, x + side, y + side) {
-            return Some(self.sums(&difference, AREA as f32));
+        let none = f32x8::splat(simd, 0.0);
+        let (mut sum, mut squares, mut slope) = (none, none, [none; 2]);
+        let mut above = across(simd, &target.row(x, y), fx);
+        for j in 0..SIDE {
+            let below = across(simd, &target.row(x, y + 1 + j as i32), fx);
+            let difference = above + (below - above) * fy - f32x8::from_slice(simd, &self.value[j]);
+            sum += difference;
+            squares += difference * difference;
+            slope[0] += f32x8::from_slice(simd, &self.gradient[0][j]) * difference;
+            slope[1] += f32x8::from_slice(simd, &self.gradient[1][j]) * difference;
+            above = below;
         }
-        // Pixels that are outside one of the pictures do not count.
-        let mut inside = self.inside;
-        for (k, weight) in inside.iter_mut().enumerate() {
-            if !within(target, x + (k % SIDE) as i32, y + (k / SIDE) as i32) {
-                *weight = 0.0;
-            }
-        }
-        let count: f32 = inside.iter().sum();
-        if count < FEWEST.min(self.inside.iter().sum()) {
-            return None;
-        }
-        let mean = difference.iter().zip(&inside).map(|(d, w)| d * w).sum::<f32>() / count;
-        for (d, w) in difference.iter_mut().zip(&inside) {
-            *d = (*d - mean) * w;
-        }
-        Some(Comparison { brightening: mean, ..self.sums(&difference, count) })
-    }
-
-    /// The sums over `count` pixels of a difference that is zero at all others.
-    #[inline]
-    fn sums(&self, difference: &[f32; AREA], count: f32) -> Comparison {
-        let (mut sum, mut squares, mut slope) = ([0.0_f32; SIDE], [0.0_f32; SIDE], [[0.0_f32; SIDE]; 2]);
-        let gradients = self.gradient[0].as_chunks::<SIDE>().0.iter().zip(self.gradient[1].as_chunks::<SIDE>().0);
-        for (row, (gx, gy)) in difference.as_chunks::<SIDE>().0.iter().zip(gradients) {
-            for k in 0..SIDE {
-                sum[k] += row[k];
-                squares[k] += row[k] * row[k];
-                slope[0][k] += gx[k] * row[k];
-                slope[1][k] += gy[k] * row[k];
-            }
-        }
-        let total = |lanes: [f32; SIDE]| lanes.iter().sum::<f32>() / count;
-        let mean = total(sum);
+        let mean = mean_of(sum);
         Comparison {
             // The gradients are centred: the difference's mean drops out of the slope.
-            slope: slope.map(total),
-            residual: (total(squares) - mean * mean).max(0.0),
+            slope: [mean_of(slope[0]), mean_of(slope[1])],
+            residual: (mean_of(squares) - mean * mean).max(0.0),
             brightening: mean,
         }
     }
+
+    /// As [`compare`](Self::compare), where pixels outside one of the pictures do not count.
+    #[inline(never)]
+    fn compare_at_edge(&self, target: &Plane, x: i32, y: i32, [fx, fy]: [f32; 2]) -> Comparison {
+        let block = target.block::<{ SIDE + 1 }>(x, y);
+        let mut difference = [[0.0_f32; SIDE]; SIDE];
+        let mut inside = [[false; SIDE]; SIDE];
+        let (mut own, mut shared, mut sum) = (0.0, 0.0, 0.0);
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                let mix = |row: &[f32; SIDE + 1]| row[i] + (row[i + 1] - row[i]) * fx;
+                let (above, below) = (mix(&block[j]), mix(&block[j + 1]));
+                difference[j][i] = above + (below - above) * fy - self.value[j][i];
+                let within = |plane: &Plane, x: i32, y: i32| {
+                    plane.holds(x.saturating_add(i as i32), y.saturating_add(j as i32), 1)
+                };
+                // Both pictures have one size.
+                let here = within(target, self.origin[0], self.origin[1]);
+                inside[j][i] = here && within(target, x, y);
+                own += f32::from(here);
+                if inside[j][i] {
+                    shared += 1.0;
+                    sum += difference[j][i];
+                }
+            }
+        }
+        if shared < FEWEST.min(own) {
+            return Comparison { slope: [0.0; 2], residual: f32::INFINITY, brightening: 0.0 };
+        }
+        let mean = sum / shared;
+        let (mut squares, mut slope) = (0.0, [0.0_f32; 2]);
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                if inside[j][i] {
+                    // The gradients are centred over more than what counts here: the mean must go first.
+                    let d = difference[j][i] - mean;
+                    squares += d * d;
+                    slope[0] += self.gradient[0][j][i] * d;
+                    slope[1] += self.gradient[1][j][i] * d;
+                }
+            }
+        }
+        Comparison { slope: slope.map(|s| s / shared), residual: squares / shared, brightening: mean }
+    }
 }
 
-#[inline]
-fn within(plane: &Plane, x: i32, y: i32) -> bool {
-    x >= 0 && y >= 0 && x < plane.width as i32 && y < plane.height as i32
+/// The mean over a patch of which each lane holds the sum of a column; summed in a tree.
+#[inline(always)]
+fn mean_of<S: Simd>(lanes: f32x8<S>) -> f32 {
+    let [a, b, c, d, e, f, g, h] = <[f32; SIDE]>::from(lanes);
+    (((a + e) + (c + g)) + ((b + f) + (d + h))) * (1.0 / AREA as f32)
+}
+
+/// Eight pixels of a row, from number `x` on.
+#[inline(always)]
+fn lanes<S: Simd, const N: usize>(simd: S, row: &[f32; N], x: usize) -> f32x8<S> {
+    f32x8::from_slice(simd, &row[x..x + SIDE])
+}
+
+/// Eight positions of a row, each a part `fraction` of a pixel on.
+#[inline(always)]
+fn across<S: Simd>(simd: S, row: &[f32; SIDE + 1], fraction: f32) -> f32x8<S> {
+    let left = lanes(simd, row, 0);
+    left + (lanes(simd, row, 1) - left) * fraction
 }

@@ -1,5 +1,6 @@
 //! Luma at full, half, quarter, ... size.
 
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 use super::reserve;
@@ -7,6 +8,10 @@ use crate::{Picture, Result};
 
 /// A level is halved again while its shorter side has at least this many pixels.
 const SHORT: usize = 24;
+/// Above as many pixels a level has its patches farther apart.
+pub(super) const LARGE: usize = 1 << 20;
+/// Rows that are worth a task of their own.
+const ROWS: usize = 16;
 
 /// One level: luma in code values, row by row.
 #[derive(Debug, Default)]
@@ -23,43 +28,54 @@ pub(super) struct Pyramid {
     used: usize,
 }
 
+/// The whole number at or below `x`. Without SSE 4.1 `f32::floor` is a call.
+#[inline(always)]
+pub(super) fn floor(x: f32) -> i32 {
+    let towards_zero = x as i32;
+    towards_zero - i32::from((towards_zero as f32) > x)
+}
+
 impl Plane {
+    /// Whether the `side` x `side` pixels from (x, y) on lie in the picture.
+    #[inline(always)]
+    pub(super) fn holds(&self, x: i32, y: i32, side: usize) -> bool {
+        let (x, y) = (i64::from(x), i64::from(y));
+        x >= 0 && y >= 0 && x + side as i64 <= self.width as i64 && y + side as i64 <= self.height as i64
+    }
+
+    /// The `N` pixels from (x, y) on, which lie in the picture.
+    #[inline(always)]
+    pub(super) fn row<const N: usize>(&self, x: i32, y: i32) -> [f32; N] {
+        let start = y as usize * self.width + x as usize;
+        let mut row = [0.0; N];
+        row.copy_from_slice(&self.luma[start..start + N]);
+        row
+    }
+
     /// The `N` x `N` pixels from (x, y) on, the edge repeated outside.
-    #[inline]
+    #[inline(always)]
     pub(super) fn block<const N: usize>(&self, x: i32, y: i32) -> [[f32; N]; N] {
-        let mut block = [[0.0; N]; N];
-        let (w, h, n) = (self.width as i32, self.height as i32, N as i32);
-        if x >= 0 && y >= 0 && x + n <= w && y + n <= h {
-            for (j, row) in block.iter_mut().enumerate() {
-                let start = (y as usize + j) * self.width + x as usize;
-                row.copy_from_slice(&self.luma[start..start + N]);
+        if self.holds(x, y, N) {
+            let mut block = [[0.0; N]; N];
+            for (row, y) in block.iter_mut().zip(y..) {
+                *row = self.row(x, y);
             }
             return block;
         }
-        for (row, y) in block.iter_mut().zip(y..) {
-            let start = y.clamp(0, h - 1) as usize * self.width;
-            for (value, x) in row.iter_mut().zip(x..) {
-                *value = self.luma[start + x.clamp(0, w - 1) as usize];
+        self.block_at_edge(x, y)
+    }
+
+    #[inline(never)]
+    fn block_at_edge<const N: usize>(&self, x: i32, y: i32) -> [[f32; N]; N] {
+        let (last_x, last_y) = (self.width as i32 - 1, self.height as i32 - 1);
+        let mut block = [[0.0; N]; N];
+        for (j, row) in (0..).zip(&mut block) {
+            let start = y.saturating_add(j).clamp(0, last_y) as usize * self.width;
+            for (i, value) in (0..).zip(row) {
+                *value = self.luma[start + x.saturating_add(i).clamp(0, last_x) as usize];
             }
         }
         block
-    }
-
-    /// Luma at a position in pixels, whole numbers being pixels; bilinear, the edge repeated outside.
-    #[inline]
-    pub(super) fn sample(&self, x: f32, y: f32) -> f32 {
-        let x = x.clamp(0.0, (self.width - 1) as f32);
-        let y = y.clamp(0.0, (self.height - 1) as f32);
-        let (left, top) = (x as usize, y as usize);
-        let (right, below) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
-        let (fx, fy) = (x - left as f32, y - top as f32);
-        let (upper, lower) = (top * self.width, below * self.width);
-        let mix = |row: usize| {
-            let (a, b) = (self.luma[row + left], self.luma[row + right]);
-            a + (b - a) * fx
-        };
-        let (a, b) = (mix(upper), mix(lower));
-        a + (b - a) * fy
     }
 
     fn resize(&mut self, width: usize, height: usize) -> Result<()> {
@@ -69,21 +85,32 @@ impl Plane {
 }
 
 impl Pyramid {
-    /// All levels, the finest first; at least one.
+    /// All levels, the finest first; none before the first picture.
     pub(super) fn levels(&self) -> &[Plane] {
         &self.planes[..self.used]
     }
 
+    /// The finest level that has its patches close together.
+    pub(super) fn finest_close(&self) -> usize {
+        self.levels().iter().position(|plane| plane.luma.len() <= LARGE).unwrap_or(0)
+    }
+
+    /// Forgets the picture, but not the memory.
+    pub(super) fn clear(&mut self) {
+        self.used = 0;
+    }
+
     /// Takes the luma of `picture` and halves it as often as it bears.
-    pub(super) fn build(&mut self, picture: &Picture) -> Result<()> {
+    pub(super) fn build(&mut self, features: Level, picture: &Picture) -> Result<()> {
         let (mut width, mut height) = (picture.width() as usize, picture.height() as usize);
+        let mut used = 0;
         self.used = 0;
         loop {
-            if self.planes.len() == self.used {
+            if self.planes.len() == used {
                 self.planes.push(Plane::default());
             }
-            self.planes[self.used].resize(width, height)?;
-            self.used += 1;
+            self.planes[used].resize(width, height)?;
+            used += 1;
             if width.min(height) < SHORT {
                 break;
             }
@@ -91,28 +118,38 @@ impl Pyramid {
         }
         let width = picture.width() as usize;
         let rows = self.planes[0].luma.par_chunks_mut(width).zip(picture.pixels().par_chunks(width));
-        rows.for_each(|(row, pixels)| {
-            for (value, &[r, g, b, _]) in row.iter_mut().zip(pixels) {
-                *value = 0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b);
-            }
+        rows.with_min_len(ROWS).for_each(|(row, pixels)| {
+            dispatch!(features, simd => luma(simd, pixels, row));
         });
-        for level in 1..self.used {
+        for level in 1..used {
             let (finer, coarser) = self.planes.split_at_mut(level);
-            halve(&finer[level - 1], &mut coarser[0]);
+            let (finer, coarser) = (&finer[level - 1], &mut coarser[0]);
+            coarser.luma.par_chunks_mut(coarser.width).with_min_len(ROWS).enumerate().for_each(|(y, row)| {
+                let line = |y: usize| &finer.luma[y * finer.width..(y + 1) * finer.width];
+                let (above, below) = (line(2 * y), line((2 * y + 1).min(finer.height - 1)));
+                dispatch!(features, simd => halve(simd, above, below, row));
+            });
         }
+        self.used = used;
         Ok(())
     }
 }
 
-/// Means of 2 x 2 pixels; an odd last row or column counts twice.
-fn halve(from: &Plane, to: &mut Plane) {
-    let width = to.width;
-    to.luma.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        let (top, below) = (2 * y * from.width, (2 * y + 1).min(from.height - 1) * from.width);
-        for (x, value) in row.iter_mut().enumerate() {
-            let (left, right) = (2 * x, (2 * x + 1).min(from.width - 1));
-            let luma = &from.luma;
-            *value = 0.25 * (luma[top + left] + luma[top + right] + luma[below + left] + luma[below + right]);
-        }
-    });
+#[inline(always)]
+fn luma<S: Simd>(_: S, pixels: &[[u8; 4]], row: &mut [f32]) {
+    for (value, &[r, g, b, _]) in row.iter_mut().zip(pixels) {
+        *value = 0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b);
+    }
+}
+
+/// Means of 2 x 2 pixels; an odd last column counts twice.
+#[inline(always)]
+fn halve<S: Simd>(_: S, above: &[f32], below: &[f32], row: &mut [f32]) {
+    let pairs = above.as_chunks::<2>().0.iter().zip(below.as_chunks::<2>().0);
+    for (value, (a, b)) in row.iter_mut().zip(pairs) {
+        *value = 0.25 * ((a[0] + a[1]) + (b[0] + b[1]));
+    }
+    if let (true, Some(value), Some(a), Some(b)) = (above.len() % 2 == 1, row.last_mut(), above.last(), below.last()) {
+        *value = 0.5 * (a + b);
+    }
 }
