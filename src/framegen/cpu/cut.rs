@@ -27,7 +27,7 @@ pub(super) struct CutDetector {
 /// The longer side of the small pictures is at most this.
 const SMALL_SIDE: usize = 320;
 /// Rows of a picture that are read for one of the small picture's, evenly spread; more would tell little more.
-const ROWS_READ: usize = 3;
+const ROWS_READ: usize = 2;
 /// Pixels of a row that are averaged at a time.
 const RUN: usize = 256;
 /// Small pixels per pixel of the tiny pictures in which the motion of the whole is sought.

@@ -128,6 +128,7 @@ impl Level {
     }
 }
 
+/// Fills the holes of a tile.
 #[inline(never)]
 fn fill_tile<P: Colour>(
     layer: &Layer,
@@ -139,44 +140,64 @@ fn fill_tile<P: Colour>(
 ) {
     let grid = layer.grid;
     let tile = row * grid.columns + column;
-    for (place, (borrowed, &own)) in keys.iter_mut().zip(&layer.keys[tile]).enumerate() {
-        *borrowed = EMPTY;
-        let (x, y) = (column * TILE + place % TILE, row * TILE + place / TILE);
-        if own != EMPTY || x >= grid.width || y >= grid.height {
-            continue;
-        }
-        let far = match levels[0].keys[tile] {
-            EMPTY => key(u16::MAX, 0, [0; 2]),
-            key => key,
-        };
-        *borrowed = layer::marked(choose(layer, evidence, x, y).unwrap_or(far), evidence.mark);
-    }
-}
-
-/// The best of the claims around (x, y).
-fn choose<P: Colour>(layer: &Layer, evidence: &Evidence<'_, P>, x: usize, y: usize) -> Option<Key> {
-    let Grid { width, height, .. } = layer.grid;
-    let steps = [(x, false), (width - 1 - x, true), (y, false), (height - 1 - y, true)];
-    let mut best: Option<(u64, Key)> = None;
-    for (direction, (room, is_ahead)) in steps.into_iter().enumerate() {
-        let found = (1..=room.min(NEAR)).find_map(|step| {
-            let (u, v) = match (direction < 2, is_ahead) {
-                (true, false) => (x - step, y),
-                (true, true) => (x + step, y),
-                (false, false) => (x, y - step),
-                (false, true) => (x, y + step),
-            };
-            let key = layer.owner(u, v);
-            (key != EMPTY).then_some((key, step, [u, v]))
-        });
-        if let Some((key, step, from)) = found {
-            let cost = evidence.cost(layer.grid, [x, y], key, step, from);
-            if best.is_none_or(|(least, _)| cost < least) {
-                best = Some((cost, key));
+    let corner = [column * TILE, row * TILE];
+    let [across, down] = grid.extent(column, row);
+    let own = &layer.keys[tile];
+    let mut best = [(u64::MAX, EMPTY); BLOCK];
+    // From the left, the right, above and below: what was passed last is the nearest on that side.
+    for (direction, lines) in [down, down, across, across].into_iter().enumerate() {
+        let (is_across, is_back) = (direction < 2, direction % 2 == 1);
+        let (len, side) = if is_across { (across, grid.width) } else { (down, grid.height) };
+        let first = if is_across { corner[0] } else { corner[1] };
+        for line in 0..lines {
+            let at = |along: usize| if is_across { [along, corner[1] + line] } else { [corner[0] + line, along] };
+            let mut passed = None;
+            for step in 0..len {
+                let along = first + if is_back { len - 1 - step } else { step };
+                let [x, y] = at(along);
+                let place = (y - corner[1]) * TILE + x - corner[0];
+                if own[place] != EMPTY {
+                    passed = Some((own[place], along));
+                    continue;
+                }
+                if step == 0 {
+                    passed = outside(layer, along, if is_back { side } else { 0 }, at);
+                }
+                let Some((key, from)) = passed.filter(|&(_, from)| along.abs_diff(from) <= NEAR) else { continue };
+                let cost = evidence.cost(grid, [x, y], key, along.abs_diff(from), at(from));
+                if best[place].1 == EMPTY || cost < best[place].0 {
+                    best[place] = (cost, key);
+                }
             }
         }
     }
-    best.map(|(_, key)| key)
+    let far = match levels[0].keys[tile] {
+        EMPTY => key(u16::MAX, 0, [0; 2]),
+        key => key,
+    };
+    keys.fill(EMPTY);
+    for (j, i) in (0..down).flat_map(|j| (0..across).map(move |i| (j, i))) {
+        let place = j * TILE + i;
+        if own[place] == EMPTY {
+            let found = best[place].1;
+            keys[place] = layer::marked(if found == EMPTY { far } else { found }, evidence.mark);
+        }
+    }
+}
+
+/// The nearest claim on a line from `along` (itself excluded) towards `end`, and where it was found.
+#[inline(always)]
+fn outside(layer: &Layer, along: usize, end: usize, at: impl Fn(usize) -> [usize; 2]) -> Option<(Key, usize)> {
+    let look = |along: usize| {
+        let [x, y] = at(along);
+        let key = layer.owner(x, y);
+        (key != EMPTY).then_some((key, along))
+    };
+    if end > along {
+        (along + 1..end.min(along + NEAR + 1)).find_map(look)
+    } else {
+        (along.saturating_sub(NEAR)..along).rev().find_map(look)
+    }
 }
 
 impl<P: Colour> Evidence<'_, P> {

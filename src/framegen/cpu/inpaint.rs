@@ -8,125 +8,171 @@ use super::layer::Grid;
 use super::sized;
 use crate::{Raster, Result};
 
-/// The pyramid; keeps its memory.
+/// Tiles across and down of a square that has a pyramid of its own, and the levels of that: 16 x 16 to 1 x 1.
+const SIDE: usize = 16;
+const LEVELS: usize = 5;
+/// What a coarser level's colour weighs in a cell, in pixels.
+const LENT: f32 = 1.0 / 16.0;
+
+/// Three channels and alpha, each times the weight, and the weight: how many pixels are known.
+type Sum = [f32; 5];
+
+/// The pyramids; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct Inpainter {
-    levels: Vec<Mip>,
-}
-
-/// Colours of a grid, weighted by how much is known there.
-#[derive(Debug, Default)]
-struct Mip {
+    /// Squares to a row.
     columns: usize,
-    rows: usize,
-    /// Three channels and alpha, each times the weight, and the weight.
-    sums: Vec<[f32; 5]>,
+    /// Which squares are needed.
+    is_needed: Vec<bool>,
+    /// The cells of a square stand together, a cell to a tile.
+    cells: Vec<[Sum; SIDE * SIDE]>,
+    /// What is known of each row of tiles.
+    rows: Vec<Sum>,
 }
 
 impl Inpainter {
-    /// Paints the pixels of `hidden`, one bit for each in a word for each tile. The finest level has a colour for each
-    /// tile; where nothing is known of a tile, coarser levels tell.
+    /// Paints the pixels of `hidden`, one bit for each in a word for each tile. There is a colour for each tile; what is
+    /// known of it outweighs what the tiles around lend it, by twos, fours and so on.
     pub(super) fn paint<P: Colour>(&mut self, grid: Grid, hidden: &[u64], out: &mut Raster<P>) -> Result<()> {
-        self.reserve(grid)?;
-        let pixels = out.pixels();
-        let base = &mut self.levels[0];
-        base.sums.par_chunks_mut(grid.columns).enumerate().for_each(|(row, sums)| {
-            for (column, sum) in sums.iter_mut().enumerate() {
-                *sum = [0.0; 5];
-                let [across, down] = grid.extent(column, row);
-                let mask = hidden[row * grid.columns + column];
-                for j in 0..down {
-                    let line = &pixels[(row * TILE + j) * grid.width + column * TILE..][..across];
-                    let known = line.iter().enumerate().filter(|(i, _)| mask >> (j * TILE + i) & 1 == 0);
-                    for (_, pixel) in known {
-                        let levels = pixel.in_levels();
-                        (0..4).for_each(|c| sum[c] += levels[c]);
-                        sum[4] += 1.0;
-                    }
-                }
-            }
-        });
-        for number in 1..self.levels.len() {
-            let (below, above) = self.levels.split_at_mut(number);
-            let (below, level) = (&below[number - 1], &mut above[0]);
-            for (index, sum) in level.sums.iter_mut().enumerate() {
-                let (column, row) = (2 * (index % level.columns), 2 * (index / level.columns));
-                *sum = [0.0; 5];
-                for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                    if column + i < below.columns && row + j < below.rows {
-                        let child = below.sums[(row + j) * below.columns + column + i];
-                        (0..5).for_each(|c| sum[c] += child[c]);
-                    }
-                }
-            }
+        self.find_needed(grid, hidden)?;
+        let known = Known { grid, hidden, pixels: out.pixels() };
+        let columns = self.columns;
+        let squares = self.cells.par_iter_mut().zip(&self.is_needed).enumerate();
+        let is_blank = squares
+            .map(|(square, (cells, &is_needed))| {
+                let corner = [square % columns * SIDE, square / columns * SIDE];
+                is_needed && known.build(corner, cells)
+            })
+            .reduce(|| false, |a, b| a | b);
+        if is_blank {
+            self.lend_everywhere(&known);
         }
-        // Down again: what is known of a cell outweighs what its parent lends it.
-        for number in (1..self.levels.len()).rev() {
-            let (below, above) = self.levels.split_at_mut(number);
-            let (below, level) = (&mut below[number - 1], &above[0]);
-            let columns = below.columns;
-            for (index, sum) in below.sums.iter_mut().enumerate() {
-                let parent = level.sums[index / columns / 2 * level.columns + index % columns / 2];
-                let lent = LENT / parent[4].max(1e-6);
-                (0..5).for_each(|c| sum[c] += parent[c] * lent);
-            }
-        }
-        let base = &self.levels[0];
+        let (columns, cells) = (self.columns, &self.cells);
         out.pixels_mut().par_chunks_mut(grid.width * TILE).enumerate().for_each(|(row, lines)| {
             for column in 0..grid.columns {
                 let mut mask = hidden[row * grid.columns + column];
                 while mask != 0 {
                     let place = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
-                    let (i, j) = (place % TILE, place / TILE);
-                    lines[j * grid.width + column * TILE + i] =
-                        P::from_levels(base.at(column * TILE + i, row * TILE + j));
+                    let (x, j) = (column * TILE + place % TILE, place / TILE);
+                    lines[j * grid.width + x] = P::from_levels(colour(cells, columns, grid, x, row * TILE + j));
                 }
             }
         });
         Ok(())
     }
 
-    fn reserve(&mut self, grid: Grid) -> Result<()> {
-        let mut size = (grid.columns, grid.rows);
-        let mut count = 1;
-        while size != (1, 1) {
-            size = (size.0.div_ceil(2), size.1.div_ceil(2));
-            count += 1;
-        }
-        self.levels.truncate(count);
-        super::reserve(&mut self.levels, count)?;
-        self.levels.resize_with(count, Mip::default);
-        let mut size = (grid.columns, grid.rows);
-        for level in &mut self.levels {
-            (level.columns, level.rows) = size;
-            sized(&mut level.sums, size.0 * size.1, [0.0; 5])?;
-            size = (size.0.div_ceil(2), size.1.div_ceil(2));
+    /// A pixel is painted from its tile and from those beside it.
+    fn find_needed(&mut self, grid: Grid, hidden: &[u64]) -> Result<()> {
+        self.columns = grid.columns.div_ceil(SIDE);
+        let squares = self.columns * grid.rows.div_ceil(SIDE);
+        sized(&mut self.is_needed, squares, false)?;
+        sized(&mut self.cells, squares, [[0.0; 5]; SIDE * SIDE])?;
+        sized(&mut self.rows, grid.rows, [0.0; 5])?;
+        self.is_needed.fill(false);
+        for (tile, _) in hidden.iter().enumerate().filter(|(_, mask)| **mask != 0) {
+            let (column, row) = (tile % grid.columns, tile / grid.columns);
+            for row in [row.saturating_sub(1), (row + 1).min(grid.rows - 1)] {
+                for column in [column.saturating_sub(1), (column + 1).min(grid.columns - 1)] {
+                    self.is_needed[row / SIDE * self.columns + column / SIDE] = true;
+                }
+            }
         }
         Ok(())
     }
+
+    /// Where nothing is known of a whole square, the mean of the picture serves; black where nothing is known at all.
+    #[cold]
+    fn lend_everywhere<P: Colour>(&mut self, known: &Known<'_, P>) {
+        let add = |sum: Sum, other: Sum| -> Sum { std::array::from_fn(|c| sum[c] + other[c]) };
+        self.rows.par_iter_mut().enumerate().for_each(|(row, sum)| {
+            *sum = (0..known.grid.columns).map(|column| known.of_tile(column, row)).fold([0.0; 5], add);
+        });
+        let sum = self.rows.iter().copied().fold([0.0; 5], add);
+        let mean = if sum[4] > 0.0 { sum.map(|v| v / sum[4]) } else { [0.0, 0.0, 0.0, 255.0, 1.0] };
+        for cell in self.cells.iter_mut().flatten().filter(|cell| cell[4] == 0.0) {
+            *cell = mean;
+        }
+    }
 }
 
-/// What a parent's colour weighs in a cell, in pixels.
-const LENT: f32 = 1.0 / 16.0;
+/// What is known of a picture.
+struct Known<'a, P> {
+    grid: Grid,
+    hidden: &'a [u64],
+    pixels: &'a [P],
+}
 
-impl Mip {
-    /// The colour at a pixel, between the centres of the cells.
-    fn at(&self, x: usize, y: usize) -> [f32; 4] {
-        let axis = |at: usize, len: usize| {
-            let at = ((at as f32 + 0.5) / TILE as f32 - 0.5).clamp(0.0, (len - 1) as f32);
-            let first = (at as usize).min(len - 1);
-            (first, (first + 1).min(len - 1), at - first as f32)
-        };
-        let (left, right, fx) = axis(x, self.columns);
-        let (top, bottom, fy) = axis(y, self.rows);
+impl<P: Colour> Known<'_, P> {
+    /// The sum over the pixels of a tile that are not hidden.
+    fn of_tile(&self, column: usize, row: usize) -> Sum {
+        let grid = self.grid;
         let mut sum = [0.0; 5];
-        for (row, wy) in [(top, 1.0 - fy), (bottom, fy)] {
-            for (column, wx) in [(left, 1.0 - fx), (right, fx)] {
-                let cell = self.sums[row * self.columns + column];
-                (0..5).for_each(|c| sum[c] += cell[c] * wx * wy);
+        if column >= grid.columns || row >= grid.rows {
+            return sum;
+        }
+        let [across, down] = grid.extent(column, row);
+        let mask = self.hidden[row * grid.columns + column];
+        for j in 0..down {
+            let line = &self.pixels[(row * TILE + j) * grid.width + column * TILE..][..across];
+            for (_, pixel) in line.iter().enumerate().filter(|(i, _)| mask >> (j * TILE + i) & 1 == 0) {
+                let levels = pixel.in_levels();
+                (0..4).for_each(|c| sum[c] += levels[c]);
+                sum[4] += 1.0;
             }
         }
-        std::array::from_fn(|c| sum[c] / sum[4].max(1e-6))
+        sum
     }
+
+    /// Fills the cells of a square; says whether nothing is known of it.
+    fn build(&self, corner: [usize; 2], cells: &mut [Sum; SIDE * SIDE]) -> bool {
+        for (index, cell) in cells.iter_mut().enumerate() {
+            *cell = self.of_tile(corner[0] + index % SIDE, corner[1] + index / SIDE);
+        }
+        let mut levels = [[[0.0; 5]; SIDE * SIDE]; LEVELS];
+        levels[0] = *cells;
+        for number in 1..LEVELS {
+            let side = SIDE >> number;
+            let (below, above) = levels.split_at_mut(number);
+            for (index, sum) in above[0][..side * side].iter_mut().enumerate() {
+                let (column, row) = (2 * (index % side), 2 * (index / side));
+                for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                    let child = below[number - 1][(row + j) * 2 * side + column + i];
+                    (0..5).for_each(|c| sum[c] += child[c]);
+                }
+            }
+        }
+        // Down again: what is known of a cell outweighs what its parent lends it.
+        for number in (1..LEVELS).rev() {
+            let side = SIDE >> number;
+            let (below, above) = levels.split_at_mut(number);
+            for (index, sum) in below[number - 1][..4 * side * side].iter_mut().enumerate() {
+                let (column, row) = (index % (2 * side), index / (2 * side));
+                let parent = above[0][row / 2 * side + column / 2];
+                let lent = LENT / parent[4].max(LENT);
+                (0..5).for_each(|c| sum[c] += parent[c] * lent);
+            }
+        }
+        *cells = levels[0];
+        levels[LEVELS - 1][0][4] == 0.0
+    }
+}
+
+/// The colour at a pixel, between the middles of the tiles.
+fn colour(cells: &[[Sum; SIDE * SIDE]], columns: usize, grid: Grid, x: usize, y: usize) -> [f32; 4] {
+    let axis = |at: usize, len: usize| {
+        let at = ((at as f32 + 0.5) / TILE as f32 - 0.5).clamp(0.0, (len - 1) as f32);
+        let first = (at as usize).min(len - 1);
+        (first, (first + 1).min(len - 1), at - first as f32)
+    };
+    let (left, right, fx) = axis(x, grid.columns);
+    let (top, bottom, fy) = axis(y, grid.rows);
+    let mut sum = [0.0; 5];
+    for (row, wy) in [(top, 1.0 - fy), (bottom, fy)] {
+        for (column, wx) in [(left, 1.0 - fx), (right, fx)] {
+            let cell = cells[row / SIDE * columns + column / SIDE][row % SIDE * SIDE + column % SIDE];
+            (0..5).for_each(|c| sum[c] += cell[c] * wx * wy);
+        }
+    }
+    std::array::from_fn(|c| sum[c] / sum[4].max(1e-6))
 }

@@ -51,8 +51,11 @@ impl Cover {
 /// Working memory of one thread: a band of places with its rim, and what covers its tiles.
 #[derive(Debug, Default)]
 pub(super) struct Band {
+    /// [`EMPTY`] all over while no band is filled.
     places: Vec<Key>,
     covers: Vec<Cover>,
+    /// For each [`TILE`] columns of places whether anything is written there.
+    is_used: Vec<bool>,
 }
 
 /// Working memory of every thread of the pool.
@@ -71,6 +74,7 @@ impl Bands {
             let band = band.get_mut();
             sized(&mut band.places, stride(grid) * (BAND * TILE + 2 * RIM), EMPTY)?;
             sized(&mut band.covers, BAND * grid.columns, Cover::NONE)?;
+            sized(&mut band.is_used, stride(grid).div_ceil(TILE), false)?;
         }
         Ok(())
     }
@@ -91,9 +95,8 @@ impl Layer {
         tiles.zip(keys).enumerate().for_each(|(number, (tiles, keys))| {
             let thread = rayon::current_thread_index().unwrap_or(0);
             let mut band = bands.0[thread].lock();
-            let Band { places, covers } = &mut *band;
             let filling = Filling { grid, top: number * BAND, rows: tiles.len() / grid.columns };
-            filling.fill(passes, places, covers, tiles, keys);
+            filling.fill(passes, &mut band, tiles, keys);
         });
         Ok(())
     }
@@ -108,46 +111,44 @@ struct Filling {
 }
 
 impl Filling {
-    fn fill(
-        &self,
-        passes: &[Pass<'_>],
-        places: &mut [Key],
-        covers: &mut [Cover],
-        tiles: &mut [Tile],
-        keys: &mut [[Key; BLOCK]],
-    ) {
-        places.fill(EMPTY);
-        covers.fill(Cover::NONE);
+    fn fill(&self, passes: &[Pass<'_>], band: &mut Band, tiles: &mut [Tile], keys: &mut [[Key; BLOCK]]) {
+        band.covers.fill(Cover::NONE);
         for pass in passes {
             self.each_tile(pass, |column, row, tile| match (pass.of, tile.kind) {
-                (Carried::Own, Kind::Smooth) => self.cover(pass.reach, column, row, tile, covers),
+                (Carried::Own, Kind::Smooth) => self.cover(pass.reach, column, row, tile, &mut band.covers),
                 (Carried::Own, Kind::Rough) => {
                     let keys = &pass.layer.keys[row * self.grid.columns + column];
-                    self.carry_pixels(pass.reach, column, row, keys, places, covers);
+                    self.carry_pixels(pass.reach, column, row, keys, band);
                 }
                 (Carried::Borrowed, _) if tile.holes > 0 => {
                     let keys = &pass.layer.borrowed[row * self.grid.columns + column];
-                    self.carry_pixels(pass.reach, column, row, keys, places, covers);
+                    self.carry_pixels(pass.reach, column, row, keys, band);
                 }
                 (Carried::Borrowed, _) => {}
             });
         }
         for (index, tile) in tiles.iter_mut().enumerate() {
             let (column, row) = (index % self.grid.columns, index / self.grid.columns);
-            *tile = self.settle(&covers[index], self.grid.extent(column, self.top + row));
-            covers[index].is_rough = tile.kind == Kind::Rough;
+            *tile = self.settle(&band.covers[index], self.grid.extent(column, self.top + row));
+            band.covers[index].is_rough = tile.kind == Kind::Rough;
         }
         for pass in passes.iter().filter(|pass| pass.of == Carried::Own) {
             self.each_tile(pass, |column, row, tile| {
                 if tile.kind == Kind::Smooth {
-                    self.carry_tile(pass.reach, column, row, tile, places, covers);
+                    self.carry_tile(pass.reach, column, row, tile, band);
                 }
             });
         }
         for (index, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
             if tile.kind == Kind::Rough {
-                self.take(places, index % self.grid.columns, index / self.grid.columns, tile, keys);
+                self.take(&band.places, index % self.grid.columns, index / self.grid.columns, tile, keys);
             }
+        }
+        let stride = stride(self.grid);
+        for (group, is_used) in band.is_used.iter_mut().enumerate().filter(|(_, is_used)| **is_used) {
+            *is_used = false;
+            let columns = group * TILE..stride.min((group + 1) * TILE);
+            band.places.chunks_mut(stride).for_each(|line| line[columns.clone()].fill(EMPTY));
         }
     }
 
@@ -180,11 +181,18 @@ impl Filling {
         [landed((column * TILE) as i32, x, reach), landed((row * TILE) as i32, y, reach)]
     }
 
-    /// The part of `from..from + len` on each tile that it touches: number of the tile and length.
-    fn parts(from: i32, len: usize, tiles: std::ops::Range<usize>) -> impl Iterator<Item = (usize, u32)> {
-        let (until, side) = (from + len as i32, TILE as i32);
-        let range = (from >> 3).max(tiles.start as i32)..=((until - 1) >> 3).min(tiles.end as i32 - 1);
-        range.map(move |tile| (tile as usize, (until.min((tile + 1) * side) - from.max(tile * side)) as u32))
+    /// The tiles of `tiles` that `from..from + len` touches.
+    #[inline(always)]
+    fn touched(from: i32, len: usize, tiles: std::ops::Range<usize>) -> std::ops::Range<usize> {
+        let until = ((from + len as i32 - 1) >> 3) + 1;
+        (from >> 3).max(tiles.start as i32) as usize..until.clamp(0, tiles.end as i32) as usize
+    }
+
+    /// How much of it is on one of them.
+    #[inline(always)]
+    fn part(from: i32, len: usize, tile: usize) -> u32 {
+        let start = (tile * TILE) as i32;
+        ((from + len as i32).min(start + TILE as i32) - from.max(start)) as u32
     }
 
     /// Notes that a smooth tile covers parts of others.
@@ -193,10 +201,12 @@ impl Filling {
         let [x, y] = self.corner(reach, column, row, tile.key);
         let [across, down] = self.grid.extent(column, row);
         let vector = layer::vector(tile.key);
-        for (r, height) in Self::parts(y, down, self.top..self.top + self.rows) {
-            for (c, width) in Self::parts(x, across, 0..self.grid.columns) {
+        let columns = Self::touched(x, across, 0..self.grid.columns);
+        for r in Self::touched(y, down, self.top..self.top + self.rows) {
+            let height = Self::part(y, down, r);
+            for c in columns.clone() {
                 let cover = &mut covers[(r - self.top) * self.grid.columns + c];
-                let area = width * height;
+                let area = Self::part(x, across, c) * height;
                 cover.low = std::array::from_fn(|c| cover.low[c].min(vector[c]));
                 cover.high = std::array::from_fn(|c| cover.high[c].max(vector[c]));
                 cover.sum = std::array::from_fn(|c| cover.sum[c] + i64::from(vector[c]) * i64::from(area));
@@ -208,15 +218,7 @@ impl Filling {
 
     /// Carries pixels one by one.
     #[inline(never)]
-    fn carry_pixels(
-        &self,
-        reach: i32,
-        column: usize,
-        row: usize,
-        keys: &[Key; BLOCK],
-        places: &mut [Key],
-        covers: &mut [Cover],
-    ) {
+    fn carry_pixels(&self, reach: i32, column: usize, row: usize, keys: &[Key; BLOCK], band: &mut Band) {
         let (left, top) = ((column * TILE) as i32, (row * TILE) as i32);
         let rim = RIM as i32;
         let origin = (self.top * TILE) as i32 - rim;
@@ -232,11 +234,12 @@ impl Filling {
             if x >= bounds[0] || y >= bounds[1] || key == EMPTY {
                 continue;
             }
-            let place = &mut places[y as usize * stride + x as usize];
+            let place = &mut band.places[y as usize * stride + x as usize];
             *place = (*place).min(key);
+            band.is_used[x as usize / TILE] = true;
             let (c, r) = ((x as usize).wrapping_sub(RIM) / TILE, (y as usize).wrapping_sub(RIM) / TILE);
             if c < self.grid.columns && r < self.rows {
-                covers[r * self.grid.columns + c].is_rough = true;
+                band.covers[r * self.grid.columns + c].is_rough = true;
             }
         }
     }
@@ -250,24 +253,24 @@ impl Filling {
         if !is_smooth {
             return Tile { kind: Kind::Rough, ..Tile::default() };
         }
-        let vector = cover.sum.map(|sum| {
-            let area = i64::from(cover.area);
-            ((2 * sum + area).div_euclid(2 * area)) as i32
-        });
+        let area = i64::from(cover.area);
+        let mean = |sum: i64| ((2 * sum + area).div_euclid(2 * area)) as i32;
+        let vector = if cover.low == cover.high { cover.low } else { cover.sum.map(mean) };
         let key = key(layer::rank(cover.nearest), layer::mark(cover.nearest), vector);
         Tile { kind: Kind::Smooth, holes: 0, key, low: vector, high: vector }
     }
 
     /// Carries all of a smooth tile, if it touches one that is not.
     #[inline(never)]
-    fn carry_tile(&self, reach: i32, column: usize, row: usize, tile: &Tile, places: &mut [Key], covers: &[Cover]) {
+    fn carry_tile(&self, reach: i32, column: usize, row: usize, tile: &Tile, band: &mut Band) {
         let [x, y] = self.corner(reach, column, row, tile.key);
         let [across, down] = self.grid.extent(column, row);
         let rim = RIM as i32;
-        let rows = self.top..self.top + self.rows;
-        let touches_rough = Self::parts(y - rim, down + 2 * RIM, rows).any(|(r, _)| {
-            Self::parts(x - rim, across + 2 * RIM, 0..self.grid.columns)
-                .any(|(c, _)| covers[(r - self.top) * self.grid.columns + c].is_rough)
+        let columns = Self::touched(x - rim, across + 2 * RIM, 0..self.grid.columns);
+        let mut rows = Self::touched(y - rim, down + 2 * RIM, self.top..self.top + self.rows);
+        let touches_rough = rows.any(|r| {
+            let covers = &band.covers[(r - self.top) * self.grid.columns..][..self.grid.columns];
+            columns.clone().any(|c| covers[c].is_rough)
         });
         if !touches_rough {
             return;
@@ -279,9 +282,11 @@ impl Filling {
         if columns.is_empty() {
             return;
         }
+        let [from, until] = [columns.start, columns.end - 1].map(|x| (x + rim) as usize / TILE);
+        band.is_used[from..=until].fill(true);
         for line in lines {
             let start = (line - first) as usize * stride(self.grid) + (columns.start + rim) as usize;
-            for place in &mut places[start..][..columns.len()] {
+            for place in &mut band.places[start..][..columns.len()] {
                 *place = (*place).min(tile.key);
             }
         }

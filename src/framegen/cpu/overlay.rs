@@ -38,13 +38,13 @@ impl<P: Colour> Overlays<'_, P> {
 fn is_over<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2], vector: [i32; 2]) -> bool {
     let place = y * here.width + x;
     // Most of what moves does not even stand still at this pixel.
-    let apart = (here.pixels[place].luma() - there.pixels[place].luma()).abs();
-    if apart > 4.0 * STILL || vector == [0; 2] {
+    let difference_here = (here.pixels[place].luma() - there.pixels[place].luma()).abs();
+    if difference_here > 4.0 * STILL || vector == [0; 2] {
         return false;
     }
     let (x, y) = (x as i32, y as i32);
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
-    let still = difference(&patch, there, x, y, [0; 2]);
+    let still = Difference::new(&apart(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
     if still.square > STILL {
         return false;
     }
@@ -75,6 +75,12 @@ fn contrast(patch: &[[f32; 3]; 3]) -> f32 {
 
 /// The lumas from (x, y) on; the edge pixels go on beyond the edges.
 fn lumas<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[f32; N]; N] {
+    if x >= 0 && y >= 0 && x as usize + N <= source.width && y as usize + N <= source.height {
+        return std::array::from_fn(|j| {
+            let row = &source.pixels[(y as usize + j) * source.width + x as usize..][..N];
+            std::array::from_fn(|i| row[i].luma())
+        });
+    }
     let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
     std::array::from_fn(|j| {
         let row = &source.pixels[on_axis(y + j as i32, source.height) * source.width..][..source.width];
@@ -88,24 +94,34 @@ fn difference<P: Colour>(patch: &[[f32; 3]; 3], there: Source<'_, P>, x: i32, y:
     let [u, v] = [64 * (x - 1) + vector[0], 64 * (y - 1) + vector[1]];
     let [fx, fy] = [u, v].map(|at| (at & 63) as f32 / 64.0);
     let lumas: [[f32; 4]; 4] = lumas(there, u >> 6, v >> 6);
-    let apart: [[f32; 3]; 3] = std::array::from_fn(|j| {
+    let between = std::array::from_fn(|j| {
         std::array::from_fn(|i| {
             let across = |line: &[f32; 4]| line[i] + (line[i + 1] - line[i]) * fx;
             let (above, below) = (across(&lumas[j]), across(&lumas[j + 1]));
-            (above + (below - above) * fy - patch[j][i]).abs()
+            above + (below - above) * fy
         })
     });
-    // A square that reaches over the edge counts pixels twice, and is left out where there is another.
-    let starts = |at: i32, len: usize| {
-        let (at, len) = (at as usize, len);
-        usize::from(at == 0 && len > 1)..if at + 1 == len && len > 1 { 1 } else { 2 }
-    };
-    let square = |j: usize, i: usize| apart[j][i] + apart[j][i + 1] + apart[j + 1][i] + apart[j + 1][i + 1];
-    let mut least = f32::INFINITY;
-    for j in starts(y, there.height) {
-        for i in starts(x, there.width) {
-            least = least.min(square(j, i));
+    Difference::new(&apart(patch, &between), there, x, y)
+}
+
+fn apart(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> [[f32; 3]; 3] {
+    std::array::from_fn(|j| std::array::from_fn(|i| (b[j][i] - a[j][i]).abs()))
+}
+
+impl Difference {
+    fn new<P>(apart: &[[f32; 3]; 3], there: Source<'_, P>, x: i32, y: i32) -> Self {
+        // A square that reaches over the edge counts pixels twice, and is left out where there is another.
+        let starts = |at: i32, len: usize| {
+            let at = at as usize;
+            usize::from(at == 0 && len > 1)..if at + 1 == len && len > 1 { 1 } else { 2 }
+        };
+        let square = |j: usize, i: usize| apart[j][i] + apart[j][i + 1] + apart[j + 1][i] + apart[j + 1][i + 1];
+        let mut least = f32::INFINITY;
+        for j in starts(y, there.height) {
+            for i in starts(x, there.width) {
+                least = least.min(square(j, i));
+            }
         }
+        Self { square: least / 4.0, patch: apart.as_flattened().iter().sum::<f32>() / 9.0 }
     }
-    Difference { square: least / 4.0, patch: apart.as_flattened().iter().sum::<f32>() / 9.0 }
 }

@@ -14,6 +14,8 @@ use crate::Raster;
 pub(super) const AGREE: u8 = 1;
 /// Samples that differ by more than this are looked at one by one.
 pub(super) const CAREFUL: u8 = 24;
+/// The same where surfaces meet.
+pub(super) const STRICT: u8 = 4;
 
 /// What a picture between two anchors is made of.
 pub(super) struct Between<'a, P> {
@@ -132,8 +134,7 @@ impl<P: Colour> Between<'_, P> {
             let is_outside = grid.nearest(spots.before).is_none() || grid.nearest(spots.after).is_none();
             questionable |= u64::from(is_outside) << place;
         }
-        // Where surfaces meet, whatever does not agree is looked at.
-        let strict = Rule { careful: rule.agree, ..*rule };
+        let strict = Rule { careful: STRICT, ..*rule };
         let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block);
         each_bit(mask | questionable, |place| {
             let [i, j] = [place % TILE, place / TILE];

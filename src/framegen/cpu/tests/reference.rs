@@ -16,7 +16,7 @@ use crate::framegen::cpu::layer::{
     self, EMPTY, Grid, HOLE, Key, Kind, LONGEST, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, landed, part,
 };
 use crate::framegen::cpu::overlay::Overlays;
-use crate::framegen::cpu::render::{AGREE, CAREFUL};
+use crate::framegen::cpu::render::{AGREE, CAREFUL, STRICT};
 use crate::framegen::cpu::source;
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
@@ -393,8 +393,8 @@ impl<P: Colour> Shown<'_, P> {
         let (merged, is_far_apart) = P::merge(of_previous, of_current, &rule);
         let (from, to) = (grid.nearest(before), grid.nearest(after));
         let is_doubtful = is_far_apart || own == EMPTY || layer::mark(own) == ORPHAN || from.is_none() || to.is_none();
-        let agrees = !P::merge(of_previous, of_current, &self.rule(AGREE)).1;
-        if !is_doubtful && (agrees || self.is_clear(tile)) {
+        let is_close = !P::merge(of_previous, of_current, &self.rule(STRICT)).1;
+        if !is_doubtful && (is_close || self.is_clear(tile)) {
             return Some(merged);
         }
 
