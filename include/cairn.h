@@ -1679,6 +1679,115 @@ typedef struct cairn_rollout_statistics {
  */
 CAIRN_API cairn_result cairn_rollout_get_statistics(const cairn_rollout *rollout, cairn_rollout_statistics *statistics);
 
+/* ---- 15. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
+
+/** Direct3D 12's own, declared so that its header is not needed. */
+typedef struct ID3D12CommandQueue ID3D12CommandQueue;
+
+/** Direct3D 12's own, declared so that its header is not needed. */
+typedef struct ID3D12Device ID3D12Device;
+
+/** Direct3D 12's own, declared so that its header is not needed. */
+typedef struct ID3D12Fence ID3D12Fence;
+
+/** Direct3D 12's own, declared so that its header is not needed. */
+typedef struct ID3D12GraphicsCommandList ID3D12GraphicsCommandList;
+
+/** Direct3D 12's own, declared so that its header is not needed. */
+typedef struct ID3D12Resource ID3D12Resource;
+
+/**
+ * Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library
+ * has no Direct3D 12 part every function of it answers CAIRN_ERROR_UNSUPPORTED.
+ *
+ * d3d12, queue: the engine's; frames are generated and copied on the queue, which must be of type direct or compute.
+ * anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null to use queue.
+ *
+ * Ownership: on success *device is the caller's, for cairn_device_destroy, and holds a reference to each object until it is gone;
+ * on failure it is not written and no reference is held.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_create_d3d12(
+    struct ID3D12Device *d3d12, struct ID3D12CommandQueue *queue, struct ID3D12CommandQueue *anchors,
+    cairn_device **device);
+
+/**
+ * Makes a device of the library's own on an adapter, for hosts that have no engine.
+ *
+ * luid: of the adapter, as cairn_adapters gives it.
+ *
+ * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_create_adapter(uint64_t luid, cairn_device **device);
+
+/**
+ * Gives what a device runs on.
+ *
+ * Ownership: on success *d3d12 and *queue have a reference more each, for the caller to release; on failure neither is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED, also for a CPU device.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_get_d3d12(
+    const cairn_device *device, struct ID3D12Device **d3d12, struct ID3D12CommandQueue **queue);
+
+/**
+ * Appends a texture, as cairn_rollout_append does a picture: the seed, or an edit of the scene.
+ *
+ * picture: two-dimensional, RGBA8 or BGRA8; in state, a D3D12_RESOURCE_STATES, when it is read on the device's queue, and left
+ * in it; it must live until this returns. info: may be null.
+ *
+ * Ownership: the texture stays the caller's; info is filled on success; on failure it is not written and the rollout is as it was.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_append_d3d12(
+    cairn_rollout *rollout, struct ID3D12Resource *picture, uint32_t state, cairn_step_info *info);
+
+/**
+ * Gives a picture of an anchor as a texture, with the fence value that guards it.
+ *
+ * index: 0 to pictures - 1, in order of time.
+ * texture: gets RGBA8 of the anchor's size, in state COMMON; to be left in it.
+ * fence, value: get what to wait for before it is read; once the fence has the value, it stays as it is.
+ *
+ * Ownership: on success *texture and *fence have a reference more each, for the caller to release; on failure nothing is written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED, also for an anchor that was
+ * not made on a Direct3D 12 device.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_anchor_get_d3d12(
+    const cairn_anchor *anchor, uint32_t index, struct ID3D12Resource **texture, struct ID3D12Fence **fence,
+    uint64_t *value);
+
+/**
+ * Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Leaves pipeline,
+ * root signature and descriptor heaps of the list changed, and nothing else.
+ *
+ * now_ns: when it will be shown, on the host's clock.
+ * list: open for recording; direct or compute.
+ * target: of the frames' size, with unordered access; in before on entry and in after on exit, both D3D12_RESOURCE_STATES. It and
+ * the presenter must live until the list has run.
+ * frame: may be null.
+ *
+ * Ownership: list and target stay the caller's; frame is filled on success; on failure it is not written and nothing is recorded.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
+ * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_record_d3d12(
+    cairn_presenter *presenter, uint64_t now_ns, struct ID3D12GraphicsCommandList *list, struct ID3D12Resource *target,
+    uint32_t before, uint32_t after, cairn_frame *frame);
+
 #ifdef __cplusplus
 } /* extern "C" */
 #endif

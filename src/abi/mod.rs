@@ -12,6 +12,7 @@
 //! | `guidance`, `presenter` | motion and depth, and frames when they are due |
 //! | `script`, `recorder` | input written down, and played again |
 //! | `statistics` | what can be asked |
+//! | `d3d12` | experimental: what an engine's own Direct3D 12 objects come through |
 //!
 //! Behind them, and not in the header: `boundary` is the one way in, where panics end; `handles` the table behind every handle,
 //! with a `gate` for each object; `structs` and `text` read and write foreign memory;
@@ -21,6 +22,7 @@
 
 pub mod anchor;
 pub mod controls;
+pub mod d3d12;
 pub mod device;
 pub mod guidance;
 pub mod images;

@@ -6,6 +6,8 @@ pub(crate) struct Function {
     pub(crate) name: String,
     /// On one line, without `CAIRN_API` and semicolon.
     pub(crate) prototype: String,
+    /// Whether it stands in a chapter that may still change.
+    pub(crate) experimental: bool,
     /// Without comment marks, one line to an entry.
     pub(crate) comment: Vec<String>,
 }
@@ -32,8 +34,11 @@ pub(crate) fn read(header: &str) -> Result<Declarations, String> {
     let mut found = Declarations::default();
     let mut comment: Vec<String> = Vec::new();
     let mut lines = header.lines();
+    let mut experimental = false;
     while let Some(line) = lines.next() {
-        if let Some(start) = line.strip_prefix("/**") {
+        if line.starts_with("/* ---- ") {
+            experimental = line.contains(". Experimental: ");
+        } else if let Some(start) = line.strip_prefix("/**") {
             comment = vec![start.trim_end_matches("*/").trim().to_owned()];
             if !line.ends_with("*/") {
                 let inside = lines.by_ref().take_while(|line| !line.ends_with("*/"));
@@ -46,6 +51,7 @@ pub(crate) fn read(header: &str) -> Result<Declarations, String> {
                 name: name.to_owned(),
                 comment: std::mem::take(&mut comment),
                 prototype: prototype.clone(),
+                experimental,
             });
         } else if let Some(rest) = line.strip_prefix("#define CAIRN_") {
             // The include guard and the marks of linkage are no constants.
@@ -164,6 +170,8 @@ typedef uint32_t (*cairn_c)(const cairn_b *b,
  */
 CAIRN_API cairn_result cairn_make(
     cairn_a **a, size_t b);
+/* ---- 2. Experimental: tries ---- */
+CAIRN_API cairn_result cairn_try(void);
 ";
 
     #[test]
@@ -176,6 +184,7 @@ CAIRN_API cairn_result cairn_make(
         assert_eq!(found.typedefs, ["uint32_t (*cairn_c)(const cairn_b *b, void *user)"]);
         assert_eq!(found.functions[0].prototype, "cairn_result cairn_make(cairn_a **a, size_t b)");
         assert_eq!(found.functions[0].name, "cairn_make");
+        assert_eq!([found.functions[0].experimental, found.functions[1].experimental], [false, true]);
         assert_eq!(missing_part(&found.functions[0], &found.constants, "0.1.0"), None);
     }
 

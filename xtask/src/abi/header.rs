@@ -23,6 +23,7 @@ const CHAPTERS: &[(&str, &[&str])] = &[
     ("Per frame: presenters", &["presenter"]),
     ("Per frame: input written down, and played again", &["script", "recorder"]),
     ("Queries: statistics", &["statistics"]),
+    ("Experimental: Direct3D 12", &["d3d12"]),
 ];
 
 const OPENING: &str = "\

@@ -12,7 +12,8 @@ pub(crate) const RECORD: &str = "abi.txt";
 
 const INTRODUCTION: &str = "\
 # What hosts of the library rely on, written by `cargo xtask fix` and compared by `cargo xtask test abi` with what a C compiler
-# makes of include/cairn.h. New lines are welcome. A line that goes or changes breaks hosts: CAIRN_ABI_VERSION must rise with it.
+# makes of include/cairn.h. New lines are welcome. A line that goes or changes breaks hosts: CAIRN_ABI_VERSION must rise with it,
+# but for what is experimental.
 ";
 
 /// The command that prints constants and structs as Rust has them.
@@ -27,7 +28,8 @@ pub(crate) fn compose(layout: &str, declarations: &Declarations) -> String {
         _ = writeln!(record, "type {line}");
     }
     for function in &declarations.functions {
-        _ = writeln!(record, "function {}", function.prototype);
+        let kind = if function.experimental { "experimental" } else { "function" };
+        _ = writeln!(record, "{kind} {}", function.prototype);
     }
     record
 }
@@ -108,8 +110,9 @@ pub(crate) fn break_of_promise(old: &str, new: &str) -> Option<String> {
         record.lines().find_map(|line| line.strip_prefix("constant CAIRN_ABI_VERSION ")?.parse::<u64>().ok())
     };
     let lines: BTreeSet<&str> = new.lines().collect();
-    // The library's own version may change, and so may the introduction.
-    let promised = |line: &&str| !line.starts_with('#') && !line.starts_with("constant CAIRN_VERSION ");
+    // The library's own version may change, what is experimental, and the introduction.
+    let free = ["#", "constant CAIRN_VERSION ", "experimental "];
+    let promised = |line: &&str| !free.iter().any(|start| line.starts_with(start));
     let lost = old.lines().filter(promised).find(|line| !lines.contains(line))?;
     (number(new) <= number(old)).then(|| lost.to_owned())
 }
@@ -128,6 +131,7 @@ mod tests {
         assert_eq!(break_of_promise(old, &changed).as_deref(), Some("size cairn_a 8"));
         assert_eq!(break_of_promise(old, &changed.replace("ABI_VERSION 1", "ABI_VERSION 2")), None);
         assert!(break_of_promise(old, &old.replace("int f", "void f")).is_some());
+        assert_eq!(break_of_promise(&format!("{old}experimental int g(void)\n"), old), None);
     }
 
     #[test]

@@ -1,0 +1,191 @@
+//! Direct3D 12: the doors that an engine's own objects come through. What stands behind them is built for Windows only.
+
+use super::anchor::cairn_anchor;
+use super::boundary::call;
+use super::device::cairn_device;
+use super::handles::{enter, enter_alone};
+use super::presenter::{cairn_frame, cairn_presenter};
+use super::results::{Failure, Outcome, cairn_result};
+use super::rollout::{cairn_rollout, cairn_step_info};
+use super::structs::{Out, check_out};
+
+/// Direct3D 12's own, declared so that its header is not needed.
+pub struct ID3D12Device(());
+
+/// Direct3D 12's own, declared so that its header is not needed.
+pub struct ID3D12CommandQueue(());
+
+/// Direct3D 12's own, declared so that its header is not needed.
+pub struct ID3D12Resource(());
+
+/// Direct3D 12's own, declared so that its header is not needed.
+pub struct ID3D12Fence(());
+
+/// Direct3D 12's own, declared so that its header is not needed.
+pub struct ID3D12GraphicsCommandList(());
+
+/// Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library
+/// has no Direct3D 12 part every function of it answers CAIRN_ERROR_UNSUPPORTED.
+///
+/// d3d12, queue: the engine's; frames are generated and copied on the queue, which must be of type direct or compute.
+/// anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null to use queue.
+///
+/// Ownership: on success *device is the caller's, for cairn_device_destroy, and holds a reference to each object until it is gone;
+/// on failure it is not written and no reference is held.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_device_create_d3d12(
+    d3d12: *mut ID3D12Device,
+    queue: *mut ID3D12CommandQueue,
+    anchors: *mut ID3D12CommandQueue,
+    device: *mut *mut cairn_device,
+) -> cairn_result {
+    call("cairn_device_create_d3d12", || {
+        // Of use on Windows only.
+        let _ = anchors;
+        given(d3d12, "d3d12")?;
+        given(queue, "queue")?;
+        check_out(device, "device")?;
+        Err(Failure::no_d3d12())
+    })
+}
+
+/// Makes a device of the library's own on an adapter, for hosts that have no engine.
+///
+/// luid: of the adapter, as cairn_adapters gives it.
+///
+/// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_device_create_adapter(luid: u64, device: *mut *mut cairn_device) -> cairn_result {
+    call("cairn_device_create_adapter", || {
+        // Of use on Windows only.
+        let _ = luid;
+        check_out(device, "device")?;
+        Err(Failure::no_d3d12())
+    })
+}
+
+/// Gives what a device runs on.
+///
+/// Ownership: on success *d3d12 and *queue have a reference more each, for the caller to release; on failure neither is written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED, also for a CPU device.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_device_get_d3d12(
+    device: *const cairn_device,
+    d3d12: *mut *mut ID3D12Device,
+    queue: *mut *mut ID3D12CommandQueue,
+) -> cairn_result {
+    call("cairn_device_get_d3d12", || {
+        let _device = enter(device)?;
+        check_out(d3d12, "d3d12")?;
+        check_out(queue, "queue")?;
+        Err(Failure::no_d3d12())
+    })
+}
+
+/// Appends a texture, as cairn_rollout_append does a picture: the seed, or an edit of the scene.
+///
+/// picture: two-dimensional, RGBA8 or BGRA8; in state, a D3D12_RESOURCE_STATES, when it is read on the device's queue, and left
+/// in it; it must live until this returns. info: may be null.
+///
+/// Ownership: the texture stays the caller's; info is filled on success; on failure it is not written and the rollout is as it was.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+/// CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_append_d3d12(
+    rollout: *mut cairn_rollout,
+    picture: *mut ID3D12Resource,
+    state: u32,
+    info: *mut cairn_step_info,
+) -> cairn_result {
+    call("cairn_rollout_append_d3d12", || {
+        // Of use on Windows only.
+        let _ = state;
+        let _running = enter_alone(rollout)?;
+        given(picture, "picture")?;
+        // SAFETY: the host's promise about `info`.
+        unsafe { Out::optional(info, "info") }?;
+        Err(Failure::no_d3d12())
+    })
+}
+
+/// Gives a picture of an anchor as a texture, with the fence value that guards it.
+///
+/// index: 0 to pictures - 1, in order of time.
+/// texture: gets RGBA8 of the anchor's size, in state COMMON; to be left in it.
+/// fence, value: get what to wait for before it is read; once the fence has the value, it stays as it is.
+///
+/// Ownership: on success *texture and *fence have a reference more each, for the caller to release; on failure nothing is written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED, also for an anchor that was
+/// not made on a Direct3D 12 device.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_anchor_get_d3d12(
+    anchor: *const cairn_anchor,
+    index: u32,
+    texture: *mut *mut ID3D12Resource,
+    fence: *mut *mut ID3D12Fence,
+    value: *mut u64,
+) -> cairn_result {
+    call("cairn_anchor_get_d3d12", || {
+        let anchor = enter(anchor)?;
+        check_out(texture, "texture")?;
+        check_out(fence, "fence")?;
+        check_out(value, "value")?;
+        if index as usize >= anchor.pictures().len() {
+            return Err(Failure::argument("index", format!("there is no picture {index}")));
+        }
+        Err(Failure::no_d3d12())
+    })
+}
+
+/// Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Leaves pipeline,
+/// root signature and descriptor heaps of the list changed, and nothing else.
+///
+/// now_ns: when it will be shown, on the host's clock.
+/// list: open for recording; direct or compute.
+/// target: of the frames' size, with unordered access; in before on entry and in after on exit, both D3D12_RESOURCE_STATES. It and
+/// the presenter must live until the list has run.
+/// frame: may be null.
+///
+/// Ownership: list and target stay the caller's; frame is filled on success; on failure it is not written and nothing is recorded.
+/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
+/// CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_record_d3d12(
+    presenter: *mut cairn_presenter,
+    now_ns: u64,
+    list: *mut ID3D12GraphicsCommandList,
+    target: *mut ID3D12Resource,
+    before: u32,
+    after: u32,
+    frame: *mut cairn_frame,
+) -> cairn_result {
+    call("cairn_presenter_record_d3d12", || {
+        // Of use on Windows only.
+        let _ = (now_ns, before, after);
+        let _presenting = enter_alone(presenter)?;
+        given(list, "list")?;
+        given(target, "target")?;
+        // SAFETY: the host's promise about `frame`.
+        unsafe { Out::optional(frame, "frame") }?;
+        Err(Failure::no_d3d12())
+    })
+}
+
+/// Refuses a null pointer to an object of Direct3D.
+fn given<T>(pointer: *mut T, name: &str) -> Outcome<()> {
+    if pointer.is_null() { Err(Failure::argument(name, "a null pointer")) } else { Ok(()) }
+}

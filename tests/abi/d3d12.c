@@ -1,0 +1,48 @@
+/* Direct3D 12 where there is none: every door says so, and hands nothing out. */
+#include "check.h"
+
+/* The value that results must still have after a call that fails. */
+#define UNTOUCHED ((void *)8)
+
+static void every_door_says_that_it_is_not_there(void)
+{
+    cairn_device *cpu = make_device(), *device = UNTOUCHED;
+    ID3D12Device *d3d12 = UNTOUCHED;
+    ID3D12CommandQueue *queue = UNTOUCHED;
+    ID3D12Resource *texture = UNTOUCHED;
+    ID3D12Fence *fence = UNTOUCHED;
+    uint64_t value = 8;
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_device_create_d3d12(d3d12, queue, NULL, &device));
+    CHECK(strstr(message(), "Direct3D 12"));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_d3d12(NULL, queue, NULL, &device));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_d3d12(d3d12, NULL, NULL, &device));
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_device_create_adapter(0, &device));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_adapter(0, NULL));
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_device_get_d3d12(cpu, &d3d12, &queue));
+    ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_device_get_d3d12(NULL, &d3d12, &queue));
+
+    unsigned char pixel[4] = {0};
+    cairn_picture picture = {.struct_size = sizeof picture, .width = 1, .height = 1, .pixels = pixel, .size = 4};
+    cairn_anchor *anchor = NULL;
+    OK(cairn_anchor_create(&picture, 0, 0, &anchor));
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_anchor_get_d3d12(anchor, 0, &texture, &fence, &value));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_anchor_get_d3d12(anchor, 1, &texture, &fence, &value));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_anchor_get_d3d12(anchor, 0, &texture, &fence, NULL));
+    cairn_presenter *presenter = NULL;
+    OK(cairn_presenter_create(NULL, &presenter));
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_presenter_record_d3d12(presenter, 0, UNTOUCHED, texture, 0, 0, NULL));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_record_d3d12(presenter, 0, NULL, texture, 0, 0, NULL));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_record_d3d12(presenter, 0, UNTOUCHED, NULL, 0, 0, NULL));
+    ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_rollout_append_d3d12(NULL, texture, 0, NULL));
+    OK(cairn_presenter_destroy(presenter));
+    OK(cairn_anchor_destroy(anchor));
+    OK(cairn_device_destroy(cpu));
+    CHECK(device == UNTOUCHED && d3d12 == UNTOUCHED && queue == UNTOUCHED && texture == UNTOUCHED);
+    CHECK(fence == UNTOUCHED && value == 8);
+}
+
+int main(void)
+{
+    RUN(every_door_says_that_it_is_not_there);
+    return failed_tests != 0;
+}
