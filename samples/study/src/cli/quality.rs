@@ -17,8 +17,11 @@ Examples:
   study quality --seeds 4 --clips forest,snow --rows built-in
       While the generator is worked on. Seed 4 is there for that; 5 to 7 are kept for the table.
 
-  study quality --publish
-      The table of docs/quality.md, from the clips and seeds it is made of.
+  study quality --clips none --speed --check
+      Times alone, with the ratios that are claimed.
+
+  study quality --speed --publish
+      The page docs/quality.md, from the clips and seeds it is made of.
 
 What was made and scored once is kept in the user's cache and not made again while nothing it depends on changes, so a run
 that was ended goes on where it stopped. The folder --out gets quality.md, quality.csv, quality-frames.csv with every frame,
@@ -32,7 +35,7 @@ pub(super) struct QualityArgs {
     /// cairn-flow, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
-    /// What they are made from: all, scenes, or a list of forest, sword, desert, snow
+    /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, vizdoom
     #[arg(long, value_name = "LIST", default_value = "all")]
     clips: String,
     /// Seeds of the scenes
@@ -42,11 +45,14 @@ pub(super) struct QualityArgs {
     #[arg(long, value_name = "NET", default_value = "alex")]
     lpips: String,
     /// One scene at a small size and what needs no other program, to see that everything works
-    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "publish"])]
+    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "speed", "publish"])]
     smoke: bool,
     /// Hold the table against what is claimed, and fail where it does not bear a claim out
     #[arg(long)]
     check: bool,
+    /// Take times at 1920x1080 on two threads as well, which wants an idle machine; with --clips none, nothing else
+    #[arg(long)]
+    speed: bool,
     /// Score everything again, and let other programs make their pictures again
     #[arg(long)]
     fresh: bool,
@@ -68,8 +74,8 @@ impl QualityArgs {
         } else {
             (self.rows.clone(), self.clips.clone(), self.seeds.clone())
         };
-        let Self { smoke, fresh, publish, .. } = *self;
-        Settings { rows, clips, seeds, lpips: self.lpips.clone(), smoke, fresh, publish, out: self.out.clone() }
+        let Self { smoke, speed, fresh, publish, .. } = *self;
+        Settings { rows, clips, seeds, lpips: self.lpips.clone(), smoke, speed, fresh, publish, out: self.out.clone() }
     }
 }
 

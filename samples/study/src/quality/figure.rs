@@ -1,7 +1,7 @@
 //! The comparison picture: one place of one frame, as every row shows it.
 //!
-//! Nobody chooses the frame or the place by eye: the frame is the one of median difficulty, the place the one where all
-//! rows together err most.
+//! Nobody chooses the frame or the place by eye: one scored frame in ten is harder, and the place is the one where all rows
+//! together err most.
 
 use cairn::{Picture, Result};
 
@@ -15,6 +15,12 @@ use crate::text::{SMALL, fit, write};
 
 /// Columns of the figure.
 const COLUMNS: u32 = 4;
+/// How many of ten scored frames are easier than the one that is shown.
+const EASIER_OF_TEN: usize = 9;
+/// What comes into the picture at its edges nobody can know; the place keeps this far from them, in pixels.
+const EDGE: u32 = 24;
+/// How much brighter than it is the error is shown.
+const ERROR_GAIN: u16 = 4;
 /// Pixels of the picture that a tile shows, and how many times it is enlarged.
 const PLACE: (u32, u32) = (140, 105);
 const ENLARGED: u32 = 2;
@@ -32,24 +38,29 @@ pub(super) struct Figure {
 
 /// Draws the figure; none where the clips are too small or no frame was scored.
 pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figure>> {
-    let Some(chosen) = median(&measured.records).cloned() else { return Ok(None) };
+    let Some(chosen) = hard(&measured.records).cloned() else { return Ok(None) };
     let shown = measured.show(&chosen.clip, chosen.anchor, Phase::HALF, store)?;
+    let [previous, current] = measured.ends(&chosen.clip, chosen.anchor, store)?;
     let Some((_, truth)) = shown.first() else { return Ok(None) };
-    if truth.width() < PLACE.0 || truth.height() < PLACE.1 || shown.len() < 2 {
+    if truth.width() < PLACE.0 + 2 * EDGE || truth.height() < PLACE.1 + 2 * EDGE || shown.len() < 2 {
         return Ok(None);
     }
     let at = worst_place(truth, shown[1..].iter().map(|(_, picture)| picture));
-    let mut tiles = vec![("where it is".to_owned(), overview(truth, at)?)];
+    let mut tiles = vec![
+        ("where it is, and the anchor before".to_owned(), overview(truth, at)?, enlarge(&previous, at)?),
+        ("truth, and the anchor behind".to_owned(), enlarge(truth, at)?, enlarge(&current, at)?),
+    ];
     for (kind, picture) in &shown {
         // Between two anchors a repeated one shows nothing that they do not show.
-        if *kind != Some(rows::Kind::Repeat) {
-            let label = kind.map_or_else(|| "truth".to_owned(), |kind| kind.label().replace(['*', '`'], ""));
-            tiles.push((label, enlarge(picture, at)?));
+        if let Some(kind) = kind.filter(|kind| *kind != rows::Kind::Repeat) {
+            let label = kind.label().replace(['*', '`'], "");
+            tiles.push((label, enlarge(picture, at)?, enlarge(&error(truth, picture)?, at)?));
         }
     }
     let caption = format!(
-        "{}, the frame between anchors {} and {}: of all scored frames of the scenes at twice the anchors' rate, the one of \
-         median difficulty (the mean over all rows), at the place where all rows together err most.",
+        "{}, the frame in the middle between anchors {} and {}. Below each picture is its error, {ERROR_GAIN} times as bright as it \
+         is: black is right. Nobody chose it by eye: of the scored frames one in ten is harder, and the place is the one where \
+         all rows together err most.",
         chosen.clip,
         chosen.anchor - 1,
         chosen.anchor
@@ -57,8 +68,8 @@ pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figu
     Ok(Some(Figure { picture: arrange(&tiles)?, caption }))
 }
 
-/// The frame of median difficulty at half phase: of scenes where there are any.
-fn median(records: &[Record]) -> Option<&Record> {
+/// The frame at half phase than which one in ten is harder: of scenes where there are any.
+fn hard(records: &[Record]) -> Option<&Record> {
     let is_scene = |r: &&Record| scenes::FAMILIES.iter().any(|family| family.name() == r.group);
     let of_scenes = records.iter().any(|r| is_scene(&r));
     let mut frames: Vec<(f64, &Record)> = Vec::new();
@@ -71,7 +82,7 @@ fn median(records: &[Record]) -> Option<&Record> {
         }
     }
     frames.sort_by(|a, b| a.0.total_cmp(&b.0));
-    frames.get(frames.len().checked_sub(1)? / 2).map(|(_, record)| *record)
+    frames.get((frames.len() * EASIER_OF_TEN / 10).min(frames.len().checked_sub(1)?)).map(|(_, record)| *record)
 }
 
 /// The upper left corner of the place where the absolute errors of `pictures` have the greatest sum.
@@ -93,9 +104,10 @@ fn worst_place<'a>(truth: &Picture, pictures: impl Iterator<Item = &'a Picture>)
         }
     }
     let (w, h) = (PLACE.0 as usize, PLACE.1 as usize);
-    let mut worst = (0, (0, 0));
-    for y in 0..=height - h {
-        for x in 0..=width - w {
+    let mut worst = (0, (EDGE, EDGE));
+    let edge = EDGE as usize;
+    for y in edge..=height - h - edge {
+        for x in edge..=width - w - edge {
             let at = |x: usize, y: usize| above[y * (width + 1) + x];
             let sum = at(x + w, y + h) + at(x, y) - at(x + w, y) - at(x, y + h);
             if sum > worst.0 {
@@ -104,6 +116,17 @@ fn worst_place<'a>(truth: &Picture, pictures: impl Iterator<Item = &'a Picture>)
         }
     }
     worst.1
+}
+
+/// How far `picture` is from `truth`, brightened.
+fn error(truth: &Picture, picture: &Picture) -> Result<Picture> {
+    let mut out = truth.clone();
+    for ((out, a), b) in out.pixels_mut().iter_mut().zip(truth.pixels()).zip(picture.pixels()) {
+        for i in 0..3 {
+            out[i] = (u16::from(a[i].abs_diff(b[i])) * ERROR_GAIN).min(255) as u8;
+        }
+    }
+    Ok(out)
 }
 
 /// The place at `at`, its pixels as squares.
@@ -136,23 +159,29 @@ fn overview(picture: &Picture, at: (u32, u32)) -> Result<Picture> {
     Ok(small)
 }
 
-/// Puts the tiles in rows with their labels above them.
-fn arrange(tiles: &[(String, Picture)]) -> Result<Picture> {
+/// Puts pairs of tiles in rows, one tile above the other, with their labels above them.
+fn arrange(tiles: &[(String, Picture, Picture)]) -> Result<Picture> {
     let tile = (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED);
     let lines = (tiles.len() as u32).div_ceil(COLUMNS);
-    let mut out = Picture::new(COLUMNS * (tile.0 + GAP) + GAP, lines * (tile.1 + LABEL + GAP) + GAP)?;
+    let line = LABEL + 2 * (tile.1 + GAP) + GAP;
+    let mut out = Picture::new(COLUMNS * (tile.0 + GAP) + GAP, lines * line + GAP)?;
     out.pixels_mut().fill([GROUND[0], GROUND[1], GROUND[2], 255]);
-    let width = out.width() as usize;
-    for (i, (label, picture)) in tiles.iter().enumerate() {
-        let (column, line) = (i as u32 % COLUMNS, i as u32 / COLUMNS);
-        let (left, top) = (GAP + column * (tile.0 + GAP), GAP + line * (tile.1 + LABEL + GAP));
+    for (i, (label, upper, lower)) in tiles.iter().enumerate() {
+        let (left, top) = (GAP + i as u32 % COLUMNS * (tile.0 + GAP), GAP + i as u32 / COLUMNS * line);
         write(&mut out, &fit(label, tile.0, SMALL), (left, top + 4), SMALL, BRIGHT);
-        for (y, pixels) in picture.pixels().chunks_exact(picture.width() as usize).enumerate() {
-            let start = ((top + LABEL) as usize + y) * width + left as usize;
-            out.pixels_mut()[start..start + pixels.len()].copy_from_slice(pixels);
-        }
+        put(&mut out, upper, (left, top + LABEL));
+        put(&mut out, lower, (left, top + LABEL + tile.1 + GAP));
     }
     Ok(out)
+}
+
+/// Copies `tile` to `at`.
+fn put(out: &mut Picture, tile: &Picture, at: (u32, u32)) {
+    let width = out.width() as usize;
+    for (y, pixels) in tile.pixels().chunks_exact(tile.width() as usize).enumerate() {
+        let start = (at.1 as usize + y) * width + at.0 as usize;
+        out.pixels_mut()[start..start + pixels.len()].copy_from_slice(pixels);
+    }
 }
 
 #[cfg(test)]
@@ -161,28 +190,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_frame_of_median_difficulty_is_chosen() {
+    fn one_frame_in_ten_is_harder() {
         let kind = rows::Kind::Blend;
-        let records: Vec<Record> = [30.0, 10.0, 20.0]
-            .iter()
-            .zip(["snow-5", "snow-6", "snow-7"])
-            .map(|(p, c)| record(c, kind, *p, None))
-            .collect();
-        assert_eq!(median(&records).unwrap().clip, "snow-7");
+        let records: Vec<Record> = (0..20).map(|i| record(&format!("snow-{i}"), kind, f64::from(i), None)).collect();
+        // Of twenty, the two with the least PSNR are its equals or harder.
+        assert_eq!(hard(&records).unwrap().clip, "snow-1");
+        assert_eq!(hard(&records[..1]).unwrap().clip, "snow-0");
         // Frames of scenes come before others.
-        let with_film = [record("film", kind, 20.0, None), record("snow-6", kind, 10.0, None)];
-        assert_eq!(median(&with_film).unwrap().clip, "snow-6");
-        assert!(median(&[]).is_none());
+        let with_film = [record("film", kind, 5.0, None), record("snow-6", kind, 10.0, None)];
+        assert_eq!(hard(&with_film).unwrap().clip, "snow-6");
+        assert!(hard(&[]).is_none());
     }
 
     #[test]
     fn the_place_is_where_the_errors_are() {
         let truth = Picture::new(320, 240).unwrap();
         let mut other = truth.clone();
-        other.pixels_mut()[200 * 320 + 300] = [255, 255, 255, 255];
+        other.pixels_mut()[200 * 320 + 290] = [255, 255, 255, 255];
         let (x, y) = worst_place(&truth, [&other].into_iter());
-        assert!((x..x + PLACE.0).contains(&300) && (y..y + PLACE.1).contains(&200), "{x} {y}");
-        assert_eq!(worst_place(&truth, [&truth].into_iter()), (0, 0));
+        assert!((x..x + PLACE.0).contains(&290) && (y..y + PLACE.1).contains(&200), "{x} {y}");
+        assert_eq!(worst_place(&truth, [&truth].into_iter()), (EDGE, EDGE));
+        assert_eq!(error(&truth, &other).unwrap().pixels()[200 * 320 + 290], [255, 255, 255, truth.pixels()[0][3]]);
         assert_eq!(enlarge(&other, (x, y)).unwrap().size(), (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED));
         overview(&other, (x, y)).unwrap();
     }

@@ -103,7 +103,7 @@ pub(super) fn run(
         Ok(lpips) => measured.lpips = lpips,
         Err(error) => measured.left_out.push(LeftOut { name: "LPIPS".into(), why: error.to_string() }),
     }
-    for &kind in &plan.rows {
+    for &kind in plan.rows.iter().filter(|_| !plan.clips.is_empty()) {
         match kind.open(progress) {
             Ok(row) => measured.rows.push((kind, row)),
             Err(error) => measured.left_out.push(LeftOut { name: kind.name().into(), why: error.to_string() }),
@@ -115,7 +115,7 @@ pub(super) fn run(
             Err(error) => measured.left_out.push(LeftOut { name: kind.name().into(), why: error.to_string() }),
         }
     }
-    if measured.rows.is_empty() || measured.clips.is_empty() {
+    if !plan.clips.is_empty() && (measured.rows.is_empty() || measured.clips.is_empty()) {
         let why: Vec<String> = measured.left_out.iter().map(ToString::to_string).collect();
         return Err(Error::new(ErrorKind::Unsupported, format!("nothing is left to compare: {}", why.join("; "))));
     }
@@ -200,6 +200,13 @@ impl Measured {
             done();
         }
         Ok(())
+    }
+
+    /// The anchors before and behind an interval of `clip`.
+    pub(super) fn ends(&mut self, clip: &str, anchor: usize, store: &Store) -> Result<[Picture; 2]> {
+        let unknown = || Error::new(ErrorKind::InvalidArgument, format!("there is no clip {clip:?}"));
+        let clip = self.clips.iter_mut().find(|c| c.name() == clip).ok_or_else(unknown)?;
+        Ok([clip.anchor(anchor - 1, store)?, clip.anchor(anchor, store)?])
     }
 
     /// The pictures of every row that shows `clip` at `phase` before anchor `anchor`, after the true one.

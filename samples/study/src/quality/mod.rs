@@ -15,6 +15,7 @@ mod figure;
 mod measure;
 mod report;
 mod rows;
+mod speed;
 mod store;
 mod table;
 
@@ -54,6 +55,8 @@ pub(crate) struct Settings {
     pub(crate) smoke: bool,
     /// Make again what other programs made earlier, and score everything again.
     pub(crate) fresh: bool,
+    /// Take times as well.
+    pub(crate) speed: bool,
     /// Write the report into the clone's docs as well.
     pub(crate) publish: bool,
     pub(crate) out: PathBuf,
@@ -63,8 +66,13 @@ impl Settings {
     /// Refuses what makes no sense; needs no file.
     pub(crate) fn check(&self) -> Result<()> {
         rows::parse(&self.rows)?;
-        clips::parse(&self.clips)?;
+        let clips = clips::parse(&self.clips)?;
         net(&self.lpips)?;
+        if clips.is_empty() && !self.speed {
+            return Err(Error::new(ErrorKind::InvalidArgument, "there is nothing to measure")
+                .field("--clips")
+                .remedy("Name clips, or take times with --speed"));
+        }
         if self.seeds.is_empty() {
             return Err(Error::new(ErrorKind::InvalidArgument, "no seed is given")
                 .field("--seeds")
@@ -126,12 +134,21 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
         seeds: settings.seeds.clone(),
         scale: if settings.smoke { Scale::Smoke } else { Scale::Full },
     };
-    let mut measured = measure::run(&plan, open_lpips(settings, progress), &store, progress, stop)?;
+    let lpips = if plan.clips.is_empty() { Ok(None) } else { open_lpips(settings, progress) };
+    let mut measured = measure::run(&plan, lpips, &store, progress, stop)?;
     let table = Table::new(&measured.records);
-    let claims = claims::judge(&table);
+    let mut claims = claims::judge(&table);
+    let speed = if settings.speed && !measured.interrupted {
+        let speed = speed::measure(&store, progress, stop)?;
+        claims.extend(speed.judge());
+        Some(speed)
+    } else {
+        None
+    };
 
     fs::create_dir_all(&settings.out).map_err(|e| describe_io("cannot be made", &settings.out, &e))?;
-    let mut files = write(&settings.out, settings, &mut measured, &table, &claims, &store)?;
+    let page = Page { settings, table: &table, claims: &claims, speed: speed.as_ref() };
+    let mut files = write(&settings.out, &page, &mut measured, &store)?;
     if settings.publish && !measured.interrupted {
         files.extend(publish(&settings.out)?);
     }
@@ -146,14 +163,15 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     })
 }
 
-fn write(
-    out: &Path,
-    settings: &Settings,
-    measured: &mut Measured,
-    table: &Table,
-    claims: &[claims::Claim],
-    store: &Store,
-) -> Result<Vec<PathBuf>> {
+/// What a report is made from besides what was measured.
+struct Page<'a> {
+    settings: &'a Settings,
+    table: &'a Table,
+    claims: &'a [claims::Claim],
+    speed: Option<&'a speed::Speed>,
+}
+
+fn write(out: &Path, page: &Page<'_>, measured: &mut Measured, store: &Store) -> Result<Vec<PathBuf>> {
     let mut files = vec![out.join(REPORT), out.join(SUMMARY), out.join(FRAMES)];
     let figure = figure::draw(measured, store)?;
     if let Some(figure) = &figure {
@@ -161,9 +179,9 @@ fn write(
         write_whole(&RealDisk, &path, &encode_png(&figure.picture)?)?;
         files.push(path);
     }
-    let text = report::text(settings, measured, table, claims, figure.as_ref().map(|f| f.caption.as_str()));
+    let text = report::text(page, measured, figure.as_ref().map(|f| f.caption.as_str()));
     write_whole(&RealDisk, &files[0], text.as_bytes())?;
-    write_whole(&RealDisk, &files[1], table.csv().as_bytes())?;
+    write_whole(&RealDisk, &files[1], page.table.csv().as_bytes())?;
     write_whole(&RealDisk, &files[2], measure::csv(&measured.records).as_bytes())?;
     Ok(files)
 }

@@ -35,7 +35,6 @@ pub(super) struct Capture {
 
 impl Capture {
     /// A capture that follows from `description` alone.
-    #[cfg(test)]
     pub(super) fn of(description: &str) -> Self {
         Self { key: digest([description.as_bytes()]) }
     }

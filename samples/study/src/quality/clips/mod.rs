@@ -1,5 +1,7 @@
 //! What is compared on: scenes with a known truth, and captures of real pictures of which every other one is held back.
 
+mod film;
+mod game;
 mod scene;
 
 use std::fmt;
@@ -10,6 +12,8 @@ use provision::Progress;
 use scenes::FAMILIES;
 
 use super::store::Store;
+use film::Film;
+use game::Game;
 pub(super) use scene::SceneClip;
 
 /// A moment between two anchors, as a fraction of the interval in lowest terms.
@@ -46,6 +50,14 @@ impl Phase {
     /// As a number inside (0, 1).
     pub(super) fn value(self) -> f32 {
         self.part as f32 / self.of as f32
+    }
+
+    /// Refuses every phase but the middle: real pictures know no other.
+    fn must_be_half(self) -> Result<()> {
+        if self == Self::HALF {
+            return Ok(());
+        }
+        Err(Error::new(ErrorKind::InvalidArgument, format!("only the middle between its anchors is known, not {self}")))
     }
 
     /// The number of this phase among `steps` equal steps of an interval.
@@ -89,6 +101,9 @@ pub(super) trait Clip {
     /// What it is averaged with: the kind of place, or its own name.
     fn group(&self) -> &str;
 
+    /// What it is, for people.
+    fn description(&self) -> String;
+
     /// The intervals that are scored.
     fn targets(&self) -> &[Target];
 
@@ -110,22 +125,34 @@ pub(super) trait Clip {
     }
 }
 
+/// Anchors before the first and behind the last scored interval of a clip.
+const MARGIN: usize = 4;
+
 /// What `--clips` names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Scene(scenes::Family),
+    /// Shots of Big Buck Bunny.
+    Film,
+    /// Walks in ViZDoom.
+    Game,
 }
 
 /// Every kind, in the order of the tables.
 pub(super) fn kinds() -> Vec<Kind> {
-    FAMILIES.into_iter().map(Kind::Scene).collect()
+    FAMILIES.into_iter().map(Kind::Scene).chain(REAL).collect()
 }
+
+/// Those that no program of ours drew.
+const REAL: [Kind; 2] = [Kind::Film, Kind::Game];
 
 impl Kind {
     /// As it is written in `--clips`.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Scene(family) => family.name(),
+            Self::Film => "bunny",
+            Self::Game => "vizdoom",
         }
     }
 
@@ -133,13 +160,27 @@ impl Kind {
     ///
     /// # Errors
     /// What it is made from cannot be had; says why and what to do.
-    pub(super) fn open(self, seeds: &[u64], size: Scale, _progress: &dyn Progress) -> Result<Vec<Box<dyn Clip>>> {
+    pub(super) fn open(self, seeds: &[u64], scale: Scale, progress: &dyn Progress) -> Result<Vec<Box<dyn Clip>>> {
         match self {
             Self::Scene(family) => {
-                seeds.iter().map(|seed| Ok(Box::new(SceneClip::new(family, *seed, size)?) as Box<dyn Clip>)).collect()
+                seeds.iter().map(|seed| Ok(Box::new(SceneClip::new(family, *seed, scale)?) as Box<dyn Clip>)).collect()
             }
+            Self::Film => Ok(boxed(Film::shots(scale, progress)?)),
+            Self::Game => Ok(boxed(Game::walks(scale, progress)?)),
         }
     }
+}
+
+fn boxed(clips: Vec<impl Clip + 'static>) -> Vec<Box<dyn Clip>> {
+    clips.into_iter().map(|clip| Box::new(clip) as Box<dyn Clip>).collect()
+}
+
+/// Intervals at equal steps over a clip of `anchors`, each with room for rows that look farther than their interval.
+fn evenly(anchors: usize, scale: Scale) -> Vec<Target> {
+    let count = if scale == Scale::Full { 6 } else { 2 };
+    let (first, last) = (1 + MARGIN, anchors - 1 - MARGIN);
+    let anchor = |i| first + i * (last - first) / (count - 1);
+    (0..count).map(|i| Target { anchor: anchor(i), multipliers: vec![2] }).collect()
 }
 
 /// How much of a clip is scored.
@@ -149,25 +190,31 @@ pub(super) enum Scale {
     Full,
     /// Small pictures and two intervals: to see that everything works.
     Smoke,
+    /// One interval of a scene at 1920x1080, which is timed and not scored.
+    Timed,
 }
 
-/// Reads a list such as `forest,snow`; `all` and `scenes` are short for several.
+/// Reads a list such as `forest,snow`; `all`, `scenes` and `real` are short for several, `none` for no clip.
 ///
 /// # Errors
 /// `InvalidArgument` for a name that is none of them.
 pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
     let mut chosen = Vec::new();
+    if list.trim() == "none" {
+        return Ok(chosen);
+    }
     for name in list.split(',').map(str::trim) {
         let found: Vec<Kind> = match name {
             "all" => kinds(),
             "scenes" => FAMILIES.into_iter().map(Kind::Scene).collect(),
+            "real" => REAL.to_vec(),
             name => kinds().into_iter().filter(|kind| kind.name() == name).collect(),
         };
         if found.is_empty() {
             let names: Vec<&str> = kinds().iter().map(|kind| kind.name()).collect();
             return Err(Error::new(ErrorKind::InvalidArgument, format!("there is no clip {name:?}"))
                 .field("--clips")
-                .remedy(format!("Use all, scenes, or any of {}, with commas between", names.join(", "))));
+                .remedy(format!("Use all, scenes, real, or any of {}, with commas between", names.join(", "))));
         }
         for kind in found {
             if !chosen.contains(&kind) {
@@ -195,12 +242,23 @@ mod tests {
     }
 
     #[test]
+    fn intervals_lie_evenly_with_room_at_both_ends() {
+        let at = |anchors, scale| evenly(anchors, scale).iter().map(|t| t.anchor).collect::<Vec<_>>();
+        assert_eq!(at(56, Scale::Full), [5, 14, 23, 32, 41, 51]);
+        assert_eq!(at(47, Scale::Smoke), [5, 42]);
+        assert!(Phase::HALF.must_be_half().is_ok());
+        assert!(Target { anchor: 1, multipliers: vec![4] }.phases()[0].must_be_half().is_err());
+    }
+
+    #[test]
     fn lists_of_clips_are_read_once_each_and_slips_are_named() {
         assert_eq!(
             parse("snow, forest,snow").unwrap().iter().map(|k| k.name()).collect::<Vec<_>>(),
             ["snow", "forest"]
         );
         assert_eq!(parse("all").unwrap(), kinds());
+        assert_eq!([parse("scenes").unwrap(), parse("real").unwrap()].concat(), kinds());
+        assert_eq!(parse("none").unwrap(), []);
         let error = parse("forrest").unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert!(error.to_string().contains("forest"), "{error}");

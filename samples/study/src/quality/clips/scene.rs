@@ -7,15 +7,13 @@ use half::f16;
 use scenes::camera::{FAR, NEAR};
 use scenes::{ClipOptions, Family, Frame, Moment, Quality, Scene, render};
 
-use super::{Clip, Phase, Scale, Target};
+use super::{Clip, MARGIN, Phase, Scale, Target};
 use crate::quality::store::{Capture, Store};
 
 /// Anchors per second of world time.
 const RATE: u32 = 15;
 /// Moments in an interval between anchors: all phases of 2, 4 and 6 times the rate are among them.
 const STEPS: u32 = 12;
-/// Anchors before the first and behind the last scored one, for rows that look farther than their interval.
-const MARGIN: usize = 4;
 /// Scored intervals end at these anchors: every 1.85 seconds of the script, whatever happens there.
 const TARGETS: [usize; 8] = [14, 41, 69, 97, 125, 152, 180, 208];
 /// Those of them that are scored at 4 and 6 times the rate as well: numbers into [`TARGETS`].
@@ -39,6 +37,7 @@ impl SceneClip {
         let (size, targets) = match scale {
             Scale::Full => ((640, 360), TARGETS.to_vec()),
             Scale::Smoke => ((160, 90), TARGETS[..2].to_vec()),
+            Scale::Timed => ((1920, 1080), TARGETS[1..2].to_vec()),
         };
         let options = ClipOptions { width: size.0, height: size.1, rate: RATE * STEPS, ..ClipOptions::default() };
         let script = ControlScript::parse(text)?;
@@ -82,6 +81,11 @@ impl Clip for SceneClip {
 
     fn group(&self) -> &str {
         self.family.name()
+    }
+
+    fn description(&self) -> String {
+        let (width, height) = self.size;
+        format!("the scene `{}`, {width}x{height}, anchors at {RATE} a second of its script", self.name)
     }
 
     fn targets(&self) -> &[Target] {

@@ -11,20 +11,20 @@ use super::{Interval, Row};
 use crate::quality::clips::Phase;
 
 /// Its slowest and best: both directions of motion, overlapped blocks of variable size.
-const SETTINGS: &str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1";
+pub(in crate::quality) const SETTINGS: &str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1";
 /// Nothing is lost to the filter's own YUV but rounding: full range, full chroma.
 const TO_YUV: &str = "scale=out_color_matrix=bt709:out_range=full:flags=accurate_rnd+full_chroma_int,format=yuv444p";
 const TO_RGB: &str = "scale=in_color_matrix=bt709:in_range=full:flags=accurate_rnd+full_chroma_int,format=rgb24";
 /// Anchors a second, as the filter is told; its pictures do not depend on it.
 const RATE: u32 = 15;
 
-pub(super) struct Minterpolate {
-    program: PathBuf,
+pub(in crate::quality) struct Minterpolate {
+    pub(in crate::quality) program: PathBuf,
     version: String,
 }
 
 impl Minterpolate {
-    pub(super) fn open(progress: &dyn Progress) -> Result<Self> {
+    pub(in crate::quality) fn open(progress: &dyn Progress) -> Result<Self> {
         let program = provision::baselines::ffmpeg(progress).map_err(|e| not_provided(&e))?;
         let said = run("ffmpeg", Command::new(&program).args(["-hide_banner", "-version"]))?;
         let version = said.split_whitespace().nth(2).unwrap_or("of an unknown version").to_owned();

@@ -1,7 +1,7 @@
 //! What is compared: ways to make pictures between two anchors.
 
 mod flowfps;
-mod minterpolate;
+pub(super) mod minterpolate;
 mod ours;
 pub(super) mod program;
 mod rife;

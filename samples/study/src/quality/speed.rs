@@ -1,0 +1,349 @@
+//! What a generated frame costs at 1920x1080, beside the plain average of two pictures and ffmpeg's `minterpolate`.
+//!
+//! What is timed is what is scored: the same generator, extractor and filter. Everything is measured in one run, our turns
+//! interleaved, so that ratios hold where times do not.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::framegen::{AnchorPair, FrameGenerator};
+use cairn::guidance::{DepthMap, Guidance, MotionField, picture_flow};
+use cairn::{Error, ErrorKind, Picture, Result};
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use scenes::Family;
+
+use super::claims::Claim;
+use super::clips::{Clip, Scale, SceneClip};
+use super::rows::minterpolate::{self, Minterpolate};
+use super::rows::program::{Scratch, run};
+use super::store::Store;
+use crate::machine::Versions;
+use crate::progress::Progress;
+
+/// Turns of each of our lines, after one that warms up.
+const TURNS: usize = 11;
+/// Anchors that `minterpolate` is given in its shorter and its longer run: the difference has no start and no end.
+const SHORT: usize = 4;
+const LONG: usize = 7;
+/// How often that difference is taken; the least counts.
+const REPEATS: usize = 2;
+/// Threads of the measurement.
+const THREADS: usize = 2;
+/// The place: the scene and seed for work on the generator, in the middle of a walk with a turn.
+const PLACE: (Family, u64) = (Family::Forest, 4);
+
+/// What is timed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Work {
+    Average,
+    Tiles(u32),
+    Pixels,
+    Flow,
+    Minterpolate,
+}
+
+impl Work {
+    fn label(self) -> String {
+        match self {
+            Self::Average => "plain average of both anchors".into(),
+            Self::Tiles(tile) => format!("**Cairn**, motion and depth given in tiles of {tile}x{tile}"),
+            Self::Pixels => "**Cairn**, motion and depth given to every pixel".into(),
+            Self::Flow => "**Cairn**, `picture_flow` and generation".into(),
+            Self::Minterpolate => "ffmpeg minterpolate".into(),
+        }
+    }
+}
+
+/// Seconds to a frame.
+#[derive(Debug, Clone, PartialEq)]
+struct Line {
+    work: Work,
+    /// On two threads, or as the program pleases.
+    seconds: f64,
+    /// On one thread, where that was measured.
+    alone: Option<f64>,
+}
+
+/// All times of one run.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Speed {
+    lines: Vec<Line>,
+    /// Why there is no line of `minterpolate`.
+    left_out: Option<String>,
+    machine: String,
+}
+
+/// Measures; some seconds of it are the other program's.
+///
+/// # Errors
+/// The scene cannot be drawn, or the generator refuses its own anchors.
+pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> Result<Speed> {
+    progress.phase("drawing anchors of 1920x1080");
+    let mut clip = SceneClip::new(PLACE.0, PLACE.1, Scale::Timed)?;
+    let number = clip.targets().first().map_or(1, |target| target.anchor);
+    let anchors = (number + 1 - SHORT..number + 1 + LONG - SHORT).map(|n| clip.anchor(n, store));
+    let anchors = anchors.collect::<Result<Vec<Picture>>>()?;
+    let given = clip
+        .guidance(number, store)?
+        .ok_or_else(|| Error::new(ErrorKind::InvalidState, "a scene knows its motion").field("guidance"))?;
+    let pair = [&anchors[SHORT - 2], &anchors[SHORT - 1]];
+
+    progress.phase("timing");
+    let mut lines = ours(pair, &given, stop)?;
+    let mut left_out = None;
+    match Minterpolate::open(progress).and_then(|row| theirs(&row.program, &anchors)) {
+        Ok(seconds) => lines.push(Line { work: Work::Minterpolate, seconds, alone: None }),
+        Err(error) => left_out = Some(error.to_string()),
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let Versions { cpu, optimised_build, .. } = Versions::of_this_program();
+    let build = if optimised_build { "" } else { ", by a build with its checks on, which is slower" };
+    Ok(Speed { lines, left_out, machine: format!("{cpu}, {cores} logical cores{build}") })
+}
+
+/// A piece of work and the threads it runs on.
+struct Turn<'a> {
+    work: Work,
+    pool: &'a ThreadPool,
+    run: Box<dyn FnMut() -> Result<()> + Send + 'a>,
+    times: Vec<Duration>,
+}
+
+impl<'a> Turn<'a> {
+    fn new(pool: &'a ThreadPool, work: Work, run: Box<dyn FnMut() -> Result<()> + Send + 'a>) -> Self {
+        Self { work, pool, run, times: Vec::new() }
+    }
+}
+
+/// Times what this program does, on two threads and on one.
+fn ours(pair: [&Picture; 2], given: &Guidance, stop: &AtomicBool) -> Result<Vec<Line>> {
+    let pool = |threads| {
+        let built = ThreadPoolBuilder::new().num_threads(threads).build();
+        built.map_err(|e| Error::new(ErrorKind::OutOfMemory, format!("{threads} threads cannot be started: {e}")))
+    };
+    let pools = [pool(THREADS)?, pool(1)?];
+    let tiled = [in_tiles(given, 8)?, in_tiles(given, 16)?];
+    let mut turns = Vec::new();
+    for pool in &pools {
+        let mut out = pair[1].clone();
+        turns.push(Turn::new(
+            pool,
+            Work::Average,
+            Box::new(move || {
+                average(pair, &mut out);
+                Ok(())
+            }),
+        ));
+        let lines = tiled.iter().map(|g| (Work::Tiles(g.motion().tile()), g)).chain([(Work::Pixels, given)]);
+        for (work, guidance) in lines {
+            let (mut generator, mut out) = (CpuGenerator::new(), pair[1].clone());
+            let pair = AnchorPair::new(pair[0], pair[1], guidance)?;
+            turns.push(Turn::new(pool, work, Box::new(move || generator.generate(&pair, 0.5, &mut out).map(drop))));
+        }
+        let (mut extractor, mut generator) = (picture_flow::Extractor::new(), CpuGenerator::new());
+        let mut guidance = Guidance::new(pair[0].width(), pair[0].height(), picture_flow::PROJECTION)?;
+        let mut out = pair[1].clone();
+        turns.push(Turn::new(
+            pool,
+            Work::Flow,
+            Box::new(move || {
+                extractor.extract(pair[0], pair[1], &mut guidance)?;
+                generator.generate(&AnchorPair::new(pair[0], pair[1], &guidance)?, 0.5, &mut out).map(drop)
+            }),
+        ));
+    }
+    for turn in 0..=TURNS {
+        for Turn { pool, run, times, .. } in &mut turns {
+            if stop.load(Ordering::SeqCst) {
+                return Err(Error::new(ErrorKind::Cancelled, "interrupted while the time was taken"));
+            }
+            let time = pool.install(|| {
+                let start = Instant::now();
+                run().map(|()| start.elapsed())
+            })?;
+            if turn > 0 {
+                times.push(time);
+            }
+        }
+    }
+    let half = turns.len() / 2;
+    let (both, alone) = turns.split_at_mut(half);
+    let lines = both.iter_mut().zip(alone).map(|(both, alone)| Line {
+        work: both.work,
+        seconds: median(&mut both.times),
+        alone: Some(median(&mut alone.times)),
+    });
+    Ok(lines.collect())
+}
+
+fn median(times: &mut [Duration]) -> f64 {
+    times.sort_unstable();
+    times.get(times.len() / 2).map_or(f64::NAN, Duration::as_secs_f64)
+}
+
+/// The cheapest picture there is between two others.
+fn average([previous, current]: [&Picture; 2], out: &mut Picture) {
+    const PART: usize = 1 << 16;
+    let pairs = previous.rgba().par_chunks(PART).zip(current.rgba().par_chunks(PART));
+    out.rgba_mut().par_chunks_mut(PART).zip(pairs).for_each(|(out, (a, b))| {
+        for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+            *out = (u16::from(a) + u16::from(b)).div_ceil(2) as u8;
+        }
+    });
+    std::hint::black_box(out);
+}
+
+/// Guidance in tiles, each with what is given to the pixel in its middle.
+fn in_tiles(given: &Guidance, tile: u32) -> Result<Guidance> {
+    let (width, height) = given.size();
+    let mut motion = MotionField::tiled(width, height, tile)?;
+    let mut depth = DepthMap::tiled(width, height, tile, given.depth().projection())?;
+    let columns = motion.columns();
+    let middle = |i: usize| {
+        let (x, y) = (i as u32 % columns * tile + tile / 2, i as u32 / columns * tile + tile / 2);
+        (y.min(height - 1) * width + x.min(width - 1)) as usize
+    };
+    for (i, vector) in motion.vectors_mut().iter_mut().enumerate() {
+        *vector = given.motion().vectors()[middle(i)];
+    }
+    for (i, value) in depth.depth_mut().iter_mut().enumerate() {
+        *value = given.depth().depth()[middle(i)];
+    }
+    Guidance::from_parts(motion, depth)
+}
+
+/// Seconds that `minterpolate` takes for a frame between two anchors, at its scored settings on YUV 4:2:0, without start,
+/// end and conversions.
+fn theirs(ffmpeg: &Path, anchors: &[Picture]) -> Result<f64> {
+    let scratch = Scratch::new()?;
+    let size = anchors.first().map_or_else(String::new, |p| format!("{}x{}", p.width(), p.height()));
+    let raw = |command: &mut Command, format: &str, path: &Path| {
+        command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y", "-threads", &THREADS.to_string()]);
+        command.args(["-f", "rawvideo", "-pix_fmt", format, "-s", &size, "-r", "15", "-i"]).arg(path);
+    };
+    let (rgb, yuv) = (scratch.pictures("anchors.rgb", anchors)?, scratch.path("anchors.yuv"));
+    let mut convert = Command::new(ffmpeg);
+    raw(&mut convert, "rgb24", &rgb);
+    run("ffmpeg", convert.args(["-pix_fmt", "yuv420p", "-f", "rawvideo"]).arg(&yuv))?;
+    let time = |count: usize| {
+        let mut command = Command::new(ffmpeg);
+        raw(&mut command, "yuv420p", &yuv);
+        // The filter ends with the last anchor it was given.
+        let filter = format!("trim=end_frame={count},minterpolate=fps=30:{}", minterpolate::SETTINGS);
+        command.args(["-filter_threads", &THREADS.to_string(), "-vf", &filter, "-f", "null", "-"]);
+        let start = Instant::now();
+        run("ffmpeg", &mut command).map(|_| start.elapsed().as_secs_f64())
+    };
+    let mut least = f64::INFINITY;
+    for _ in 0..REPEATS {
+        let short = time(SHORT)?;
+        least = least.min((time(LONG)? - short) / (LONG - SHORT) as f64);
+    }
+    if least > 0.0 {
+        return Ok(least);
+    }
+    Err(Error::new(ErrorKind::Unsupported, "more anchors took it no longer than fewer").field("ffmpeg"))
+}
+
+impl Speed {
+    fn line(&self, work: Work) -> Option<&Line> {
+        self.lines.iter().find(|line| line.work == work)
+    }
+
+    /// How many times the plain average's time a piece of work takes.
+    fn times_average(&self, work: Work) -> Option<f64> {
+        Some(self.line(work)?.seconds / self.line(Work::Average)?.seconds)
+    }
+
+    /// What is claimed of times, as far as they were measured.
+    pub(super) fn judge(&self) -> Vec<Claim> {
+        let mut claims = Vec::new();
+        let mut claim = |what: &str, figure: Option<f64>, bound: f64, at_most: bool| {
+            let Some(figure) = figure else { return };
+            let held = if at_most { figure <= bound } else { figure >= bound };
+            claims.push(Claim { what: what.into(), held, figures: format!("{figure:.2} times") });
+        };
+        let plain = "plain average's time at 1920x1080";
+        let tiles = format!("motion in tiles: at most 8 times the {plain}");
+        claim(&tiles, self.times_average(Work::Tiles(8)), 8.0, true);
+        let pixels = format!("motion to every pixel: at most 24 times the {plain}");
+        claim(&pixels, self.times_average(Work::Pixels), 24.0, true);
+        let both = self.line(Work::Flow).zip(self.line(Work::Minterpolate));
+        let ratio = both.map(|(own, other)| other.seconds / own.seconds);
+        claim("`picture_flow` and generation: at least 10 times as fast as minterpolate", ratio, 10.0, false);
+        for (work, what) in [(Work::Pixels, "generation"), (Work::Flow, "`picture_flow` and generation")] {
+            let gain = self.line(work).and_then(|line| Some(line.alone? / line.seconds));
+            claim(&format!("{what}: a second core makes it at least 1.7 times as fast"), gain, 1.7, false);
+        }
+        claims
+    }
+
+    /// As Markdown.
+    pub(super) fn text(&self) -> String {
+        let mut out = format!(
+            "\n## Time\n\nOne frame in the middle of two anchors of 1920x1080 (the scene `{}-{}`), on {THREADS} threads, in one run \
+             on {}. Times differ from machine to machine; the ratios are what counts.\n\n\
+             | | ms | times the plain average | gain by the second core |\n|---|---|---|---|\n",
+            PLACE.0, PLACE.1, self.machine
+        );
+        for line in &self.lines {
+            let gain = line.alone.map_or_else(|| "–".to_owned(), |alone| format!("{:.2}", alone / line.seconds));
+            let ratio = self.times_average(line.work).unwrap_or(f64::NAN);
+            _ = writeln!(out, "| {} | {:.2} | {ratio:.1} | {gain} |", line.work.label(), line.seconds * 1e3);
+        }
+        if let Some(why) = &self.left_out {
+            _ = writeln!(out, "\nLeft out: minterpolate: {}", why.replace('\n', " "));
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use half::f16;
+
+    use super::*;
+
+    #[test]
+    fn ratios_decide_and_not_times() {
+        let line = |work, seconds, alone| Line { work, seconds, alone };
+        let lines = vec![
+            line(Work::Average, 1.0, Some(1.5)),
+            line(Work::Tiles(8), 7.5, Some(14.0)),
+            line(Work::Pixels, 25.0, Some(50.0)),
+            line(Work::Flow, 40.0, Some(60.0)),
+            line(Work::Minterpolate, 900.0, None),
+        ];
+        let slow = Speed { lines, left_out: None, machine: "a machine".into() };
+        let mut fast = slow.clone();
+        for line in &mut fast.lines {
+            line.seconds /= 1000.0;
+            line.alone = line.alone.map(|seconds| seconds / 1000.0);
+        }
+        let held = |speed: &Speed| speed.judge().iter().map(|c| c.held).collect::<Vec<_>>();
+        assert_eq!(held(&slow), [true, false, true, true, false]);
+        assert_eq!(held(&slow), held(&fast));
+        assert!(slow.text().contains("| 7500.00 | 7.5 | 1.87 |"), "{}", slow.text());
+        // What was not measured is not judged.
+        fast.lines.truncate(2);
+        assert_eq!(held(&fast), [true]);
+    }
+
+    #[test]
+    fn a_tile_has_what_its_middle_pixel_had() {
+        let (width, height) = (20, 9);
+        let vectors = (0..width * height).map(|i| [f16::from_f32(i as f32), f16::ZERO]).collect();
+        let motion = MotionField::from_vectors(width, height, vectors).unwrap();
+        let depth = DepthMap::new(width, height, picture_flow::PROJECTION).unwrap();
+        let tiled = in_tiles(&Guidance::from_parts(motion, depth).unwrap(), 8).unwrap();
+        let found: Vec<f32> = tiled.motion().vectors().iter().map(|v| v[0].to_f32()).collect();
+        // Of the last row of tiles only its upper edge lies in the picture, of the last column its left half.
+        let middles = [(4, 4), (12, 4), (19, 4), (4, 8), (12, 8), (19, 8)];
+        assert_eq!(found, middles.map(|(x, y)| (y * width + x) as f32));
+    }
+}
