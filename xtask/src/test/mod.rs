@@ -6,6 +6,7 @@ mod cargo;
 mod house;
 mod junit;
 mod python;
+mod quality;
 mod readme;
 mod skips;
 mod study;
@@ -51,6 +52,7 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
     Runner { name: "pytest", what: "the bundle builder, and parity with the oracle", run: python::run },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
+    Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video plays in Chromium", run: browser::run },
     Runner { name: "readme", what: "every command the documents name exists", run: readme::run },
     Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny },
