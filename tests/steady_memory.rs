@@ -3,11 +3,12 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use cairn::Picture;
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
-use cairn::guidance::{Guidance, LatentView, paper, picture_flow};
+use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, paper, picture_flow};
 use cairn::present::upscale::{Filter, Upscaler};
+use cairn::{Picture, Pixel, Raster};
+use half::f16;
 
 struct Counting;
 
@@ -44,11 +45,10 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Runs `work` on one worker thread, twice to warm up, and counts the allocations of the next five times.
+/// Runs `work` on one worker thread, once to warm up, and counts the allocations of the next five times.
 fn allocations_when_warm(mut work: impl FnMut() + Send) -> usize {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     pool.install(|| {
-        work();
         work();
         let before = ALLOCATIONS.get();
         for _ in 0..5 {
@@ -110,4 +110,62 @@ fn frames_are_made_without_allocating() {
     let mut upscaler = Upscaler::new((128, 72), (192, 108), Filter::Lanczos3).expect("tables");
     let mut large = Picture::new(192, 108).expect("a picture");
     assert_eq!(allocations_when_warm(|| upscaler.upscale(&previous, &mut large).expect("a picture")), 0, "upscaling");
+}
+
+/// Motion towards the middle, which leaves and covers places, with a box in front; or none, with depth everywhere alike.
+fn guidance((width, height): (u32, u32), tile: u32, moves: bool) -> Guidance {
+    let mut motion = MotionField::tiled(width, height, tile).expect("motion");
+    let mut depth = DepthMap::tiled(width, height, tile, paper::PROJECTION).expect("depth");
+    let columns = motion.columns();
+    for (i, (vector, z)) in motion.vectors_mut().iter_mut().zip(depth.depth_mut()).enumerate() {
+        let (x, y) = (i as u32 % columns * tile, i as u32 / columns * tile);
+        let is_box = x > width / 3 && x < width / 2 && y > height / 3;
+        let ground = [x as f32 / width as f32 * 30.0 - 15.0, y as f32 / height as f32 * 20.0 - 10.0];
+        (*vector, *z) = match (moves, is_box) {
+            (false, _) => ([f16::ZERO; 2], 0.9),
+            (true, true) => ([f16::from_f32(-13.0), f16::from_f32(4.0)], 0.2),
+            (true, false) => (ground.map(f16::from_f32), 0.9),
+        };
+    }
+    Guidance::from_parts(motion, depth).expect("guidance")
+}
+
+/// Frames of one kind of pixel: only the first, of a calm picture, may allocate; what moves, hides, is hidden or cut
+/// later may not.
+fn frames_do_not_allocate<P: Pixel>(kind: &str, pixel: impl Fn(u8) -> P)
+where
+    CpuGenerator: FrameGenerator<P>,
+{
+    for (size, tile) in [((1, 1), 1), ((67, 41), 1), ((128, 72), 8), ((320, 180), 1), ((200, 333), 16)] {
+        let picture = |seed: usize| {
+            let mut picture = Raster::<P>::new(size.0, size.1).expect("a picture");
+            let levels = (0..).map(|i: usize| ((i * i * seed) >> 7) as u8);
+            picture.pixels_mut().iter_mut().zip(levels).for_each(|(place, level)| *place = pixel(level));
+            picture
+        };
+        let (previous, other) = (picture(1), picture(7));
+        let (calm, wild) = (guidance(size, tile, false), guidance(size, tile, true));
+        let (mut out, mut is_first) = (previous.clone(), true);
+        let mut generator = CpuGenerator::new();
+        let count = allocations_when_warm(|| {
+            let guidance = if std::mem::take(&mut is_first) { &calm } else { &wild };
+            let pair = AnchorPair::new(&previous, &previous, guidance).expect("a pair");
+            generator.generate(&pair, 0.5, &mut out).expect("a frame");
+            if std::ptr::eq(guidance, &wild) {
+                let cut = AnchorPair::new(&previous, &other, guidance).expect("a pair");
+                generator.generate(&cut, 0.5, &mut out).expect("a frame");
+                let anchor = Anchor::new(&previous, guidance).expect("an anchor");
+                generator.extrapolate(&anchor, 0.5, &mut out).expect("a frame");
+            }
+        });
+        assert_eq!(count, 0, "{kind}, {size:?}");
+    }
+}
+
+#[test]
+fn frames_of_every_kind_and_size_are_made_without_allocating() {
+    frames_do_not_allocate("bytes", |level| [level, level / 2, 255 - level, 255]);
+    frames_do_not_allocate("half floats", |level| {
+        [level, level / 2, 255 - level, 255].map(|v| f16::from_f32(f32::from(v) / 255.0))
+    });
 }

@@ -97,10 +97,13 @@ impl CutDetector {
         self.unexplained = share_lost(&self.blocks);
         self.histogram_distance = histogram_distance(previous, current);
 
-        // Where the whole has gone is sought only if it can make a difference.
+        // Where the whole has gone is sought only if it can make a difference; the room for that is kept ready.
+        for (tiny, small) in self.tiny.iter_mut().zip([&self.previous, &self.current]) {
+            tiny.reserve(small, TINY_FACTOR)?;
+        }
         if self.is_cut() {
-            self.tiny[0].reduce(&self.previous, TINY_FACTOR)?;
-            self.tiny[1].reduce(&self.current, TINY_FACTOR)?;
+            self.tiny[0].reduce(&self.previous, TINY_FACTOR);
+            self.tiny[1].reduce(&self.current, TINY_FACTOR);
             let whole = whole_motion(&self.tiny[0], &self.tiny[1]).map(|v| v * TINY_FACTOR as isize);
             self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
                 if *evidence == Evidence::Lost && block_at(i).is_found_in(previous, &[whole]) {
@@ -386,10 +389,14 @@ impl Small {
         Ok(())
     }
 
-    /// The mean of each `factor` x `factor` square of `larger`.
-    fn reduce(&mut self, larger: &Self, factor: usize) -> Result<()> {
+    /// Takes the size of `larger`, `factor` times smaller.
+    fn reserve(&mut self, larger: &Self, factor: usize) -> Result<()> {
         (self.width, self.height) = (larger.width.div_ceil(factor), larger.height.div_ceil(factor));
-        sized(&mut self.luma, self.width * self.height, 0)?;
+        sized(&mut self.luma, self.width * self.height, 0)
+    }
+
+    /// The mean of each `factor` x `factor` square of `larger`, whose size was taken.
+    fn reduce(&mut self, larger: &Self, factor: usize) {
         for (y, row) in self.luma.chunks_mut(self.width).enumerate() {
             let rows = y * factor..((y + 1) * factor).min(larger.height);
             for (x, mean) in row.iter_mut().enumerate() {
@@ -399,6 +406,5 @@ impl Small {
                 *mean = ((squares.map(|&v| usize::from(v)).sum::<usize>() + count / 2) / count) as u8;
             }
         }
-        Ok(())
     }
 }

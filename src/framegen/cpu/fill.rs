@@ -46,13 +46,13 @@ impl Filler {
     /// Lets every place of `layer` that nothing claims borrow a key; returns how many there are.
     pub(super) fn fill<P: Colour>(&mut self, layer: &mut Layer, evidence: &Evidence<'_, P>) -> Result<usize> {
         let grid = layer.grid;
+        self.reserve(grid)?;
         let holes = layer.tiles.iter().map(|tile| usize::from(tile.holes)).sum();
         if holes == 0 {
             return Ok(0);
         }
-        self.build(layer)?;
+        self.build(layer);
         let mut borrowed = std::mem::take(&mut layer.borrowed);
-        sized(&mut borrowed, grid.tiles(), [EMPTY; BLOCK])?;
         let (filled, levels) = (&*layer, &self.levels);
         borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
             for (column, keys) in tiles.iter_mut().enumerate() {
@@ -81,36 +81,36 @@ impl Filler {
         Ok(holes)
     }
 
+    /// Makes room for the pyramid of a grid.
+    fn reserve(&mut self, grid: Grid) -> Result<()> {
+        let mut size = [grid.columns, grid.rows];
+        let count = 1 + size[0].max(size[1]).next_power_of_two().ilog2() as usize;
+        super::reserve(&mut self.levels, count)?;
+        self.levels.resize_with(count, Level::default);
+        for level in &mut self.levels {
+            [level.columns, level.rows] = size;
+            sized(&mut level.keys, size[0] * size[1], EMPTY)?;
+            size = size.map(|len| len.div_ceil(2));
+        }
+        Ok(())
+    }
+
     /// Pulls the farthest key of each tile up a pyramid until one is left, and pushes keys back down where there are
     /// none.
     #[inline(never)]
-    fn build(&mut self, layer: &Layer) -> Result<()> {
-        let mut size = (layer.grid.columns, layer.grid.rows);
-        let mut count = 1;
-        while size != (1, 1) {
-            size = (size.0.div_ceil(2), size.1.div_ceil(2));
-            count += 1;
-        }
-        if self.levels.len() < count {
-            super::reserve(&mut self.levels, count)?;
-            self.levels.resize_with(count, Level::default);
-        }
-        let levels = &mut self.levels[..count];
-        (levels[0].columns, levels[0].rows) = (layer.grid.columns, layer.grid.rows);
-        sized(&mut levels[0].keys, layer.grid.tiles(), EMPTY)?;
+    fn build(&mut self, layer: &Layer) {
+        let levels = &mut self.levels;
         levels[0].keys.iter_mut().zip(&layer.tiles).for_each(|(key, tile)| *key = tile.key);
-        for number in 1..count {
+        for number in 1..levels.len() {
             let (below, above) = levels.split_at_mut(number);
             let (below, level) = (&below[number - 1], &mut above[0]);
-            (level.columns, level.rows) = (below.columns.div_ceil(2), below.rows.div_ceil(2));
-            sized(&mut level.keys, level.columns * level.rows, EMPTY)?;
             for (index, key) in level.keys.iter_mut().enumerate() {
                 let (column, row) = (2 * (index % level.columns), 2 * (index / level.columns));
                 let children = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| below.at(column + i, row + j));
                 *key = children.into_iter().filter(|&key| key != EMPTY).max().unwrap_or(EMPTY);
             }
         }
-        for number in (1..count).rev() {
+        for number in (1..levels.len()).rev() {
             let (below, above) = levels.split_at_mut(number);
             let (below, level) = (&mut below[number - 1], &above[0]);
             let columns = below.columns;
@@ -118,7 +118,6 @@ impl Filler {
                 *key = level.at(index % columns / 2, index / columns / 2);
             }
         }
-        Ok(())
     }
 }
 

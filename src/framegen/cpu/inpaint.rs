@@ -34,7 +34,8 @@ impl Inpainter {
     /// Paints the pixels of `hidden`, one bit for each in a word for each tile. There is a colour for each tile; what is
     /// known of it outweighs what the tiles around lend it, by twos, fours and so on.
     pub(super) fn paint<P: Colour>(&mut self, grid: Grid, hidden: &[u64], out: &mut Raster<P>) -> Result<()> {
-        self.find_needed(grid, hidden)?;
+        self.reserve(grid)?;
+        self.find_needed(grid, hidden);
         let known = Known { grid, hidden, pixels: out.pixels() };
         let columns = self.columns;
         let squares = self.cells.par_iter_mut().zip(&self.is_needed).enumerate();
@@ -62,13 +63,17 @@ impl Inpainter {
         Ok(())
     }
 
-    /// A pixel is painted from its tile and from those beside it.
-    fn find_needed(&mut self, grid: Grid, hidden: &[u64]) -> Result<()> {
+    /// Makes room for what the pictures of a grid may need.
+    pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         self.columns = grid.columns.div_ceil(SIDE);
         let squares = self.columns * grid.rows.div_ceil(SIDE);
         sized(&mut self.is_needed, squares, false)?;
         sized(&mut self.cells, squares, [[0.0; 5]; SIDE * SIDE])?;
-        sized(&mut self.rows, grid.rows, [0.0; 5])?;
+        sized(&mut self.rows, grid.rows, [0.0; 5])
+    }
+
+    /// A pixel is painted from its tile and from those beside it.
+    fn find_needed(&mut self, grid: Grid, hidden: &[u64]) {
         self.is_needed.fill(false);
         for (tile, _) in hidden.iter().enumerate().filter(|(_, mask)| **mask != 0) {
             let (column, row) = (tile % grid.columns, tile / grid.columns);
@@ -78,7 +83,6 @@ impl Inpainter {
                 }
             }
         }
-        Ok(())
     }
 
     /// Where nothing is known of a whole square, the mean of the picture serves; black where nothing is known at all.

@@ -90,6 +90,8 @@ impl Layer {
     pub(super) fn land(&mut self, passes: &[Pass<'_>], bands: &Bands) -> Result<()> {
         let grid = passes[0].layer.grid;
         self.reserve(grid)?;
+        // Where there are holes is known only when they are to be filled.
+        sized(&mut self.borrowed, grid.tiles(), [EMPTY; BLOCK])?;
         let tiles = self.tiles.par_chunks_mut(BAND * grid.columns);
         let keys = self.keys.par_chunks_mut(BAND * grid.columns);
         tiles.zip(keys).enumerate().for_each(|(number, (tiles, keys))| {

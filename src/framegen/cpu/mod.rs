@@ -48,8 +48,8 @@ use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases,
 use crate::{Error, ErrorKind, Raster, Result};
 
 /// Generates frames on the CPU, its rows in parallel on the current rayon pool, with the best instructions that the
-/// processor has. Keeps working memory of about 50 bytes per pixel from call to call, and allocates nothing more until
-/// a larger picture or a pool with more threads comes.
+/// processor has. Keeps working memory of about 50 bytes per pixel from call to call, and after the first allocates
+/// nothing more until a picture of another size or a pool with more threads comes.
 #[derive(Debug)]
 pub struct CpuGenerator {
     level: Level,
@@ -110,6 +110,7 @@ impl CpuGenerator {
         self.preparation.prepare(self.level, pair.guidance(), Some((previous, current, &inside)), &mut self.field)?;
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
+        self.inpainter.reserve(grid)?;
 
         self.owners.land(&[Pass { layer: &self.field, reach: WHOLE, of: Carried::Own }], &self.bands)?;
         let evidence = Evidence { field: &self.field, reach: WHOLE, shown: Some(previous), mark: ORPHAN };
@@ -145,6 +146,7 @@ impl CpuGenerator {
         self.preparation.prepare::<P>(self.level, anchor.guidance(), None, &mut self.field)?;
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
+        self.inpainter.reserve(grid)?;
         self.places.land(&[Pass { layer: &self.field, reach: -phase, of: Carried::Own }], &self.bands)?;
         let evidence = Evidence::<P> { field: &self.field, reach: -phase, shown: None, mark: HOLE };
         self.filler.fill(&mut self.places, &evidence)?;

@@ -61,7 +61,7 @@ const RUNNERS: &[Runner] = &[
 /// Run with `--thorough` only.
 const THOROUGH: &[Runner] = &[
     Runner { name: "fuzz", what: "every fuzz target for a minute", run: thorough::fuzz },
-    Runner { name: "soak", what: "2,000 latents with flat memory", run: thorough::soak },
+    Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
 /// What runners share: the clone, and what was fetched for them.

@@ -9,8 +9,9 @@ use super::cargo;
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
-/// How long the soak is.
+/// How long the soaks are.
 const SOAK_LATENTS: &str = "2000";
+const SOAK_FRAMES: &str = "10000";
 
 /// The cargo-fuzz that drives the fuzz targets.
 const CARGO_FUZZ_VERSION: &str = "0.13.2";
@@ -49,7 +50,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
 
 pub(super) fn soak(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     // The whole workspace is named so that what the cargo runner compiled serves here.
-    let mut command = context.clone.cargo(["test", "--workspace", "--test", "soak"]);
+    let mut command = context.clone.cargo(["test", "--workspace", "--test", "soak", "--test", "soak_frames"]);
     context.provide_worlds(&mut command)?;
-    Ok(cargo::count(&log.run(command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS))?))
+    Ok(cargo::count(&log.run(command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS).env("CAIRN_SOAK_FRAMES", SOAK_FRAMES))?))
 }

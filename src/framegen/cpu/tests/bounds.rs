@@ -2,11 +2,11 @@
 
 use half::f16;
 
-use super::world::{draw, generate, guide, noise, texture, unlike, worst};
+use super::world::{draw, generate, guide, landscape, noise, texture, unlike, worst};
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
-use crate::guidance::{Guidance, paper};
-use crate::{ErrorKind, Picture};
+use crate::guidance::{DepthMap, Guidance, MotionField, paper};
+use crate::{ErrorKind, Picture, PictureF16};
 
 fn extrapolate(anchor: &Anchor<'_>, t: f32) -> (Picture, Outcome) {
     let (width, height) = anchor.picture().size();
@@ -65,6 +65,101 @@ fn hostile_vectors_neither_stop_nor_smear() {
             extrapolate(&Anchor::new(&picture, &guidance).unwrap(), 0.5);
         }
     }
+}
+
+#[test]
+fn a_frame_that_comes_twice_stays_whatever_its_vectors_say() {
+    let picture = draw(64, 48, noise);
+    for vector in [[3.5, -2.0], [0.25, 0.0], [-20.0, 11.0]] {
+        let (out, report) = generate(&picture, &picture, &guide(64, 48, |_, _| (vector, 0.5)), 0.5);
+        assert_eq!(report.outcome, Outcome::Generated);
+        let wrong = unlike(&out, &picture, 24, |_, _| true);
+        assert!(wrong.len() <= 30, "{vector:?}: {} pixels, the first at {:?}", wrong.len(), wrong[0]);
+    }
+}
+
+#[test]
+fn fades_and_flashes_change_the_light_and_nothing_else() {
+    let ground = draw(64, 48, landscape);
+    let still = guide(64, 48, |_, _| ([0.0; 2], 0.5));
+    for lit in [
+        draw(64, 48, |x, y| landscape(x, y).map(|v| v / 3)),
+        draw(64, 48, |x, y| landscape(x, y).map(|v| v.saturating_add(90))),
+        draw(64, 48, |_, _| [255; 3]),
+        draw(64, 48, |_, _| [0; 3]),
+    ] {
+        for (before, after) in [(&ground, &lit), (&lit, &ground)] {
+            for t in [0.25, 0.5, 0.75] {
+                let (out, report) = generate(before, after, &still, t);
+                assert_ne!(report.outcome, Outcome::Held);
+                let mixture = |a: u8, b: u8| (f32::from(a) + (f32::from(b) - f32::from(a)) * t).round() as u8;
+                for ((out, a), b) in out.rgba().iter().zip(before.rgba()).zip(after.rgba()) {
+                    let is_mixture = out.abs_diff(mixture(*a, *b)) <= 1;
+                    assert!(is_mixture || report.outcome == Outcome::CutFallback && (out == a || out == b));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn half_floats_that_are_no_numbers_stay_where_they_are() {
+    let (width, height) = (48, 40);
+    let scene = |t: f64| {
+        let bytes = draw(width, height, |x, y| texture(x - 6.0 * t, y));
+        let mut picture = PictureF16::new(width, height).unwrap();
+        for (half, pixel) in picture.pixels_mut().iter_mut().zip(bytes.pixels()) {
+            *half = pixel.map(|v| f16::from_f32(f32::from(v) / 255.0));
+        }
+        picture
+    };
+    let guidance = guide(width, height, |_, _| ([-6.0, 0.0], 0.5));
+    let at = |x: u32, y: u32| (y * width + x) as usize;
+    let made = |bad: Option<f16>| {
+        let (mut before, mut after) = (scene(0.0), scene(1.0));
+        if let Some(bad) = bad {
+            before.pixels_mut()[at(20, 20)] = [bad; 4];
+            after.pixels_mut()[at(26, 20)] = [bad; 4];
+        }
+        let mut out = PictureF16::new(width, height).unwrap();
+        let pair = AnchorPair::new(&before, &after, &guidance).unwrap();
+        assert_eq!(CpuGenerator::new().generate(&pair, 0.5, &mut out).unwrap().outcome, Outcome::Generated);
+        out
+    };
+    let clean = made(None);
+    for bad in [f16::NAN, f16::INFINITY, f16::NEG_INFINITY, f16::MAX] {
+        let out = made(Some(bad));
+        for (i, (a, b)) in out.pixels().iter().zip(clean.pixels()).enumerate() {
+            let (x, y) = (i as u32 % width, i as u32 / width);
+            // Cubics reach two pixels far, and what lies over the picture is looked for in threes.
+            let is_near = x.abs_diff(23) <= 6 && y.abs_diff(20) <= 3;
+            assert!(is_near || a == b, "{bad} at ({x}, {y})");
+            assert!(a.iter().all(|v| v.is_finite()), "{bad} at ({x}, {y})");
+        }
+    }
+}
+
+#[test]
+fn a_picture_of_8k_is_generated() {
+    let (width, height) = (7680_u32, 4320_u32);
+    let scene = |shift: u32| {
+        let mut picture = Picture::new(width, height).unwrap();
+        for (y, row) in picture.pixels_mut().chunks_mut(width as usize).enumerate() {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let level = (x as u32 + 64 - shift) / 16 * 37 + y as u32 / 16 * 101;
+                *pixel = [level as u8, (level >> 1) as u8, (level * 3) as u8, 255];
+            }
+        }
+        picture
+    };
+    let mut motion = MotionField::tiled(width, height, 16).unwrap();
+    motion.vectors_mut().fill([f16::from_f32(-32.0), f16::ZERO]);
+    let mut depth = DepthMap::tiled(width, height, 16, paper::PROJECTION).unwrap();
+    depth.depth_mut().fill(0.5);
+    let guidance = Guidance::from_parts(motion, depth).unwrap();
+    let (picture, report) = generate(&scene(0), &scene(32), &guidance, 0.5);
+    assert_eq!(report.outcome, Outcome::Generated);
+    assert_eq!(unlike(&picture, &scene(16), 0, |_, _| true), []);
 }
 
 #[test]

@@ -1,0 +1,94 @@
+//! Many generated frames: after they have warmed up, the process does not grow.
+#![cfg(target_os = "linux")] // The process's size is read where Linux shows it.
+
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::framegen::{Anchor, AnchorPair, FrameGenerator};
+use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
+use cairn::{Picture, PictureF16};
+use half::f16;
+
+/// Frames of every kind, until all working memory is there.
+const WARM_UP: u64 = 60;
+
+/// What the C library's arenas may drift by; 200 bytes lost per frame pass it within 10,000 frames.
+const DRIFT: u64 = 2 << 20;
+
+const SIZE: (u32, u32) = (160, 90);
+
+/// `cargo xtask test --thorough` asks for 10,000.
+fn frames() -> u64 {
+    std::env::var("CAIRN_SOAK_FRAMES").map_or(300, |text| text.parse().expect("CAIRN_SOAK_FRAMES is a number"))
+}
+
+/// Memory of this process that is in RAM, in bytes.
+fn resident() -> u64 {
+    let text = std::fs::read_to_string("/proc/self/status").expect("the process's status");
+    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its resident size");
+    line.trim().trim_end_matches("kB").trim().parse::<u64>().expect("a number") * 1024
+}
+
+/// A stream of frames: bytes and half floats, between anchors and beyond, at changing phases, with motion that changes.
+struct Stream {
+    bytes: [Picture; 2],
+    halves: [PictureF16; 2],
+    out: (Picture, PictureF16),
+    guidance: Guidance,
+    generator: CpuGenerator,
+}
+
+impl Stream {
+    fn new() -> Self {
+        let (width, height) = SIZE;
+        let picture = |shift: u32| {
+            let mut picture = Picture::new(width, height).expect("a picture");
+            for (i, pixel) in (0..).zip(picture.pixels_mut()) {
+                let (x, y) = (f64::from(i % width + 40 - shift), f64::from(i / width));
+                let [r, g, b] = [0.31, 0.17, 0.43].map(|f| (127.0 + 100.0 * (x * f + y * 0.29).sin()) as u8);
+                *pixel = [r, g, b, 255];
+            }
+            picture
+        };
+        let bytes = [picture(0), picture(6)];
+        let halves = [0, 1].map(|i: usize| {
+            let mut halves = PictureF16::new(width, height).expect("a picture");
+            for (half, pixel) in halves.pixels_mut().iter_mut().zip(bytes[i].pixels()) {
+                *half = pixel.map(|v| f16::from_f32(f32::from(v) / 255.0));
+            }
+            halves
+        });
+        let motion = MotionField::new(width, height).expect("motion");
+        let depth = DepthMap::new(width, height, paper::PROJECTION).expect("depth");
+        let guidance = Guidance::from_parts(motion, depth).expect("guidance");
+        Self { out: (bytes[0].clone(), halves[0].clone()), bytes, halves, guidance, generator: CpuGenerator::new() }
+    }
+
+    fn frame(&mut self, number: u64) {
+        let left = (number * 7 % u64::from(SIZE.0)) as u32;
+        let reach = (number % 30) as f32;
+        for (i, vector) in (0..).zip(self.guidance.motion_mut().vectors_mut()) {
+            let is_near = (left..left + 30).contains(&(i % SIZE.0));
+            *vector = [if is_near { -reach } else { -6.0 }, if is_near { 3.0 } else { 0.0 }].map(f16::from_f32);
+        }
+        for (i, depth) in (0..).zip(self.guidance.depth_mut().depth_mut()) {
+            *depth = if (left..left + 30).contains(&(i % SIZE.0)) { 0.2 } else { 0.9 };
+        }
+        let t = (number % 9 + 1) as f32 / 10.0;
+        let Self { bytes: [a, b], halves: [c, d], out, guidance, generator } = self;
+        let made = match number % 4 {
+            0 | 1 => generator.generate(&AnchorPair::new(a, b, guidance).expect("a pair"), t, &mut out.0),
+            2 => generator.generate(&AnchorPair::new(c, d, guidance).expect("a pair"), t, &mut out.1),
+            _ => generator.extrapolate(&Anchor::new(b, guidance).expect("an anchor"), t, &mut out.0),
+        };
+        made.expect("a frame");
+    }
+}
+
+#[test]
+fn many_frames_are_flat() {
+    let mut stream = Stream::new();
+    (0..WARM_UP).for_each(|number| stream.frame(number));
+    let memory = resident();
+    (WARM_UP..WARM_UP + frames()).for_each(|number| stream.frame(number));
+    let grown = resident().saturating_sub(memory);
+    assert!(grown <= DRIFT, "{grown} bytes in {} frames", frames());
+}
