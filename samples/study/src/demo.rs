@@ -26,7 +26,7 @@ pub(crate) const RECONSTRUCT: &str = "reconstruct";
 
 /// Small, so that it takes seconds; without LPIPS, so that it is the same with and without its weights.
 pub(crate) fn reconstruct() -> ReconstructSettings {
-    ReconstructSettings { scene: "sword".into(), size: [480, 270], ..ReconstructSettings::default() }
+    ReconstructSettings { scene: "sword".into(), size: [384, 216], ..ReconstructSettings::default() }
 }
 
 /// Says what was made, and what to open.
