@@ -43,9 +43,9 @@ pub(crate) enum Command {
         #[arg(last = true)]
         arguments: Vec<String>,
     },
-    /// Format the code, apply what clippy can mend by itself, and write the C header and abi.txt anew
+    /// Format the code, apply what clippy can mend by itself, and write the C headers and abi.txt anew
     Fix {
-        /// Only write the C header and abi.txt
+        /// Only write the C headers and abi.txt
         #[arg(long)]
         abi: bool,
     },

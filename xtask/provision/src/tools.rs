@@ -51,6 +51,14 @@ pub fn clang(name: &str, progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
+/// CMake, from the PATH or by apt when root; none elsewhere.
+pub fn cmake(progress: &dyn Progress) -> Option<PathBuf> {
+    on_path("cmake").or_else(|| {
+        apt("cmake", progress).ok()?;
+        on_path("cmake")
+    })
+}
+
 /// A C or C++ compiler for Windows, and the words that come before its other arguments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MingwCompiler {

@@ -15,7 +15,7 @@ use crate::abi::{header, record};
 use crate::shell::{Log, output};
 
 /// What every compiler is told.
-const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+pub(super) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 
 /// C programs that run against the library; each is a file of `tests/abi`.
 const PROGRAMS: &str = "tests/abi";
@@ -68,15 +68,15 @@ fn broken_promise(clone: &crate::clone::Clone, now: &str) -> Result<Option<Strin
 }
 
 /// A compiler of the matrix.
-struct Compiler {
-    program: PathBuf,
+pub(super) struct Compiler {
+    pub(super) program: PathBuf,
     /// What comes before everything else.
-    first: &'static [&'static str],
-    cpp: bool,
+    pub(super) first: &'static [&'static str],
+    pub(super) cpp: bool,
 }
 
 /// Every compiler there should be; those that cannot be had are skipped by name.
-fn matrix(tally: &mut Tally) -> Vec<Compiler> {
+pub(super) fn matrix(tally: &mut Tally) -> Vec<Compiler> {
     let console = Console::new();
     let mut all = Vec::new();
     for (name, cpp) in [("gcc", false), ("g++", true)] {
@@ -145,7 +145,7 @@ fn compilers(
 }
 
 /// The example in the header's first comment, as a source file.
-fn example(header: &str) -> Result<String, String> {
+pub(super) fn example(header: &str) -> Result<String, String> {
     let code: Vec<&str> =
         header.lines().take_while(|line| *line != " */").filter_map(|line| line.strip_prefix(" *     ")).collect();
     if code.len() < 10 {
@@ -162,7 +162,7 @@ fn c_compiler() -> Command {
 }
 
 /// The shared library, built as cargo's tests have it.
-fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
+pub(super) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     context.build_programs(log)?;
     let (prefix, suffix) = (std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     Ok(context.clone.target.join("debug").join(format!("{prefix}cairn{suffix}")))

@@ -3,6 +3,7 @@
 mod abi;
 mod browser;
 mod cargo;
+mod host;
 mod house;
 mod junit;
 mod python;
@@ -49,8 +50,9 @@ const RUNNERS: &[Runner] = &[
         what: "the C header, the record of the interface, and C programs that use it",
         run: abi::run,
     },
+    Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
     Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
-    Runner { name: "pytest", what: "the bundle builder, and parity with the oracle", run: python::run },
+    Runner { name: "pytest", what: "the Python package, and parity with the oracle", run: python::run },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video plays in Chromium", run: browser::run },

@@ -1,0 +1,30 @@
+/* A library that is not quite Cairn: what it says of itself comes from the command line of the compiler. */
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT
+#endif
+
+EXPORT int something_else(void);
+EXPORT int something_else(void)
+{
+    return 1;
+}
+
+#ifdef STAND_IN_ABI
+EXPORT uint32_t cairn_abi_version(void);
+EXPORT uint32_t cairn_abi_version(void)
+{
+    return STAND_IN_ABI;
+}
+#endif
+
+#ifdef STAND_IN_VERSION
+EXPORT uint32_t cairn_version(void);
+EXPORT uint32_t cairn_version(void)
+{
+    return STAND_IN_VERSION;
+}
+#endif

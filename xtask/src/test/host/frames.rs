@@ -1,0 +1,127 @@
+//! What `host-c` writes, read by another hand: Y4M videos and PPM pictures.
+
+use std::fs;
+use std::path::Path;
+
+/// The pictures of a Y4M video in 4:4:4 with 8 bits: planes Y, Cb and Cr of each, one behind the other.
+pub(super) struct Video {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// Pictures per second, as `60:1`.
+    pub(super) rate: String,
+    pub(super) frames: Vec<Vec<u8>>,
+}
+
+/// A PPM picture: red, green and blue of each pixel, rows from top to bottom.
+pub(super) struct Ppm {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) pixels: Vec<u8>,
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, String> {
+    fs::read(path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+impl Video {
+    pub(super) fn read(path: &Path) -> Result<Self, String> {
+        Self::parse(&bytes(path)?).map_err(|why| format!("{}: {why}", path.display()))
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let mut lines = bytes.splitn(2, |byte| *byte == b'\n');
+        let header = lines.next().and_then(|line| std::str::from_utf8(line).ok()).unwrap_or_default();
+        let words = header.strip_prefix("YUV4MPEG2 ").ok_or("no Y4M")?;
+        let word = |mark: char| words.split(' ').find_map(|word| word.strip_prefix(mark));
+        let number = |mark| word(mark).and_then(|text| text.parse::<usize>().ok());
+        let (width, height) = number('W').zip(number('H')).ok_or("the header names no size")?;
+        if word('C') != Some("444") {
+            return Err("is not in 4:4:4".to_owned());
+        }
+        let rate = word('F').ok_or("the header names no rate")?.to_owned();
+        let mut rest = lines.next().unwrap_or_default();
+        let mut frames = Vec::new();
+        while !rest.is_empty() {
+            let planes = rest.strip_prefix(b"FRAME\n").ok_or("a frame has no mark")?;
+            let (frame, next) = planes.split_at_checked(width * height * 3).ok_or("the last frame is cut")?;
+            frames.push(frame.to_vec());
+            rest = next;
+        }
+        Ok(Self { width, height, rate, frames })
+    }
+}
+
+impl Ppm {
+    pub(super) fn read(path: &Path) -> Result<Self, String> {
+        Self::parse(&bytes(path)?).map_err(|why| format!("{}: {why}", path.display()))
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let mut parts = bytes.splitn(4, |byte| *byte == b'\n');
+        let mut line = || parts.next().and_then(|line| std::str::from_utf8(line).ok()).unwrap_or_default();
+        if line() != "P6" {
+            return Err("no PPM".to_owned());
+        }
+        let size = line().split_once(' ').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+        let (width, height): (usize, usize) = size.ok_or("the header names no size")?;
+        if line() != "255" {
+            return Err("is not of 8 bits".to_owned());
+        }
+        let pixels = parts.next().unwrap_or_default().to_vec();
+        match pixels.len() == width * height * 3 {
+            true => Ok(Self { width, height, pixels }),
+            false => Err(format!("{} bytes of pixels", pixels.len())),
+        }
+    }
+
+    pub(super) fn write(&self, path: &Path) -> Result<(), String> {
+        let mut bytes = format!("P6\n{} {}\n255\n", self.width, self.height).into_bytes();
+        bytes.extend(&self.pixels);
+        fs::write(path, bytes).map_err(|e| format!("{}: {e}", path.display()))
+    }
+
+    /// By how much the planes of a video's frame are off this picture at most, by BT.601 in limited range.
+    pub(super) fn distance(&self, planes: &[u8]) -> f64 {
+        let count = self.width * self.height;
+        let mut most = 0.0_f64;
+        for (i, pixel) in self.pixels.chunks_exact(3).enumerate() {
+            let [r, g, b] = [pixel[0], pixel[1], pixel[2]].map(|value| f64::from(value) / 255.0);
+            let expected = [
+                16.0 + 65.481 * r + 128.553 * g + 24.966 * b,
+                128.0 - 37.797 * r - 74.203 * g + 112.0 * b,
+                128.0 + 112.0 * r - 93.786 * g - 18.214 * b,
+            ];
+            for (plane, expected) in expected.iter().enumerate() {
+                most = most.max((f64::from(planes[plane * count + i]) - expected).abs());
+            }
+        }
+        most
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn videos_and_pictures_are_read_whole_or_not() {
+        let video = b"YUV4MPEG2 W2 H1 F60:1 Ip A1:1 C444\nFRAME\nabcdefFRAME\n\n23456";
+        let read = Video::parse(video).unwrap();
+        assert_eq!((read.width, read.height, read.rate.as_str()), (2, 1, "60:1"));
+        assert_eq!(read.frames, [b"abcdef", b"\n23456"]);
+        assert!(Video::parse(&video[..video.len() - 1]).is_err());
+        assert!(Video::parse(b"YUV4MPEG2 W2 H1 F60:1 C420\n").is_err());
+
+        let picture = b"P6\n1 2\n255\n\n2345\xff";
+        let read = Ppm::parse(picture).unwrap();
+        assert_eq!((read.width, read.height, read.pixels.as_slice()), (1, 2, &b"\n2345\xff"[..]));
+        assert!(Ppm::parse(&picture[..picture.len() - 1]).is_err());
+    }
+
+    #[test]
+    fn black_white_and_red_are_where_the_standard_has_them() {
+        let picture = Ppm { width: 3, height: 1, pixels: vec![0, 0, 0, 255, 255, 255, 255, 0, 0] };
+        assert!(picture.distance(&[16, 235, 81, 128, 128, 90, 128, 128, 240]) < 0.6);
+        assert!(picture.distance(&[16, 235, 81, 128, 128, 92, 128, 128, 240]) > 1.0);
+    }
+}

@@ -1,0 +1,70 @@
+//! Hosts in C, as their authors build and run them: the loader header, and `samples/host-c` with its video.
+
+mod frames;
+mod loader;
+mod sample;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::tools;
+
+use super::Context;
+use super::abi::{self, Compiler, STRICT};
+use super::tally::{Skip, Tally};
+use crate::shell::Log;
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let work = context.clone.target.join("xtask").join("host");
+    match fs::remove_dir_all(&work) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
+        _ => {}
+    }
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let library = abi::library(context, log)?;
+    let mut tally = Tally::default();
+    let Some(cc) = tools::on_path("cc") else {
+        tally.skips.push(Skip { name: "hosts in C".into(), reason: "needs cc: install a C compiler".into() });
+        return Ok(tally);
+    };
+    let place = Place { include: context.clone.root.join("include"), work, library, cc };
+    loader::run(context, log, &place, &mut tally)?;
+    sample::run(context, log, &place, &mut tally)?;
+    Ok(tally)
+}
+
+/// Where things are.
+struct Place {
+    include: PathBuf,
+    /// An empty folder for what is made.
+    work: PathBuf,
+    /// Cairn's shared library.
+    library: PathBuf,
+    /// The system's C compiler.
+    cc: PathBuf,
+}
+
+impl Place {
+    /// A strict compilation of C11.
+    fn compile(&self) -> Command {
+        let mut command = Command::new(&self.cc);
+        command.arg("-std=c11").args(STRICT).arg("-g").arg("-I").arg(&self.include);
+        command
+    }
+
+    fn library_folder(&self) -> &Path {
+        self.library.parent().unwrap_or(Path::new("."))
+    }
+}
+
+/// Whether `compiler` takes a source, with every warning an error.
+fn takes(log: &mut Log, compiler: &Compiler, include: &Path, source: &Path, tally: &mut Tally) -> Result<(), String> {
+    let mut command = Command::new(&compiler.program);
+    command.args(compiler.first).args(if compiler.cpp { ["-std=c++17", "-xc++"] } else { ["-std=c11", "-xc"] });
+    command.args(STRICT).arg("-I").arg(include).arg("-fsyntax-only").arg(source);
+    let ended = log.run(&mut command)?;
+    let name = compiler.program.display();
+    tally.check((!ended.success).then(|| format!("{name} does not take {}", source.display())));
+    Ok(())
+}
