@@ -1,1 +1,90 @@
-"""Cairn from Python. `cairn.build` makes world bundles."""
+"""Cairn from Python: a generative world, its anchors as numpy arrays.
+
+    import cairn
+
+    with cairn.Device.cpu() as device, device.load_world("worlds/demo") as world, world.rollout(seed=1) as rollout:
+        rollout.append(picture)  # uint8, [height, width, 4]
+        for _ in range(15):
+            rollout.step(cairn.Controls(keys=["W"], mouse=(4, 0)))
+            print(rollout.anchor().picture().shape)
+
+The shared library is loaded at first use; `python -m cairn doctor` says whether it works here. `cairn.build` makes world
+bundles, and needs no library.
+"""
+
+from .controls import KEYS, Controls, Recorder, Script, key_code
+from .errors import (
+    Busy,
+    Cancelled,
+    DeviceError,
+    Error,
+    FileError,
+    InternalError,
+    InvalidArgument,
+    InvalidBundle,
+    InvalidHandle,
+    InvalidState,
+    LibraryMissing,
+    OutOfMemory,
+    Poisoned,
+    RuntimeMissing,
+    StructSize,
+    Unsupported,
+)
+from .logs import log_to
+from .presenter import Frame, Guidance, GuidanceInfo, Presenter, PresenterStatistics
+from .rollout import Anchor, AnchorInfo, Rollout, RolloutInfo, RolloutStatistics, StepInfo
+from .world import (
+    Adapter,
+    Device,
+    Requirement,
+    World,
+    WorldInfo,
+    WorldMemory,
+    adapters,
+    requirements,
+)
+
+__all__ = [
+    "KEYS",
+    "Adapter",
+    "Anchor",
+    "AnchorInfo",
+    "Busy",
+    "Cancelled",
+    "Controls",
+    "Device",
+    "DeviceError",
+    "Error",
+    "FileError",
+    "Frame",
+    "Guidance",
+    "GuidanceInfo",
+    "InternalError",
+    "InvalidArgument",
+    "InvalidBundle",
+    "InvalidHandle",
+    "InvalidState",
+    "LibraryMissing",
+    "OutOfMemory",
+    "Poisoned",
+    "Presenter",
+    "PresenterStatistics",
+    "Recorder",
+    "Requirement",
+    "Rollout",
+    "RolloutInfo",
+    "RolloutStatistics",
+    "RuntimeMissing",
+    "Script",
+    "StepInfo",
+    "StructSize",
+    "Unsupported",
+    "World",
+    "WorldInfo",
+    "WorldMemory",
+    "adapters",
+    "key_code",
+    "log_to",
+    "requirements",
+]

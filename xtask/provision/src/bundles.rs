@@ -82,12 +82,12 @@ pub fn test_bundles(progress: &dyn Progress) -> Result<PathBuf> {
     Ok(cache::cache_dir()?.join("bundles").join(builder_key(&python_path())?))
 }
 
-/// Names a state of the builder: a hash over the paths and bytes of all files of its package.
+/// Names a state of the builder: a hash over the paths and bytes of all its files.
 fn builder_key(package: &Path) -> Result<String> {
     let mut files = Vec::new();
-    let sources = package.join("cairn");
+    let sources = package.join("cairn").join("build");
     gather(&sources, &mut files).map_err(|e| {
-        let remedy = "Run from a complete clone: the builder's sources are bindings/python/cairn";
+        let remedy = "Run from a complete clone: the builder's sources are bindings/python/cairn/build";
         Error::new("the bundle builder", format!("{}: {e}", sources.display()), remedy)
     })?;
     files.sort();
@@ -129,14 +129,14 @@ mod tests {
     #[test]
     fn the_key_follows_names_and_bytes_but_not_byte_code() {
         let folder = std::env::temp_dir().join(format!("cairn-provision-key-{}", std::process::id()));
-        fs::create_dir_all(folder.join("cairn/__pycache__")).unwrap();
-        fs::write(folder.join("cairn/a.py"), "x = 1").unwrap();
+        fs::create_dir_all(folder.join("cairn/build/__pycache__")).unwrap();
+        fs::write(folder.join("cairn/build/a.py"), "x = 1").unwrap();
         let first = builder_key(&folder).unwrap();
-        fs::write(folder.join("cairn/__pycache__/a.pyc"), "code").unwrap();
+        fs::write(folder.join("cairn/build/__pycache__/a.pyc"), "code").unwrap();
         assert_eq!(builder_key(&folder).unwrap(), first);
-        fs::write(folder.join("cairn/a.py"), "x = 2").unwrap();
+        fs::write(folder.join("cairn/build/a.py"), "x = 2").unwrap();
         let changed = builder_key(&folder).unwrap();
-        fs::rename(folder.join("cairn/a.py"), folder.join("cairn/b.py")).unwrap();
+        fs::rename(folder.join("cairn/build/a.py"), folder.join("cairn/build/b.py")).unwrap();
         let renamed = builder_key(&folder).unwrap();
         fs::remove_dir_all(&folder).unwrap();
         assert!(first != changed && changed != renamed);

@@ -1,9 +1,11 @@
-//! The Python tests: the bundle builder's own, and parity of the runtime with the oracle.
+//! The Python tests: the package's, which drive the bundle builder and the shared library, and parity of the runtime with the
+//! oracle.
 
 use std::fs;
 use std::process::Command;
 
 use super::Context;
+use super::abi;
 use super::junit;
 use super::tally::Tally;
 use crate::shell::Log;
@@ -12,7 +14,7 @@ use crate::shell::Log;
 const FOLDERS: [&str; 2] = ["bindings/python", "tests/parity"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    // The parity tests drive a program of the workspace.
+    // The tests drive the library and a program of the workspace.
     context.build_programs(log)?;
     let mut tally = Tally::default();
     for folder in FOLDERS {
@@ -36,6 +38,7 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
         .env("PYTHONPATH", provision::python_path())
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("PYTHONUNBUFFERED", "1")
+        .env("CAIRN_LIBRARY", abi::library(context, log)?)
         .env("PARITY_TRACE", context.clone.program("debug", "parity-trace"));
     context.provide_worlds(&mut command)?;
     let ended = log.run(&mut command)?;

@@ -1,0 +1,44 @@
+"""`python -m cairn`: what this package can do from the command line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from . import doctor
+
+HELP = """\
+Cairn from the command line.
+
+  python -m cairn doctor                 whether Cairn works here, and what to do where it does not
+  python -m cairn doctor --world PATH    the same, up to a step of a world
+  python -m cairn.build --help           makes world bundles
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands and their options."""
+    top = argparse.ArgumentParser(
+        prog="python -m cairn", description=HELP, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    check = commands.add_parser(
+        "doctor",
+        help="whether Cairn works here",
+        description="Looks at Python, the library, ONNX Runtime, the device and, with --world, at a world and a step of it. "
+        "Says of each what was found, and of what is wrong why it is needed and what to do. Ends with 1 when something is wrong.",
+    )
+    check.add_argument("--world", metavar="PATH", help="load this bundle and make a step of it")
+    check.add_argument("--onnxruntime", metavar="FILE", help="the library file of ONNX Runtime; else it is looked for")
+    check.add_argument("--verbose", action="store_true", help="say of everything what it is for")
+    return top
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs a command; its exit status."""
+    given = parser().parse_args(arguments)
+    return 0 if doctor.run(given.world, given.onnxruntime, verbose=given.verbose) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

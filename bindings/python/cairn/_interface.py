@@ -1,0 +1,490 @@
+"""`include/cairn.h` in the words of ctypes: constants, structs, callbacks and functions, by their names there without `cairn_`.
+
+A test compares all of it with `abi.txt`, the record of the interface.
+"""
+
+from __future__ import annotations
+
+from ctypes import (
+    CFUNCTYPE,
+    POINTER,
+    Structure,
+    c_char,
+    c_char_p,
+    c_float,
+    c_int32,
+    c_size_t,
+    c_uint16,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+    sizeof,
+)
+from typing import Any
+
+ABI_VERSION = 1
+VERSION = 1000
+
+OK = 0
+NOT_READY = 1
+TRUNCATED = 2
+QUEUE_FULL = 3
+ERROR_INVALID_ARGUMENT = -1
+ERROR_INVALID_HANDLE = -2
+ERROR_STRUCT_SIZE = -3
+ERROR_BUSY = -4
+ERROR_UNSUPPORTED = -5
+ERROR_OUT_OF_MEMORY = -6
+ERROR_IO = -7
+ERROR_INVALID_BUNDLE = -8
+ERROR_RUNTIME_MISSING = -9
+ERROR_DEVICE = -10
+ERROR_INVALID_STATE = -11
+ERROR_CANCELLED = -12
+ERROR_POISONED = -13
+ERROR_INTERNAL = -14
+
+LAST_ERROR_FUNCTION = 1
+LAST_ERROR_FIELD = 2
+LAST_ERROR_CAUSE = 3
+LAST_ERROR_REMEDY = 4
+
+LOG_OFF = 0
+LOG_ERROR = 1
+LOG_WARNING = 2
+LOG_INFO = 3
+LOG_DEBUG = 4
+LOG_TRACE = 5
+
+DEVICE_CPU = 1
+DEVICE_D3D12 = 2
+PRECISION_F32 = 1
+PRECISION_F16 = 2
+CPU_DETERMINISTIC = 1
+
+REQUIREMENT_PLATFORM = 1
+REQUIREMENT_ONNXRUNTIME = 2
+REQUIREMENT_MEMORY = 3
+REQUIREMENT_MET = 1
+REQUIREMENT_NOT_MET = 2
+REQUIREMENT_UNKNOWN = 3
+
+LOAD_READING = 1
+LOAD_PREPARING = 2
+FORMAT_RGBA8 = 0
+FORMAT_BGRA8 = 1
+FORMAT_RGBA16F = 2
+MAX_QUEUE = 64
+STEP_COMMITTED = 1
+FOREVER = 0xFFFFFFFFFFFFFFFF
+ANCHOR_CUT = 1
+
+MOTION_AUTO = 0
+MOTION_PICTURES = 1
+MOTION_PAPER = 2
+DEPTH_INVERTED = 1
+DEPTH_LINEAR = 2
+
+PREFER_AUTO = 0
+PREFER_REQUIRE = 1
+PREFER_NEVER = 2
+PRESENTER_HOLD_LATE = 1
+PRESENTER_CATCH_UP = 2
+PRESENTER_NO_DECODED = 4
+COLOUR_SRGB = 0
+COLOUR_LINEAR = 1
+FRAME_ANCHOR = 1
+FRAME_DECODED = 2
+FRAME_GENERATED = 3
+FRAME_EXTRAPOLATED = 4
+FRAME_HELD = 5
+FRAME_CUT = 1
+FRAME_REPEATED = 2
+
+
+class Sized(Structure):
+    """A struct that begins with its size, which is set when it is made; what is not given is zero."""
+
+    def __init__(self, **fields: Any) -> None:
+        super().__init__(struct_size=sizeof(type(self)), **fields)
+
+
+class CpuOptions(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("threads", c_uint32),
+        ("flags", c_uint32),
+        ("reserved", c_uint32),
+        ("onnxruntime", c_char_p),
+    ]
+
+
+class DeviceInfo(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("kind", c_uint32),
+        ("precision", c_uint32),
+        ("threads", c_uint32),
+        ("description", c_char * 128),
+    ]
+
+
+class Adapter(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("kind", c_uint32),
+        ("index", c_uint32),
+        ("reserved", c_uint32),
+        ("luid", c_uint64),
+        ("memory", c_uint64),
+        ("name", c_char * 128),
+    ]
+
+
+class Requirement(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("what", c_uint32),
+        ("status", c_uint32),
+        ("reserved", c_uint32),
+        ("needed", c_char * 96),
+        ("found", c_char * 512),
+    ]
+
+
+class LoadProgress(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("stage", c_uint32),
+        ("done", c_uint64),
+        ("total", c_uint64),
+    ]
+
+
+load_callback = CFUNCTYPE(c_uint32, POINTER(LoadProgress), c_void_p)
+log_callback = CFUNCTYPE(None, c_uint32, c_char_p, c_char_p, c_void_p)
+
+
+class WorldOptions(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("precision", c_uint32),
+        ("path", c_char_p),
+        ("operating_point", c_char_p),
+        ("memory_limit", c_uint64),
+        ("progress", load_callback),
+        ("user", c_void_p),
+    ]
+
+
+class WorldInfo(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("precision", c_uint32),
+        ("render_width", c_uint32),
+        ("render_height", c_uint32),
+        ("decoded_width", c_uint32),
+        ("decoded_height", c_uint32),
+        ("latent_channels", c_uint32),
+        ("latent_height", c_uint32),
+        ("latent_width", c_uint32),
+        ("tokens", c_uint32),
+        ("layers", c_uint32),
+        ("pictures_per_latent", c_uint32),
+        ("local_window", c_uint32),
+        ("global_window", c_uint32),
+        ("max_global_window", c_uint32),
+        ("global_dilation", c_uint32),
+        ("latents_per_second", c_uint32),
+        ("keys", c_uint32),
+        ("name", c_char * 128),
+        ("licence", c_char * 64),
+        ("digest", c_char * 72),
+    ]
+
+
+class WorldMemory(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("bundle", c_uint64),
+        ("weights", c_uint64),
+        ("ring", c_uint64),
+        ("slabs", c_uint64),
+        ("intermediates", c_uint64),
+        ("autoencoder", c_uint64),
+        ("arena", c_uint64),
+        ("total", c_uint64),
+    ]
+
+
+class Picture(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("format", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("pixels", c_void_p),
+        ("size", c_uint64),
+        ("row_pitch", c_uint64),
+    ]
+
+
+class Target(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("format", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("pixels", c_void_p),
+        ("size", c_uint64),
+        ("row_pitch", c_uint64),
+    ]
+
+
+class Controls(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("mouse_dx", c_float),
+        ("mouse_dy", c_float),
+        ("scroll", c_float),
+        ("keys", c_uint64 * 4),
+    ]
+
+
+class AnchorInfo(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("flags", c_uint32),
+        ("latent", c_uint64),
+        ("latents_per_second", c_uint32),
+        ("pictures", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("latent_channels", c_uint32),
+        ("latent_height", c_uint32),
+        ("latent_width", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class RolloutOptions(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("queue_capacity", c_uint32),
+        ("seed", c_uint64),
+        ("operating_point", c_char_p),
+    ]
+
+
+class RolloutInfo(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("pictures_per_latent", c_uint32),
+        ("latents", c_uint64),
+        ("seed", c_uint64),
+        ("latents_per_second", c_uint32),
+        ("presented_rate", c_uint32),
+        ("operating_point", c_char * 192),
+    ]
+
+
+class StepInfo(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("flags", c_uint32),
+        ("latent", c_uint64),
+        ("denoise_passes", c_uint32),
+        ("cache_passes", c_uint32),
+        ("encode_ns", c_uint64),
+        ("denoise_ns", c_uint64),
+        ("cache_ns", c_uint64),
+        ("commit_ns", c_uint64),
+        ("decode_ns", c_uint64),
+        ("ring_bytes", c_uint64),
+    ]
+
+
+class RolloutStatistics(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("queue_depth", c_uint32),
+        ("latents", c_uint64),
+        ("denoise_passes", c_uint64),
+        ("cache_passes", c_uint64),
+        ("decode_passes", c_uint64),
+        ("encode_ns", c_uint64),
+        ("denoise_ns", c_uint64),
+        ("cache_ns", c_uint64),
+        ("commit_ns", c_uint64),
+        ("decode_ns", c_uint64),
+        ("resize_ns", c_uint64),
+        ("uploaded_bytes", c_uint64),
+        ("copied_bytes", c_uint64),
+        ("read_bytes", c_uint64),
+        ("ring_bytes", c_uint64),
+    ]
+
+
+class GuidanceData(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("flags", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("motion", c_void_p),
+        ("motion_count", c_uint64),
+        ("depth", c_void_p),
+        ("depth_count", c_uint64),
+        ("near_plane", c_float),
+        ("far_plane", c_float),
+        ("vertical_fov", c_float),
+        ("reserved", c_uint32),
+    ]
+
+
+class GuidanceInfo(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("near_plane", c_float),
+        ("far_plane", c_float),
+        ("vertical_fov", c_float),
+    ]
+
+
+class PresenterOptions(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("multiplier", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("interval_ns", c_uint64),
+        ("delay_ns", c_uint64),
+        ("flags", c_uint32),
+        ("capacity", c_uint32),
+        ("motion", c_uint32),
+        ("colour_space", c_uint32),
+        ("fsr", c_uint32),
+        ("shader", c_uint32),
+        ("cpu", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class Frame(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("source", c_uint32),
+        ("position", c_uint64),
+        ("since_ns", c_uint64),
+        ("until_ns", c_uint64),
+        ("previous", c_uint64),
+        ("current", c_uint64),
+        ("t", c_float),
+        ("flags", c_uint32),
+    ]
+
+
+class PresenterStatistics(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("reserved", c_uint32),
+        ("anchors", c_uint64),
+        ("late_anchors", c_uint64),
+        ("slipped_ns", c_uint64),
+        ("shown_anchors", c_uint64),
+        ("shown_decoded", c_uint64),
+        ("shown_generated", c_uint64),
+        ("shown_extrapolated", c_uint64),
+        ("shown_held", c_uint64),
+        ("repeated", c_uint64),
+        ("cuts", c_uint64),
+        ("guidance_ns", c_uint64),
+        ("generate_ns", c_uint64),
+        ("resize_ns", c_uint64),
+        ("generator", c_char * 32),
+        ("preference", c_char * 160),
+    ]
+
+
+# A handle is a number to be handed back.
+_handle = c_void_p
+_new = POINTER(c_void_p)
+_text = c_char_p
+_length = POINTER(c_size_t)
+_count = POINTER(c_uint32)
+_ticket = POINTER(c_uint64)
+
+# Parameters of every function; each answers a result unless RETURNS says otherwise.
+FUNCTIONS: dict[str, tuple[Any, ...]] = {
+    "abi_version": (),
+    "version": (),
+    "result_name": (c_int32,),
+    "last_error": (_text, c_size_t, _length),
+    "last_error_part": (c_uint32, _text, c_size_t, _length),
+    "set_log_callback": (c_uint32, log_callback, c_void_p),
+    "device_create_cpu": (POINTER(CpuOptions), _new),
+    "device_get_info": (_handle, POINTER(DeviceInfo)),
+    "device_destroy": (_handle,),
+    "adapters": (POINTER(Adapter), c_size_t, c_uint32, _count),
+    "device_requirements": (c_uint32, POINTER(CpuOptions), POINTER(Requirement), c_size_t, c_uint32, _count),
+    "world_load": (_handle, POINTER(WorldOptions), _new),
+    "world_get_info": (_handle, POINTER(WorldInfo)),
+    "world_get_memory": (_handle, POINTER(WorldMemory)),
+    "world_get_licence": (_handle, _text, c_size_t, _length),
+    "world_destroy": (_handle,),
+    "anchor_create": (POINTER(Picture), c_uint64, c_uint32, _new),
+    "anchor_get_info": (_handle, POINTER(AnchorInfo)),
+    "anchor_read_picture": (_handle, c_uint32, POINTER(Target)),
+    "anchor_read_latent": (_handle, POINTER(c_float), c_size_t),
+    "anchor_destroy": (_handle,),
+    "rollout_create": (_handle, POINTER(RolloutOptions), _new),
+    "rollout_destroy": (_handle,),
+    "rollout_get_info": (_handle, POINTER(RolloutInfo)),
+    "rollout_append": (_handle, POINTER(Picture), POINTER(StepInfo)),
+    "rollout_step": (_handle, POINTER(Controls), POINTER(StepInfo)),
+    "rollout_reset": (_handle,),
+    "rollout_get_anchor": (_handle, _new),
+    "rollout_submit": (_handle, POINTER(Controls), _ticket),
+    "rollout_submit_picture": (_handle, POINTER(Picture), _ticket),
+    "rollout_poll": (_handle, c_uint64, POINTER(StepInfo), _new),
+    "rollout_wait": (_handle, c_uint64, c_uint64, POINTER(StepInfo), _new),
+    "rollout_cancel": (_handle,),
+    "rollout_pause": (_handle,),
+    "rollout_resume": (_handle,),
+    "rollout_single_step": (_handle,),
+    "rollout_save": (_handle, c_void_p, c_size_t, _length),
+    "rollout_save_file": (_handle, _text),
+    "rollout_restore": (_handle, c_void_p, c_size_t),
+    "rollout_restore_file": (_handle, _text),
+    "guidance_create": (_handle, _handle, c_uint32, _new),
+    "guidance_create_from_host": (POINTER(GuidanceData), _new),
+    "guidance_get_info": (_handle, POINTER(GuidanceInfo)),
+    "guidance_read_motion": (_handle, POINTER(c_uint16), c_size_t),
+    "guidance_read_depth": (_handle, POINTER(c_float), c_size_t),
+    "guidance_destroy": (_handle,),
+    "presenter_create": (POINTER(PresenterOptions), _new),
+    "presenter_push": (_handle, _handle, _handle, c_uint64),
+    "presenter_query": (_handle, c_uint64, POINTER(Frame)),
+    "presenter_draw": (_handle, c_uint64, POINTER(Target), POINTER(Frame)),
+    "presenter_reset": (_handle,),
+    "presenter_get_statistics": (_handle, POINTER(PresenterStatistics)),
+    "presenter_destroy": (_handle,),
+    "script_create": (_text, c_size_t, _new),
+    "script_get_controls": (_handle, c_uint64, c_uint32, POINTER(Controls)),
+    "script_get_duration": (_handle, POINTER(c_uint64)),
+    "script_get_text": (_handle, _text, c_size_t, _length),
+    "script_destroy": (_handle,),
+    "recorder_create": (_new,),
+    "recorder_key": (_handle, c_uint64, c_uint32, c_uint32),
+    "recorder_mouse": (_handle, c_uint64, c_float, c_float),
+    "recorder_scroll": (_handle, c_uint64, c_int32),
+    "recorder_step": (_handle, c_uint64, c_uint32, POINTER(Controls)),
+    "recorder_make_script": (_handle, c_uint64, _new),
+    "recorder_destroy": (_handle,),
+    "rollout_get_statistics": (_handle, POINTER(RolloutStatistics)),
+}
+
+RETURNS: dict[str, Any] = {"abi_version": c_uint32, "version": c_uint32, "result_name": c_char_p}

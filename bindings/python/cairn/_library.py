@@ -1,0 +1,160 @@
+"""The shared library: where it is looked for, whether it fits, and how its functions are called."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+from ctypes import byref, c_size_t, c_void_p
+from pathlib import Path
+from typing import Any
+
+from . import _interface as c
+from .errors import Error, LibraryMissing, kind_of, refuse
+
+VARIABLE = "CAIRN_LIBRARY"
+"""Names the library file; nothing else is looked at when it is set."""
+
+FILE = {"win32": "cairn.dll", "darwin": "libcairn.dylib"}.get(sys.platform, "libcairn.so")
+
+REMEDY = f"Run `cargo build --release` in a clone of Cairn, or set {VARIABLE} to the file {FILE}"
+
+
+def places() -> list[Path]:
+    """The files that are looked for, in this order: the one `CAIRN_LIBRARY` names and no other; else beside this package; else,
+    where the package lies in a clone of the repository, what cargo built there."""
+    if named := os.environ.get(VARIABLE):
+        return [Path(named).absolute()]
+    package = Path(__file__).resolve().parent
+    found = [package / FILE]
+    for folder in package.parents:
+        if (folder / "Cargo.toml").is_file() and (folder / "include" / "cairn.h").is_file():
+            target = Path(os.environ.get("CARGO_TARGET_DIR") or folder / "target")
+            found += [target / profile / FILE for profile in ("release", "debug")]
+            break
+    return found
+
+
+def find() -> Path:
+    """The first of `places` that is there."""
+    looked = places()
+    for path in looked:
+        if path.is_file():
+            return path
+    field = VARIABLE if os.environ.get(VARIABLE) else FILE
+    cause = f"Cairn's library was not found; looked at {', '.join(map(str, looked))}"
+    raise LibraryMissing(f"{field}: {cause}. {REMEDY}", field=field, cause=cause, remedy=REMEDY)
+
+
+class Library:
+    """A loaded library: every function resolved, both versions checked."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            # Not PyDLL: the interpreter's lock is let go during every call.
+            loaded = ctypes.CDLL(str(path))
+        except OSError as why:
+            raise _unfit(path, f"cannot be loaded: {why}", REMEDY) from None
+        self.abi_version = self._resolve(loaded, "abi_version")()
+        if self.abi_version != c.ABI_VERSION:
+            cause = f"has the binary interface {self.abi_version}, and this package was made for {c.ABI_VERSION}"
+            raise _unfit(path, cause, "Use library and package of the same release")
+        self.version = self._resolve(loaded, "version")()
+        if self.version < c.VERSION:
+            cause = f"is version {dotted(self.version)}, older than the {dotted(c.VERSION)} this package was made for"
+            raise _unfit(path, cause, "Use library and package of the same release")
+        self.functions = {name: self._resolve(loaded, name) for name in c.FUNCTIONS}
+
+    def _resolve(self, loaded: ctypes.CDLL, name: str) -> Any:
+        try:
+            function = getattr(loaded, f"cairn_{name}")
+        except AttributeError:
+            raise _unfit(self.path, f"has no cairn_{name}", "Name the file that is Cairn's library, and whole") from None
+        function.argtypes = c.FUNCTIONS[name]
+        function.restype = c.RETURNS.get(name, ctypes.c_int32)
+        return function
+
+
+def dotted(version: int) -> str:
+    """A version number as 1.2.3."""
+    return f"{version // 1_000_000}.{version // 1000 % 1000}.{version % 1000}"
+
+
+def _unfit(path: Path, cause: str, remedy: str) -> LibraryMissing:
+    return LibraryMissing(f"{path}: {cause}. {remedy}", field=str(path), cause=cause, remedy=remedy)
+
+
+_loaded: Library | None = None
+_loading = threading.Lock()
+
+
+def library() -> Library:
+    """The library, loaded at first use."""
+    global _loaded
+    with _loading:
+        if _loaded is None:
+            _loaded = Library(find())
+        return _loaded
+
+
+def call(name: str, *arguments: Any) -> int:
+    """Calls a function; what is not an error is given back, what is one is raised."""
+    functions = library().functions
+    result: int = functions[name](*arguments)
+    if result < 0:
+        raise last_error(result)
+    return result
+
+
+def last_error(result: int) -> Error:
+    """The exception for a result of this thread's latest call."""
+    whole = read_text("last_error")
+    function, field, cause, remedy = (
+        read_text("last_error_part", part)
+        for part in (c.LAST_ERROR_FUNCTION, c.LAST_ERROR_FIELD, c.LAST_ERROR_CAUSE, c.LAST_ERROR_REMEDY)
+    )
+    return kind_of(result)(whole, result, function=function, field=field, cause=cause, remedy=remedy)
+
+
+def read_text(name: str, *arguments: Any) -> str:
+    """The text of a function that copies one into a buffer."""
+    function = library().functions[name]
+    length = c_size_t()
+    capacity = 1024
+    while True:
+        buffer = ctypes.create_string_buffer(capacity)
+        result: int = function(*arguments, buffer, capacity, byref(length))
+        if result == c.TRUNCATED:
+            capacity = length.value + 1
+        elif result == c.OK:
+            return buffer.raw[: length.value].decode(errors="replace")
+        elif name.startswith("last_error"):
+            return ""
+        else:
+            raise last_error(result)
+
+
+def make(name: str, *arguments: Any) -> int:
+    """The handle of what a function creates; it is its last parameter."""
+    handle = c_void_p()
+    call(name, *arguments, byref(handle))
+    assert handle.value is not None, f"cairn_{name} gave no handle"
+    return handle.value
+
+
+def encoded(text: str | os.PathLike[str] | None, field: str) -> bytes | None:
+    """Text for the library. A NUL cannot go across, and is refused."""
+    if text is None:
+        return None
+    path = os.fspath(text)
+    if not isinstance(path, str):
+        raise refuse(field, f"is of the type {type(path).__name__}", "Give a str, or a path that is one")
+    try:
+        found = path.encode()
+    except UnicodeEncodeError:
+        raise refuse(field, "is not valid Unicode", "Use a name of valid Unicode") from None
+    if b"\0" in found:
+        raise refuse(field, "holds a NUL character")
+    return found

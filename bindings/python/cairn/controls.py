@@ -1,0 +1,198 @@
+"""What a player does: keys by name, controls of a step, scripts, and recordings of them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable
+from ctypes import byref, c_uint64
+from dataclasses import dataclass
+from typing import Self
+
+from . import _interface as c
+from ._handles import Object
+from ._library import call, make, read_text
+from .errors import refuse
+
+KEYS: dict[str, int] = {
+    **{chr(code): code for code in (*range(0x30, 0x3A), *range(0x41, 0x5B))},
+    **{f"F{n}": 0x6F + n for n in range(1, 25)},
+    **{f"NUM{n}": 0x60 + n for n in range(10)},
+    "MOUSE_LEFT": 0x01,
+    "MOUSE_RIGHT": 0x02,
+    "MOUSE_MIDDLE": 0x04,
+    "MOUSE_X1": 0x05,
+    "MOUSE_X2": 0x06,
+    "BACKSPACE": 0x08,
+    "TAB": 0x09,
+    "ENTER": 0x0D,
+    "SHIFT": 0x10,
+    "CTRL": 0x11,
+    "ALT": 0x12,
+    "PAUSE": 0x13,
+    "CAPS_LOCK": 0x14,
+    "ESC": 0x1B,
+    "ESCAPE": 0x1B,
+    "SPACE": 0x20,
+    "PAGE_UP": 0x21,
+    "PAGE_DOWN": 0x22,
+    "END": 0x23,
+    "HOME": 0x24,
+    "LEFT": 0x25,
+    "UP": 0x26,
+    "RIGHT": 0x27,
+    "DOWN": 0x28,
+    "INSERT": 0x2D,
+    "DELETE": 0x2E,
+    "LEFT_SHIFT": 0xA0,
+    "RIGHT_SHIFT": 0xA1,
+    "LEFT_CTRL": 0xA2,
+    "RIGHT_CTRL": 0xA3,
+    "LEFT_ALT": 0xA4,
+    "RIGHT_ALT": 0xA5,
+    "SEMICOLON": 0xBA,
+    "EQUALS": 0xBB,
+    "COMMA": 0xBC,
+    "MINUS": 0xBD,
+    "PERIOD": 0xBE,
+    "SLASH": 0xBF,
+    "BACKQUOTE": 0xC0,
+    "LEFT_BRACKET": 0xDB,
+    "BACKSLASH": 0xDC,
+    "RIGHT_BRACKET": 0xDD,
+    "QUOTE": 0xDE,
+}
+"""Windows virtual-key codes by the names that control scripts use."""
+
+
+def key_code(key: int | str) -> int:
+    """The virtual-key code of a key, given by its code, 0 to 255, or by its name in any case, `VK_0x57` among them.
+
+    Raises `InvalidArgument`.
+    """
+    if isinstance(key, str):
+        name = key.upper()
+        if re.fullmatch("VK_0X[0-9A-F]{1,2}", name):
+            return int(name[3:], 16)
+        if name not in KEYS:
+            raise refuse("keys", f"there is no key called {key!r}", "Use a name from cairn.KEYS, or a code from 0 to 255")
+        return KEYS[name]
+    if not 0 <= key <= 255:
+        raise refuse("keys", f"{key} is no virtual-key code", "Use a code from 0 to 255, or a name from cairn.KEYS")
+    return key
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Controls of one latent step.
+
+    `keys` are held at any moment of the step: names or virtual-key codes. `mouse` is its motion in raw counts, right and down
+    positive, each from -32768 to 32768. `scroll` is the wheel, up positive; its sign counts.
+    """
+
+    keys: Iterable[int | str] = ()
+    mouse: tuple[float, float] = (0.0, 0.0)
+    scroll: float = 0.0
+
+    def __post_init__(self) -> None:
+        if isinstance(self.keys, str):
+            raise refuse("keys", f"is the text {self.keys!r}", f"Give a list of keys: [{self.keys!r}]")
+        # Codes in order, whatever they were given as: equal controls compare equal.
+        object.__setattr__(self, "keys", tuple(sorted({key_code(key) for key in self.keys})))
+
+    def _struct(self) -> c.Controls:
+        words = [0, 0, 0, 0]
+        for key in self.keys:
+            code = key_code(key)
+            words[code // 64] |= 1 << code % 64
+        dx, dy = self.mouse
+        return c.Controls(mouse_dx=dx, mouse_dy=dy, scroll=self.scroll, keys=(c_uint64 * 4)(*words))
+
+    @classmethod
+    def _of(cls, struct: c.Controls) -> Self:
+        keys = [code for code in range(256) if struct.keys[code // 64] >> code % 64 & 1]
+        return cls(keys, (struct.mouse_dx, struct.mouse_dy), struct.scroll)
+
+
+class Script(Object):
+    """What a player does by world time, in the format of docs/control-script.md. It does not change.
+
+    May be used from any thread.
+    """
+
+    _kind = "script"
+
+    def __init__(self, text: str) -> None:
+        """Raises `InvalidArgument` with line and column of what is wrong; `Unsupported` for a newer version of the format."""
+        data = text.encode(errors="surrogatepass")
+        super().__init__(make("script_create", data, len(data)))
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Self:
+        """The script of a file; also raises what reading a file raises."""
+        with open(path, encoding="utf-8", newline="") as file:
+            return cls(file.read())
+
+    @classmethod
+    def _own(cls, handle: int) -> Self:
+        script = cls.__new__(cls)
+        Object.__init__(script, handle)
+        return script
+
+    def controls(self, latent: int, latents_per_second: int) -> Controls:
+        """What the latent step with that number gets, from 1; `latents_per_second` is the rollout's, 1 to 240."""
+        struct = c.Controls()
+        call("script_get_controls", self._handle, latent, latents_per_second, byref(struct))
+        return Controls._of(struct)
+
+    @property
+    def duration(self) -> float:
+        """Seconds of world time until its end, or until the last thing happens."""
+        microseconds = c_uint64()
+        call("script_get_duration", self._handle, byref(microseconds))
+        return microseconds.value / 1e6
+
+    @property
+    def text(self) -> str:
+        """The script in the canonical form of the format."""
+        return read_text("script_get_text", self._handle)
+
+
+class Recorder(Object):
+    """Collects what a player does and makes a `Script` of it. Times are seconds of world time; events come in order.
+
+    One call at a time; a second one beside it raises `Busy`.
+    """
+
+    _kind = "recorder"
+
+    def __init__(self) -> None:
+        super().__init__(make("recorder_create"))
+
+    def key(self, seconds: float, key: int | str, down: bool) -> None:
+        """A key or mouse button went down or up; repeats are ignored."""
+        call("recorder_key", self._handle, _microseconds(seconds), key_code(key), int(bool(down)))
+
+    def mouse(self, seconds: float, dx: float, dy: float) -> None:
+        """The mouse moved by raw counts, right and down positive."""
+        call("recorder_mouse", self._handle, _microseconds(seconds), dx, dy)
+
+    def scroll(self, seconds: float, notches: int) -> None:
+        """The wheel turned, up positive."""
+        call("recorder_scroll", self._handle, _microseconds(seconds), notches)
+
+    def step(self, latent: int, latents_per_second: int, controls: Controls) -> None:
+        """A latent step got these controls; `latent` counts from 1. A script of all steps gives them back bit for bit."""
+        call("recorder_step", self._handle, latent, latents_per_second, byref(controls._struct()))
+
+    def script(self, seconds: float) -> Script:
+        """A script of what was recorded, which ends at that time; keys that are held are released there."""
+        return Script._own(make("recorder_make_script", self._handle, _microseconds(seconds)))
+
+
+def _microseconds(seconds: float) -> int:
+    if not 0 <= seconds <= 1e9:
+        raise refuse("seconds", f"{seconds} is no time", "Give seconds of world time from 0 to 86400")
+    return round(seconds * 1e6)
+
+

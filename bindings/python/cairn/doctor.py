@@ -1,0 +1,164 @@
+"""`python -m cairn doctor`: whether Cairn works here, and what to do where it does not."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from . import _library
+from .controls import Controls
+from .errors import Error
+from .world import Device, Requirement, World, requirements
+
+_T = TypeVar("_T")
+
+_WIDTH = 100
+
+# Why each thing is needed: what nobody has to know who only wants it to run, and everybody who wants to mend it.
+_WHY = {
+    "python": "The package is written for Python 3.11 and newer, and speaks to the library by ctypes, of 64 bits as the library is.",
+    "library": "Cairn itself: one shared library in Rust, with the C interface of include/cairn.h. This package is a thin layer over it.",
+    "onnxruntime": "ONNX Runtime runs the world's neural networks. It is not part of Cairn and is loaded when a device is made.",
+    "platform": "The processor and the system the library was built for.",
+    "memory": "A world keeps its weights and its memory of the past in the system's memory; `world.memory` has the figures.",
+    "device": "A device is what a world runs on. The CPU device works on every system.",
+    "world": "A world is a bundle: graphs, weights, licence and checksums (docs/bundle.md).",
+    "step": "A step makes the next latent of a rollout from the player's controls, and pictures of it.",
+}
+
+_REMEDIES = {
+    "onnxruntime": "Run `cargo xtask setup` in a clone of Cairn, which fetches it; or install ONNX Runtime 1.24 and set "
+    "CAIRN_ONNXRUNTIME to its library file (in the wheel `onnxruntime` it is onnxruntime/capi/libonnxruntime.so.1.24.*, on "
+    "Windows onnxruntime.dll)",
+    "memory": "Close other programs, or load the world at an operating point with a shorter window, such as baseline-112",
+}
+
+
+@dataclass
+class Report:
+    """What was found so far; lines are printed as they come."""
+
+    good: bool = True
+
+    def line(self, mark: str, what: str, found: str) -> None:
+        self.good &= mark != "FAIL"
+        head = f"{mark:5}{what:13}"
+        print(textwrap.fill(found, _WIDTH, initial_indent=head, subsequent_indent=" " * len(head), break_on_hyphens=False))
+
+    def explain(self, *texts: str) -> None:
+        for text in filter(None, texts):
+            indent = " " * 18
+            print(textwrap.fill(text, _WIDTH, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False))
+
+    def fail(self, what: str, found: str, remedy: str) -> None:
+        self.line("FAIL", what, found)
+        self.explain(_WHY.get(what, ""), f"What to do: {remedy}." if remedy else "")
+
+
+def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bool = False) -> bool:
+    """Looks at everything from Python up to a step of a world, prints what it finds, and says whether all is well."""
+    report = Report()
+
+    def good(what: str, found: str) -> None:
+        report.line("ok", what, found)
+        if verbose:
+            report.explain(_WHY.get(what, ""))
+
+    bits = 64 if sys.maxsize > 1 << 32 else 32
+    found = f"{platform.python_version()}, {bits} bits, {sys.platform} on {platform.machine()}"
+    if sys.version_info < (3, 11) or bits != 64:
+        report.fail("python", found, "Use Python 3.11 or newer, of 64 bits")
+    else:
+        good("python", found)
+
+    if not _library_is_there(report, good, verbose):
+        return False
+    for requirement in _try(report, "device", lambda: requirements(onnxruntime=onnxruntime)) or []:
+        _requirement(report, requirement, good)
+    if not report.good:
+        return False
+    device = _try(report, "device", lambda: Device.cpu(onnxruntime=onnxruntime))
+    if device is None:
+        return False
+    with device:
+        good("device", device.description)
+        if world is None:
+            print("\nAll is well. To try a world as well: python -m cairn doctor --world PATH")
+            return report.good
+        loaded = _try(report, "world", lambda: device.load_world(world))
+        if loaded is None:
+            return False
+        with loaded:
+            _world(report, loaded, good)
+    if report.good:
+        print("\nAll is well.")
+    return report.good
+
+
+def _library_is_there(report: Report, good: Callable[[str, str], None], verbose: bool) -> bool:
+    try:
+        library = _library.library()
+    except Error as error:
+        places = _library.places()
+        cause, _, _ = (error.cause or str(error)).partition("; looked at ")
+        report.fail("library", cause, error.remedy)
+        report.explain("Looked for, in this order:", *(f"- {p}{'' if p.is_file() else ' (not there)'}" for p in places))
+        if not os.environ.get(_library.VARIABLE):
+            report.explain(f"{_library.VARIABLE} is not set.")
+        return False
+    version = _library.dotted(library.version)
+    good("library", f"{library.path}, version {version}, binary interface {library.abi_version}")
+    if verbose and os.environ.get(_library.VARIABLE):
+        report.explain(f"{_library.VARIABLE} names it.")
+    return True
+
+
+def _requirement(report: Report, requirement: Requirement, good: Callable[[str, str], None]) -> None:
+    text = f"{requirement.found or 'nothing found'} (needed: {requirement.needed})"
+    if requirement.met:
+        good(requirement.what, text)
+    elif requirement.met is None:
+        report.line("?", requirement.what, text)
+        report.explain(_WHY.get(requirement.what, ""))
+    else:
+        report.fail(requirement.what, text, _REMEDIES.get(requirement.what, ""))
+
+
+def _world(report: Report, world: World, good: Callable[[str, str], None]) -> None:
+    import numpy as np
+
+    info = world.info
+    mebibytes = world.memory.total / (1 << 20)
+    good("world", f"{info.name}, {info.render_width}x{info.render_height} pixels, {info.licence}, needs {mebibytes:.0f} MiB")
+    grey = np.full((info.render_height, info.render_width, 4), 128, np.uint8)
+
+    def step() -> str:
+        with world.rollout() as rollout:
+            rollout.append(grey)
+            began = time.perf_counter()
+            rollout.step(Controls())
+            seconds = time.perf_counter() - began
+            with rollout.anchor() as anchor:
+                shown = anchor.picture()
+        real = info.latents_per_second * seconds
+        pace = f"{real:.1f} times as long as the world's own time" if real > 1 else "as fast as the world's own time"
+        return f"{seconds:.3f} s, {pace}; its picture is {shown.shape[1]}x{shown.shape[0]}"
+
+    made = _try(report, "step", step)
+    if made is not None:
+        good("step", made)
+
+
+def _try(report: Report, what: str, work: Callable[[], _T]) -> _T | None:
+    try:
+        return work()
+    except Error as error:
+        place = f"{error.field}: " if error.field else ""
+        report.fail(what, f"{place}{error.cause or error} ({error.name})", error.remedy)
+        return None

@@ -1,0 +1,306 @@
+"""Frames between anchors: guidance, which is motion and depth of a pair of anchors, and presenters."""
+
+from __future__ import annotations
+
+from ctypes import POINTER, byref, c_float, c_uint16
+from dataclasses import dataclass
+from typing import Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _interface as c
+from ._handles import Object, plain
+from ._library import call, make
+from .errors import refuse
+from .pictures import Bytes, Floats, Halves, Order, target
+from .rollout import Anchor
+
+Motion = Literal["auto", "pictures", "paper"]
+"""Where motion comes from: what scores best, the two pictures, or the two latents."""
+
+Prefer = Literal["auto", "require", "never"]
+"""Whether a generator is used where it can be, must be there, or is not used."""
+
+_MOTIONS = {"auto": c.MOTION_AUTO, "pictures": c.MOTION_PICTURES, "paper": c.MOTION_PAPER}
+_PREFERENCES = {"auto": c.PREFER_AUTO, "require": c.PREFER_REQUIRE, "never": c.PREFER_NEVER}
+_DEPTHS = {"device": 0, "inverted": c.DEPTH_INVERTED, "linear": c.DEPTH_LINEAR}
+_SOURCES = {
+    c.FRAME_ANCHOR: "anchor",
+    c.FRAME_DECODED: "decoded",
+    c.FRAME_GENERATED: "generated",
+    c.FRAME_EXTRAPOLATED: "extrapolated",
+    c.FRAME_HELD: "held",
+}
+
+
+def _choose(field: str, choice: str, choices: dict[str, int]) -> int:
+    if choice not in choices:
+        raise refuse(field, f"{choice!r} is no choice", f"Use one of {', '.join(choices)}")
+    return choices[choice]
+
+
+@dataclass(frozen=True)
+class GuidanceInfo:
+    """What guidance is: its size in pixels, the distances of the planes, and the vertical field of view in radians."""
+
+    width: int
+    height: int
+    near_plane: float
+    far_plane: float
+    vertical_fov: float
+
+
+class Guidance(Object):
+    """Motion and depth of a pair of anchors, of their size. It does not change, and may be used from any thread."""
+
+    _kind = "guidance"
+
+    @classmethod
+    def of_anchors(cls, previous: Anchor, current: Anchor, motion: Motion = "auto") -> Self:
+        """Finds motion and depth of two anchors. A presenter does this by itself; it is for doing it sooner, or looking at it.
+
+        Raises `InvalidArgument` for anchors of different sizes, and where "paper" has no latents; `OutOfMemory`.
+        """
+        source = _choose("motion", motion, _MOTIONS)
+        return cls(make("guidance_create", previous._handle, current._handle, source))
+
+    @classmethod
+    def of_arrays(
+        cls,
+        motion: npt.ArrayLike,
+        depth: npt.ArrayLike | None = None,
+        *,
+        depth_kind: Literal["device", "inverted", "linear"] = "device",
+        near_plane: float = 0.0,
+        far_plane: float = 0.0,
+        vertical_fov: float = 0.0,
+    ) -> Self:
+        """Guidance of motion and depth of your own, as an engine has them; both are copied.
+
+        `motion` is `[height, width, 2]` in pixels, x and y from the current anchor to the previous one, y down; it becomes
+        float16. `depth` is `[height, width]` and becomes float32: "device" is 0 near and 1 far, "inverted" 1 near and 0 far,
+        "linear" the distance along the view axis in the units of `near_plane`. The planes and `vertical_fov` in radians are 0 all
+        three for 0.1, 100 and 60 degrees.
+
+        Raises `InvalidArgument`, `OutOfMemory`.
+        """
+        flags = _choose("depth_kind", depth_kind, _DEPTHS)
+        # A motion too large for a half float is infinite in it, which the library takes for none.
+        with np.errstate(over="ignore"):
+            vectors = np.ascontiguousarray(motion, np.float16)
+        if vectors.ndim != 3 or vectors.shape[2] != 2:
+            raise refuse("motion", f"has the shape {list(vectors.shape)}", "Give [height, width, 2]")
+        height, width = vectors.shape[:2]
+        data = c.GuidanceData(
+            flags=flags,
+            width=width,
+            height=height,
+            motion=vectors.ctypes.data,
+            motion_count=vectors.size,
+            near_plane=near_plane,
+            far_plane=far_plane,
+            vertical_fov=vertical_fov,
+        )
+        distances: Floats | None = None
+        if depth is not None:
+            distances = np.ascontiguousarray(depth, np.float32)
+            if distances.shape != (height, width):
+                raise refuse("depth", f"has the shape {list(distances.shape)}", f"Give [{height}, {width}], as motion")
+            data.depth = distances.ctypes.data
+            data.depth_count = distances.size
+        guidance = cls(make("guidance_create_from_host", byref(data)))
+        # The library has copied both; until here they had to live.
+        del vectors, distances
+        return guidance
+
+    @property
+    def info(self) -> GuidanceInfo:
+        """What it is."""
+        return GuidanceInfo(**plain(self._filled("guidance_get_info", c.GuidanceInfo)))
+
+    def motion(self) -> Halves:
+        """The motion: a copy, `float16` `[height, width, 2]`, x and y in pixels from the current anchor to the previous one."""
+        info = self.info
+        motion = np.empty((info.height, info.width, 2), np.float16)
+        call("guidance_read_motion", self._handle, motion.ctypes.data_as(POINTER(c_uint16)), motion.size)
+        return motion
+
+    def depth(self) -> Floats:
+        """Device depth of the current anchor, 0 near and 1 far: a copy, `float32` `[height, width]`."""
+        info = self.info
+        depth = np.empty((info.height, info.width), np.float32)
+        call("guidance_read_depth", self._handle, depth.ctypes.data_as(POINTER(c_float)), depth.size)
+        return depth
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame of a presenter. `source` is "anchor", "decoded", "generated", "extrapolated" or "held"; `position` its place in the
+    stream, anchor i having i times the multiplier. It is due from `since_ns` to `until_ns`. `previous` and `current` are the
+    numbers of the anchors around it, and `t`, 0 to 1, is how far it is from one to the other. `cut` says that a cut keeps it
+    from being generated, `repeated` that it is the very picture that was drawn before."""
+
+    source: str
+    position: int
+    since_ns: int
+    until_ns: int
+    previous: int
+    current: int
+    t: float
+    cut: bool
+    repeated: bool
+
+    @classmethod
+    def _of(cls, struct: c.Frame) -> Self:
+        fields = plain(struct, ("flags", "source"))
+        return cls(
+            source=_SOURCES.get(struct.source, str(struct.source)),
+            cut=bool(struct.flags & c.FRAME_CUT),
+            repeated=bool(struct.flags & c.FRAME_REPEATED),
+            **fields,
+        )
+
+
+@dataclass(frozen=True)
+class PresenterStatistics:
+    """What a presenter has done since it was made. `generator` is the one that is used, such as "cpu"; `preference` says why one
+    that might be better is not."""
+
+    anchors: int
+    late_anchors: int
+    slipped_ns: int
+    shown_anchors: int
+    shown_decoded: int
+    shown_generated: int
+    shown_extrapolated: int
+    shown_held: int
+    repeated: int
+    cuts: int
+    guidance_ns: int
+    generate_ns: int
+    resize_ns: int
+    generator: str
+    preference: str
+
+
+class Presenter(Object):
+    """Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, and makes it.
+
+    It reads no clock: every time is yours, in nanoseconds from wherever you like, such as `time.monotonic_ns()`. `draw` is one at
+    a time, and a second one beside it raises `Busy`; all else may be called from any thread, also while a frame is drawn.
+    """
+
+    _kind = "presenter"
+
+    def __init__(
+        self,
+        multiplier: int = 2,
+        *,
+        size: tuple[int, int] = (0, 0),
+        interval_ns: int = 0,
+        delay_ns: int = 0,
+        hold_late: bool = False,
+        catch_up: bool = False,
+        decoded: bool = True,
+        capacity: int = 0,
+        motion: Motion = "auto",
+        linear: bool = False,
+        fsr: Prefer = "auto",
+        shader: Prefer = "auto",
+        cpu: Prefer = "auto",
+    ) -> None:
+        """`multiplier` is frames to an anchor: 1, 2, 3, 4 or 6. `size` is width and height of the frames; (0, 0) is the anchors'.
+
+        `interval_ns` is from one anchor to the next; 0 is what the first anchor's rate says. `delay_ns` is from when an anchor
+        comes until it is due; 0 is an interval. `hold_late` lets the last anchor stand where one is late; `catch_up` shows
+        frames sooner after a late one; `decoded=False` generates frames also where the anchor brings them. `capacity` is how
+        many anchors may wait, 1 to 64; 0 is 4. `linear` writes linear light, into half floats only. `fsr`, `shader` and `cpu`
+        say which generators are wanted.
+
+        Raises `InvalidArgument`; `Unsupported` for a required generator that is not there; `OutOfMemory`.
+        """
+        width, height = size
+        for field, number, bits in (
+            ("multiplier", multiplier, 32),
+            ("size", width, 32),
+            ("size", height, 32),
+            ("interval_ns", interval_ns, 64),
+            ("delay_ns", delay_ns, 64),
+            ("capacity", capacity, 32),
+        ):
+            if not 0 <= number < 1 << bits:
+                raise refuse(field, f"{number} is out of range", "Give a number that is not negative, or 0 for the default")
+        flags = c.PRESENTER_HOLD_LATE * hold_late | c.PRESENTER_CATCH_UP * catch_up
+        flags |= c.PRESENTER_NO_DECODED * (not decoded)
+        options = c.PresenterOptions(
+            multiplier=multiplier,
+            width=width,
+            height=height,
+            interval_ns=interval_ns,
+            delay_ns=delay_ns,
+            flags=flags,
+            capacity=capacity,
+            motion=_choose("motion", motion, _MOTIONS),
+            colour_space=c.COLOUR_LINEAR if linear else c.COLOUR_SRGB,
+            fsr=_choose("fsr", fsr, _PREFERENCES),
+            shader=_choose("shader", shader, _PREFERENCES),
+            cpu=_choose("cpu", cpu, _PREFERENCES),
+        )
+        self._wanted = self._size = (width, height)
+        super().__init__(make("presenter_create", byref(options)))
+
+    def push(self, anchor: Anchor, now_ns: int, guidance: Guidance | None = None) -> bool:
+        """Gives it the next anchor, which came at `now_ns`; False when as many wait as may, and it was not taken.
+
+        `guidance` is of the anchor before and this one; without it the presenter finds its own. It keeps what it needs, so both
+        may be closed. An anchor whose number is not one above the last, or that is a cut, has nothing generated before it.
+
+        Raises `InvalidArgument` for another size than the first anchor's, and for a first one without a rate where there is no
+        `interval_ns`.
+        """
+        given = None if guidance is None else guidance._handle
+        result = call("presenter_push", self._handle, anchor._handle, given, _time(now_ns))
+        if result == c.OK and self._size == (0, 0):
+            info = anchor.info
+            self._size = (info.width, info.height)
+        return result == c.OK
+
+    def query(self, now_ns: int) -> Frame | None:
+        """The frame that is due when it is shown at `now_ns`; None before the first anchor came."""
+        frame = c.Frame()
+        result = call("presenter_query", self._handle, _time(now_ns), byref(frame))
+        return None if result == c.NOT_READY else Frame._of(frame)
+
+    def draw(
+        self, now_ns: int, *, out: Bytes | Halves | None = None, order: Order = "rgba"
+    ) -> tuple[Frame, Any] | None:
+        """Makes the frame that is due at `now_ns`: what it is, and its pixels. None before the first anchor came.
+
+        The pixels are `uint8` `[height, width, 4]` in a new array, or `out`, which may also be `float16`: display-referred, or linear
+        light where the presenter was made so. Raises `InvalidArgument`, `Busy`, `OutOfMemory`.
+        """
+        width, height = self._size
+        if width == 0 or height == 0:
+            return None
+        halves = isinstance(out, np.ndarray) and out.dtype == np.float16
+        struct, pixels = target(out, height, width, order, np.float16 if halves else np.uint8)
+        frame = c.Frame()
+        result = call("presenter_draw", self._handle, _time(now_ns), byref(struct), byref(frame))
+        return None if result == c.NOT_READY else (Frame._of(frame), pixels)
+
+    def reset(self) -> None:
+        """Forgets all anchors and when they came: the next one is a first again."""
+        call("presenter_reset", self._handle)
+        self._size = self._wanted
+
+    @property
+    def statistics(self) -> PresenterStatistics:
+        """What it has done, and with what."""
+        return PresenterStatistics(**plain(self._filled("presenter_get_statistics", c.PresenterStatistics)))
+
+
+def _time(now_ns: int) -> int:
+    if not 0 <= now_ns < 1 << 64:
+        raise refuse("now_ns", f"{now_ns} is no time", "Give nanoseconds from 0 to 2**64 - 1")
+    return now_ns

@@ -1,0 +1,314 @@
+"""Rollouts, which make anchors from controls, and anchors."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from ctypes import POINTER, byref, c_char, c_float, c_size_t, c_uint64, c_void_p
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _interface as c
+from ._handles import Object, plain
+from ._library import call, encoded, make
+from .controls import Controls
+from .errors import Error, refuse
+from .pictures import Bytes, Floats, Order, source, target
+
+# Between two looks at whether Ctrl+C was pressed, as a call into the library cannot be interrupted.
+_GLANCE_NS = 100_000_000
+
+
+@dataclass(frozen=True)
+class AnchorInfo:
+    """What an anchor is. `cut` says that nothing leads to it from the anchor before. `latent` is the number of its latent in the
+    rollout, from 0; `latents_per_second` is 0 for a picture of your own, and so are the sizes of its latent."""
+
+    cut: bool
+    latent: int
+    latents_per_second: int
+    pictures: int
+    width: int
+    height: int
+    latent_channels: int
+    latent_height: int
+    latent_width: int
+
+
+class Anchor(Object):
+    """An anchor: a copy that stays as it is, whatever becomes of its rollout. May be used from any thread."""
+
+    _kind = "anchor"
+
+    @classmethod
+    def of_picture(cls, picture: npt.ArrayLike, number: int, *, cut: bool = False, order: Order = "rgba") -> Self:
+        """An anchor of a picture of your own, `uint8` `[height, width, 4]` or `[height, width, 3]`, which is copied.
+
+        `number` counts up by one from anchor to anchor; `cut` says that nothing leads to it from the one before.
+        Raises `InvalidArgument`, `OutOfMemory`.
+        """
+        struct, owner = source(picture, order)
+        anchor = cls(make("anchor_create", byref(struct), number, c.ANCHOR_CUT if cut else 0))
+        del owner
+        return anchor
+
+    @property
+    def info(self) -> AnchorInfo:
+        """What it is."""
+        struct = self._filled("anchor_get_info", c.AnchorInfo)
+        return AnchorInfo(cut=bool(struct.flags & c.ANCHOR_CUT), **plain(struct, ("flags",)))
+
+    def picture(self, index: int = -1, *, out: Bytes | None = None, order: Order = "rgba") -> Bytes:
+        """One of its pictures, `uint8` `[height, width, 4]`: a copy, yours for good.
+
+        `index` is in order of time and counts from the end where negative; the last is the anchor itself. `out` takes the pixels
+        where given, also a part of a larger array, and is given back. Raises `InvalidArgument`.
+        """
+        info = self.info
+        number = index + info.pictures if index < 0 else index
+        if not 0 <= number < info.pictures:
+            raise refuse("index", f"{index} is none of {info.pictures} pictures", f"Give 0 to {info.pictures - 1}, or -1")
+        struct, out = target(out, info.height, info.width, order)
+        call("anchor_read_picture", self._handle, number, byref(struct))
+        return out
+
+    def pictures(self, *, order: Order = "rgba") -> list[Bytes]:
+        """All its pictures, in order of time."""
+        return [self.picture(i, order=order) for i in range(self.info.pictures)]
+
+    def latent(self) -> Floats:
+        """Its latent, `float32` `[channels, height, width]`: a copy. Raises `Unsupported` for a picture of your own."""
+        info = self.info
+        latent = np.empty((info.latent_channels, info.latent_height, info.latent_width), np.float32)
+        call("anchor_read_latent", self._handle, latent.ctypes.data_as(POINTER(c_float)), latent.size)
+        return latent
+
+
+@dataclass(frozen=True)
+class StepInfo:
+    """What a step did. `committed` says that keys and values went into the ring; times are nanoseconds of wall time."""
+
+    committed: bool
+    latent: int
+    denoise_passes: int
+    cache_passes: int
+    encode_ns: int
+    denoise_ns: int
+    cache_ns: int
+    commit_ns: int
+    decode_ns: int
+    ring_bytes: int
+
+    @classmethod
+    def _of(cls, struct: c.StepInfo) -> Self:
+        return cls(committed=bool(struct.flags & c.STEP_COMMITTED), **plain(struct, ("flags",)))
+
+
+@dataclass(frozen=True)
+class RolloutInfo:
+    """What a rollout is, and how far: `latents` made so far, its `seed`, its rates, and how it runs in full."""
+
+    latents: int
+    seed: int
+    pictures_per_latent: int
+    latents_per_second: int
+    presented_rate: int
+    operating_point: str
+
+
+@dataclass(frozen=True)
+class RolloutStatistics:
+    """What a rollout has done since it was made, as of the end of its last step; `queue_depth` is of now. Times are nanoseconds."""
+
+    queue_depth: int
+    latents: int
+    denoise_passes: int
+    cache_passes: int
+    decode_passes: int
+    encode_ns: int
+    denoise_ns: int
+    cache_ns: int
+    commit_ns: int
+    decode_ns: int
+    resize_ns: int
+    uploaded_bytes: int
+    copied_bytes: int
+    read_bytes: int
+    ring_bytes: int
+
+
+class Rollout(Object):
+    """One running instance of a world: its memory of the past, its clocks and its noise.
+
+    `append`, `step`, `reset` and `restore` are one at a time: beside another of them, or while steps are queued, they raise
+    `Busy`. All else may be called from any thread at any time; queries raise `Busy` while a step is running.
+    """
+
+    _kind = "rollout"
+
+    @property
+    def info(self) -> RolloutInfo:
+        """What it is, and how far."""
+        return RolloutInfo(**plain(self._filled("rollout_get_info", c.RolloutInfo)))
+
+    @property
+    def statistics(self) -> RolloutStatistics:
+        """What it has done so far; does not wait for a step that is running."""
+        return RolloutStatistics(**plain(self._filled("rollout_get_statistics", c.RolloutStatistics)))
+
+    def append(self, picture: npt.ArrayLike, *, order: Order = "rgba") -> StepInfo:
+        """Appends a picture of any size: the seed, or later an edit of the scene. It is `uint8` `[height, width, 4]` or
+        `[height, width, 3]`, and is copied. Raises `InvalidArgument`, `Busy`, `OutOfMemory`, `DeviceError`, `Cancelled`."""
+        struct, owner = source(picture, order)
+        info = c.StepInfo()
+        call("rollout_append", self._handle, byref(struct), byref(info))
+        del owner
+        return StepInfo._of(info)
+
+    def step(self, controls: Controls = Controls()) -> StepInfo:  # noqa: B008 (it does not change)
+        """Makes the next latent; the controls stand for one latent's span of world time. Raises `InvalidArgument`, `Busy`,
+        `Unsupported` for a key that the world does not know, `OutOfMemory`, `DeviceError`, `Cancelled`."""
+        info = c.StepInfo()
+        call("rollout_step", self._handle, byref(controls._struct()), byref(info))
+        return StepInfo._of(info)
+
+    def anchor(self) -> Anchor:
+        """A copy of the last anchor. Raises `InvalidArgument` before the first latent; `Busy` while a step is running."""
+        return Anchor(make("rollout_get_anchor", self._handle))
+
+    def reset(self) -> None:
+        """Back to the start with the same seed: no latents, empty memory."""
+        call("rollout_reset", self._handle)
+
+    def submit(self, controls: Controls = Controls()) -> int | None:  # noqa: B008 (it does not change)
+        """Queues a step for the rollout's own thread, and returns at once: the ticket to ask for the result with, or None when
+        the queue is full. A step that fails takes those queued behind it with it."""
+        return self._submitted("rollout_submit", controls._struct())
+
+    def submit_picture(self, picture: npt.ArrayLike, *, order: Order = "rgba") -> int | None:
+        """Queues the append of a picture, which is copied; see `append` and `submit`."""
+        struct, owner = source(picture, order)
+        ticket = self._submitted("rollout_submit_picture", struct)
+        del owner
+        return ticket
+
+    def _submitted(self, function: str, struct: c.Sized) -> int | None:
+        ticket = c_uint64()
+        result = call(function, self._handle, byref(struct), byref(ticket))
+        return None if result == c.QUEUE_FULL else ticket.value
+
+    def poll(self, ticket: int) -> tuple[StepInfo, Anchor] | None:
+        """The result of a queued step, without waiting; None while it waits or runs. A result is given once.
+
+        Raises what the step raised; `InvalidArgument` for a ticket that was given its result.
+        """
+        return self._result("rollout_poll", ticket)
+
+    def wait(self, ticket: int, timeout: float | None = None) -> tuple[StepInfo, Anchor] | None:
+        """As `poll`, and waits for the step to end: `timeout` seconds at most, None for as long as it takes.
+
+        None when the time is over. Closing the rollout ends the wait with `Cancelled`.
+        """
+        if timeout is not None and not timeout >= 0:
+            raise refuse("timeout", f"{timeout} is no time to wait", "Give seconds, or None for as long as it takes")
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = _GLANCE_NS if end is None else min(_GLANCE_NS, max(0, round((end - time.monotonic()) * 1e9)))
+            result = self._result("rollout_wait", ticket, left)
+            if result is not None or left < _GLANCE_NS:
+                return result
+
+    def _result(self, function: str, *arguments: int) -> tuple[StepInfo, Anchor] | None:
+        info, anchor = c.StepInfo(), c_void_p()
+        result = call(function, self._handle, *arguments, byref(info), byref(anchor))
+        if result == c.NOT_READY or anchor.value is None:
+            return None
+        return StepInfo._of(info), Anchor(anchor.value)
+
+    def play(self, controls: Iterable[Controls]) -> Iterator[Anchor]:
+        """Makes a step of each of the controls and gives the anchors in order, keeping the queue full meanwhile: the world
+        works on the next steps while the caller looks at an anchor.
+
+        When the iteration is given up, what is queued is cancelled.
+        """
+        tickets: deque[int] = deque()
+        steps = iter(controls)
+        following = next(steps, None)
+        try:
+            while tickets or following is not None:
+                while following is not None and (ticket := self.submit(following)) is not None:
+                    tickets.append(ticket)
+                    following = next(steps, None)
+                if not tickets:
+                    raise refuse("queue", "is full of steps that others submitted", "Take their results first")
+                result = self.wait(tickets[0])
+                tickets.popleft()
+                assert result is not None, "a wait without a timeout ended without a result"
+                yield result[1]
+        finally:
+            if tickets and not self.closed:
+                self._give_up(tickets)
+
+    def _give_up(self, tickets: Iterable[int]) -> None:
+        """Ends queued steps, and takes their results so that the queue is empty."""
+        self.cancel()
+        for ticket in tickets:
+            try:
+                self.wait(ticket)
+            except Error:
+                # It was cancelled, or taken along by a step that failed and has said so.
+                continue
+
+    def cancel(self) -> None:
+        """Ends all that is going on: queued steps are not made, and the one in progress ends before its next pass. Each raises
+        `Cancelled`, and the rollout is as before it. Does not wait."""
+        call("rollout_cancel", self._handle)
+
+    def pause(self) -> None:
+        """Holds the queue: the step in progress ends as it would, and no other begins."""
+        call("rollout_pause", self._handle)
+
+    def resume(self) -> None:
+        """Lets a held queue go on."""
+        call("rollout_resume", self._handle)
+
+    def single_step(self) -> bool:
+        """Lets exactly one step of a held queue run; False when none is queued. Raises `InvalidArgument` when not paused."""
+        return call("rollout_single_step", self._handle) == c.OK
+
+    def save(self) -> bytes:
+        """The whole state: memory, clocks, seed, operating point, last pictures. A rollout that takes it up goes on bit for bit.
+
+        Raises `Busy` while a step is running; `OutOfMemory`, `DeviceError`.
+        """
+        size = c_size_t()
+        call("rollout_save", self._handle, None, 0, byref(size))
+        state = bytearray(size.value)
+        memory = (c_char * size.value).from_buffer(state)
+        call("rollout_save", self._handle, memory, size.value, byref(size))
+        del memory
+        return bytes(state[: size.value])
+
+    def save_file(self, path: str | os.PathLike[str]) -> None:
+        """Writes the whole state into a file, whole or not at all. Raises `FileError` and what `save` raises."""
+        call("rollout_save_file", self._handle, encoded(path, "path"))
+
+    def restore(self, state: bytes | bytearray | memoryview) -> None:
+        """Takes up a state of the same bundle, precision and global window; seed and operating point become the state's.
+
+        Raises `InvalidState`, `Unsupported` for a state of another version, `Busy`, `DeviceError`; the rollout is then as it was.
+        """
+        size = memoryview(state).nbytes
+        if size == 0:
+            raise refuse("state", "is empty", "Give what save() gave")
+        memory = np.frombuffer(state, np.uint8)
+        call("rollout_restore", self._handle, memory.ctypes.data, size)
+
+    def restore_file(self, path: str | os.PathLike[str]) -> None:
+        """Takes up a state from a file. Raises `FileError` and what `restore` raises."""
+        call("rollout_restore_file", self._handle, encoded(path, "path"))

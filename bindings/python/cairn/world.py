@@ -1,0 +1,280 @@
+"""Devices that run worlds, and worlds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from ctypes import POINTER, byref, c_uint32, sizeof
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+from . import _interface as c
+from ._handles import Object, plain
+from ._library import call, encoded, make, read_text
+from .errors import Cancelled, refuse
+
+if TYPE_CHECKING:
+    from .rollout import Rollout
+
+Precision = Literal["f32", "f16"]
+_PRECISIONS = {"f32": c.PRECISION_F32, "f16": c.PRECISION_F16}
+_PRECISION_NAMES = {number: name for name, number in _PRECISIONS.items()}
+_KINDS = {"cpu": c.DEVICE_CPU, "d3d12": c.DEVICE_D3D12}
+_KIND_NAMES = {number: name for name, number in _KINDS.items()}
+
+Progress = Callable[[str, int, int], object]
+"""`progress(stage, done, total)`: stage is "reading" in bytes, then "preparing" in graphs. `False` ends the load."""
+
+
+@dataclass(frozen=True)
+class Adapter:
+    """Something that a device can be made of. `kind` is "cpu" or "d3d12"; `memory` is in bytes, 0 where unknown."""
+
+    kind: str
+    index: int
+    name: str
+    memory: int
+    luid: int
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """One thing that a device needs. `what` is "platform", "onnxruntime" or "memory", or the number of one that is newer than
+    this package; `met` is None where it depends on the world, or the system does not tell."""
+
+    what: str
+    met: bool | None
+    needed: str
+    found: str
+
+
+def adapters() -> list[Adapter]:
+    """What devices can be made of: the processor always, and Direct3D 12 adapters where the library can use them."""
+    found = _list(c.Adapter, lambda *array: call("adapters", *array))
+    return [
+        Adapter(_KIND_NAMES.get(a.kind, str(a.kind)), a.index, a.name.decode(errors="replace"), a.memory, a.luid)
+        for a in found
+    ]
+
+
+def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | None = None) -> list[Requirement]:
+    """What a device of that kind, "cpu" or "d3d12", needs and what was found; missing things are no error."""
+    if kind not in _KINDS:
+        raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
+    options = c.CpuOptions(onnxruntime=encoded(onnxruntime, "onnxruntime"))
+    found = _list(c.Requirement, lambda *array: call("device_requirements", _KINDS[kind], byref(options), *array))
+    names = {c.REQUIREMENT_PLATFORM: "platform", c.REQUIREMENT_ONNXRUNTIME: "onnxruntime", c.REQUIREMENT_MEMORY: "memory"}
+    met = {c.REQUIREMENT_MET: True, c.REQUIREMENT_NOT_MET: False}
+    return [
+        Requirement(
+            names.get(r.what, str(r.what)),
+            met.get(r.status),
+            r.needed.decode(errors="replace"),
+            r.found.decode(errors="replace"),
+        )
+        for r in found
+    ]
+
+
+def _list(kind: type[c.Sized], fill: Callable[..., int]) -> list[Any]:
+    """An array of structs that the library fills; there may be more at the second look than at the first."""
+    count = c_uint32()
+    fill(POINTER(kind)(), sizeof(kind), 0, byref(count))
+    while True:
+        capacity = count.value
+        array = (kind * capacity)()
+        for element in array:
+            element.struct_size = sizeof(kind)
+        fill(array, sizeof(kind), capacity, byref(count))
+        if count.value <= capacity:
+            return list(array[: count.value])
+
+
+class Device(Object):
+    """A device that runs worlds. May be used from any thread."""
+
+    _kind = "device"
+
+    @classmethod
+    def cpu(
+        cls,
+        threads: int = 0,
+        *,
+        deterministic: bool = False,
+        onnxruntime: str | os.PathLike[str] | None = None,
+    ) -> Self:
+        """A device of this machine's processor; loads ONNX Runtime.
+
+        `threads` share one pass, 1 to 1024; 0 is one for each physical core, and the last bits of a rollout depend on it.
+        `deterministic` asks for ONNX Runtime's deterministic kernels only. `onnxruntime` names its library file; None is the one
+        the environment variable CAIRN_ONNXRUNTIME names, else the first beside this library or in the user's cache directory.
+
+        Raises `RuntimeMissing` when ONNX Runtime 1.24 is not there; `Unsupported` when this process uses another file of it
+        already; `InvalidArgument`; `DeviceError` when it does not start.
+        """
+        if not 0 <= threads <= 1024:
+            raise refuse("threads", f"{threads} is no number of threads", "Give 1 to 1024, or 0 for each physical core")
+        flags = c.CPU_DETERMINISTIC if deterministic else 0
+        options = c.CpuOptions(threads=threads, flags=flags, onnxruntime=encoded(onnxruntime, "onnxruntime"))
+        return cls(make("device_create_cpu", byref(options)))
+
+    def _info(self) -> c.DeviceInfo:
+        return self._filled("device_get_info", c.DeviceInfo)
+
+    @property
+    def description(self) -> str:
+        """For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"."""
+        return str(self._info().description.decode(errors="replace"))
+
+    @property
+    def kind(self) -> str:
+        """ "cpu" or "d3d12"."""
+        return _KIND_NAMES[self._info().kind]
+
+    @property
+    def precision(self) -> str:
+        """What it computes in unless told otherwise: "f32" or "f16"."""
+        return _PRECISION_NAMES[self._info().precision]
+
+    @property
+    def threads(self) -> int:
+        """Threads that share one pass."""
+        return int(self._info().threads)
+
+    def load_world(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        precision: Precision | None = None,
+        operating_point: str | None = None,
+        memory_limit: int = 0,
+        progress: Progress | None = None,
+    ) -> World:
+        """Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs.
+        Takes seconds to minutes with real weights; other threads go on meanwhile.
+
+        `path` is a bundle, a folder or a file; None is the world embedded in the library, where there is one. `precision` None
+        is what the device is best at. `operating_point` is a preset, with changes after commas where needed, such as
+        "coherence" or "stock,g64,native"; None is "stock" at the bundle's own window. `memory_limit` is in bytes for the world
+        and one rollout; 0 is what the system has available. `progress` is called on this thread.
+
+        Raises `InvalidArgument`, `FileError`, `InvalidBundle`, `Unsupported`, `OutOfMemory` with figures, `DeviceError`;
+        `Cancelled` when `progress` gave False; and what `progress` raises.
+        """
+        if precision is not None and precision not in _PRECISIONS:
+            raise refuse("precision", f"{precision!r} is no precision", 'Use "f32" or "f16", or None')
+        if not 0 <= memory_limit < 1 << 64:
+            raise refuse("memory_limit", f"{memory_limit} is no number of bytes", "Give bytes, or 0 for no limit of your own")
+        raised: list[BaseException] = []
+
+        def told(state: Any, _user: object) -> int:
+            # Nothing may be thrown through the library: it is kept, the load ends, and it goes on from there.
+            try:
+                at = state.contents
+                stage = "reading" if at.stage == c.LOAD_READING else "preparing"
+                return int(progress is not None and progress(stage, at.done, at.total) is False)
+            except BaseException as error:
+                raised.append(error)
+                return 1
+
+        options = c.WorldOptions(
+            precision=_PRECISIONS.get(precision or "", 0),
+            path=encoded(path, "path"),
+            operating_point=encoded(operating_point, "operating_point"),
+            memory_limit=memory_limit,
+            # Also without one of the caller's: it is where Ctrl+C is noticed.
+            progress=c.load_callback(told),
+        )
+        try:
+            return World(make("world_load", self._handle, byref(options)))
+        except Cancelled:
+            if raised:
+                raise raised[0] from None
+            raise
+
+
+@dataclass(frozen=True)
+class WorldInfo:
+    """What a world is. Sizes are in pixels; rates are per second of world time; windows are in latents.
+
+    `render_*` is the size of an anchor's pictures, in square pixels, and `decoded_*` as the autoencoder makes them, which may be
+    squeezed. `latent_*` is the shape of a latent. `global_window` is how far a global layer looks back, as loaded;
+    `keys` is one more than the highest virtual-key code it knows; `digest` is the bundle's identity.
+    """
+
+    name: str
+    licence: str
+    digest: str
+    precision: str
+    render_width: int
+    render_height: int
+    decoded_width: int
+    decoded_height: int
+    latent_channels: int
+    latent_height: int
+    latent_width: int
+    tokens: int
+    layers: int
+    pictures_per_latent: int
+    local_window: int
+    global_window: int
+    max_global_window: int
+    global_dilation: int
+    latents_per_second: int
+    keys: int
+
+
+@dataclass(frozen=True)
+class WorldMemory:
+    """Bytes that a world and one rollout need. `ring` and `slabs` are what each further rollout takes."""
+
+    bundle: int
+    weights: int
+    ring: int
+    slabs: int
+    intermediates: int
+    autoencoder: int
+    arena: int
+    total: int
+
+
+class World(Object):
+    """A loaded world. It may have any number of rollouts, which share its weights. May be used from any thread."""
+
+    _kind = "world"
+
+    @property
+    def info(self) -> WorldInfo:
+        """What it is."""
+        fields = plain(self._filled("world_get_info", c.WorldInfo))
+        return WorldInfo(**{**fields, "precision": _PRECISION_NAMES[fields["precision"]]})
+
+    @property
+    def memory(self) -> WorldMemory:
+        """How much memory it needs with one rollout, as was found before loading."""
+        return WorldMemory(**plain(self._filled("world_get_memory", c.WorldMemory)))
+
+    @property
+    def licence_text(self) -> str:
+        """The text of its licence; empty where the bundle has none."""
+        return read_text("world_get_licence", self._handle)
+
+    def rollout(self, seed: int = 0, *, operating_point: str | None = None, queue_capacity: int = 0) -> Rollout:
+        """Starts a rollout, empty: append a seed picture first.
+
+        `seed` of 64 bits decides all noise: the same seed, world, device and controls give the same pictures, bit for bit.
+        `operating_point` must have the world's global window; None is the world's. `queue_capacity` is how many steps may wait,
+        run, or be done and not asked for, 1 to 64; 0 is 4.
+
+        Raises `InvalidArgument`, `OutOfMemory` with figures, `DeviceError`.
+        """
+        from .rollout import Rollout
+
+        if not 0 <= seed < 1 << 64:
+            raise refuse("seed", f"{seed} does not fit into 64 bits", "Give a whole number from 0 to 2**64 - 1")
+        if not 0 <= queue_capacity <= c.MAX_QUEUE:
+            raise refuse("queue_capacity", f"{queue_capacity} is no length of a queue", f"Give 1 to {c.MAX_QUEUE}, or 0 for 4")
+        options = c.RolloutOptions(
+            seed=seed, queue_capacity=queue_capacity, operating_point=encoded(operating_point, "operating_point")
+        )
+        return Rollout(make("rollout_create", self._handle, byref(options)))

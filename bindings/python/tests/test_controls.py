@@ -1,0 +1,78 @@
+"""Keys, control scripts and recordings, as the library reads and writes them."""
+
+from pathlib import Path
+
+import pytest
+
+import cairn
+import runtime
+
+SCRIPTS = sorted((runtime.ROOT / "samples" / "scripts").glob("*.txt"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def library():
+    runtime.need_library()
+
+
+@pytest.mark.parametrize("name", sorted(cairn.KEYS))
+def test_a_key_s_name_is_that_of_scripts(name):
+    with cairn.Script(f"cairn-controls 1\n0..1 hold {name}\n") as script:
+        assert script.controls(1, 15).keys == (cairn.KEYS[name],) == (cairn.key_code(name.lower()),)
+
+
+def test_every_code_has_a_name():
+    for code in range(256):
+        assert cairn.key_code(f"VK_0x{code:02x}") == code == cairn.key_code(code)
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_a_script_and_its_text_say_the_same(path: Path):
+    with cairn.Script.read(path) as script, cairn.Script(script.text) as again:
+        assert script.duration == again.duration > 0
+        for latent in range(1, 31):
+            assert script.controls(latent, 15) == again.controls(latent, 15)
+        with pytest.raises(cairn.InvalidArgument):
+            script.controls(1, 0)
+
+
+def test_what_is_wrong_in_a_script_is_named():
+    with pytest.raises(cairn.InvalidArgument, match="line 2"):
+        cairn.Script("cairn-controls 1\n0..1 hold NO_SUCH_KEY\n")
+    with pytest.raises(cairn.Unsupported):
+        cairn.Script("cairn-controls 999\n")
+
+
+def test_steps_that_are_recorded_come_back_bit_for_bit():
+    steps = [
+        cairn.Controls(),
+        cairn.Controls(["W", "MOUSE_LEFT"], (12.5, -3), 1),
+        cairn.Controls(["W"], (-0.25, 0), -1),
+        cairn.Controls([], (0, 1)),
+    ]
+    with cairn.Recorder() as recorder:
+        for number, controls in enumerate(steps, 1):
+            recorder.step(number, 15, controls)
+        with recorder.script(len(steps) / 15) as script:
+            assert [script.controls(number, 15) for number in range(1, len(steps) + 1)] == steps
+
+
+def test_events_become_a_script():
+    with cairn.Recorder() as recorder:
+        recorder.key(0.1, "W", True)
+        recorder.key(0.15, "W", True)
+        recorder.mouse(0.2, 5, -1)
+        recorder.scroll(0.25, 2)
+        recorder.key(0.3, "W", False)
+        with pytest.raises(cairn.InvalidArgument, match="seconds"):
+            recorder.mouse(float("nan"), 1, 1)
+        with recorder.script(1) as script:
+            assert script.duration == 1
+            assert script.controls(1, 1) == cairn.Controls(["W"], (5, -1), 1)
+
+
+def test_controls_know_their_keys():
+    controls = cairn.Controls(["w", 0x41, "W"], (1, 2), 3)
+    assert controls.keys == (0x41, 0x57)
+    assert controls == cairn.Controls([0x57, "a"], (1, 2), 3)
+    assert len({controls, cairn.Controls(["a", "w"], (1, 2), 3)}) == 1

@@ -1,0 +1,75 @@
+"""`python -m cairn`, as a user runs it: in a process of its own, and where things are missing."""
+
+import ctypes
+import os
+
+import pytest
+
+import runtime
+
+
+@pytest.fixture(scope="module", autouse=True)
+def library():
+    return runtime.need_library()
+
+
+def doctor(*arguments: str, **environment: str | None):
+    return runtime.python("-m", "cairn", "doctor", *arguments, **environment)
+
+
+def test_all_is_well_with_a_world():
+    result = doctor("--world", str(runtime.need_worlds() / "tiny"))
+    assert result.returncode == 0, result.stdout + result.stderr
+    for what in ("python", "library", "platform", "onnxruntime", "device", "world", "step"):
+        assert any(line.split()[:2] == ["ok", what] for line in result.stdout.splitlines()), what
+    assert "All is well." in result.stdout and "FAIL" not in result.stdout
+
+
+def test_each_thing_is_explained_when_asked():
+    result = doctor("--verbose")
+    assert result.returncode == 0
+    assert "ONNX Runtime runs the world's neural networks" in result.stdout and "--world PATH" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "environment", "says"),
+    [
+        ([], {"CAIRN_LIBRARY": "no/such/file"}, ["FAIL library", "cargo build --release", "no/such/file", "(not there)"]),
+        ([], {"CAIRN_LIBRARY": __file__}, ["FAIL library", "cannot be loaded"]),
+        (["--onnxruntime", "no/such/file"], {}, ["FAIL onnxruntime", "CAIRN_ONNXRUNTIME", "cargo xtask setup"]),
+        (["--world", "no/such/world"], {}, ["FAIL world", "no/such/world", "docs/bundle.md"]),
+        (["--world", os.path.dirname(__file__)], {}, ["FAIL world", "cairn-world.json"]),
+    ],
+)
+def test_what_is_wrong_is_named_with_what_to_do(arguments, environment, says):
+    result = doctor(*arguments, **environment)
+    shown = " ".join(result.stdout.split())
+    assert result.returncode == 1 and not result.stderr
+    for part in [*says, "What to do: "]:
+        assert part in shown, result.stdout
+
+
+def test_a_library_that_is_not_ours_is_refused():
+    other = getattr(ctypes, "_ctypes", None) or __import__("_ctypes")
+    result = doctor(CAIRN_LIBRARY=other.__file__)
+    assert result.returncode == 1 and "has no cairn_abi_version" in " ".join(result.stdout.split())
+
+
+def test_the_builder_needs_no_library():
+    result = runtime.python("-m", "cairn.build", "describe", "--preset", "tiny", CAIRN_LIBRARY="no/such/file")
+    assert result.returncode == 0, result.stderr
+
+
+def test_the_end_of_a_program_is_quiet_with_everything_open():
+    program = (
+        "import sys, cairn, numpy\n"
+        "device = cairn.Device.cpu(threads=1)\n"
+        "world = device.load_world(sys.argv[1])\n"
+        "rollout = world.rollout()\n"
+        "rollout.append(numpy.zeros((8, 8, 3), numpy.uint8))\n"
+        "tickets = [rollout.submit() for _ in range(4)]\n"
+        "anchor = rollout.anchor()\n"
+        "print(anchor.picture().shape)\n"
+    )
+    result = runtime.python("-X", "dev", "-c", program, str(runtime.need_worlds() / "tiny"))
+    assert (result.returncode, result.stdout.strip(), result.stderr) == (0, "(72, 128, 4)", "")

@@ -1,0 +1,109 @@
+"""`cairn._interface` against `abi.txt`, the record of the C interface."""
+
+import ctypes
+from pathlib import Path
+
+import pytest
+
+import cairn
+from cairn import _interface as c
+from cairn.errors import _KINDS
+
+RECORD = (Path(__file__).parents[3] / "abi.txt").read_text(encoding="utf-8").splitlines()
+
+STRUCTS = {
+    "cairn_" + "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in name).lstrip("_"): kind
+    for name, kind in vars(c).items()
+    if isinstance(kind, type) and issubclass(kind, c.Sized) and kind is not c.Sized
+}
+
+# By the C type's text, without const and the parameter's name. Handles are numbers: every pointer to one is void.
+TYPES = {
+    "uint16_t *": ctypes.POINTER(ctypes.c_uint16),
+    "uint32_t": ctypes.c_uint32,
+    "int32_t": ctypes.c_int32,
+    "uint64_t": ctypes.c_uint64,
+    "size_t": ctypes.c_size_t,
+    "float": ctypes.c_float,
+    "cairn_result": ctypes.c_int32,
+    "void *": ctypes.c_void_p,
+    "char *": ctypes.c_char_p,
+    "size_t *": ctypes.POINTER(ctypes.c_size_t),
+    "uint32_t *": ctypes.POINTER(ctypes.c_uint32),
+    "uint64_t *": ctypes.POINTER(ctypes.c_uint64),
+    "float *": ctypes.POINTER(ctypes.c_float),
+    "cairn_log_callback": c.log_callback,
+    **{f"{name} *": ctypes.POINTER(kind) for name, kind in STRUCTS.items()},
+}
+
+
+def lines(kind: str) -> list[list[str]]:
+    """Words of the record's lines of a kind."""
+    found = [line.split(" ")[1:] for line in RECORD if line.startswith(f"{kind} ")]
+    assert found, f"abi.txt has no {kind}"
+    return found
+
+
+def parsed(declaration: str) -> tuple[str, object]:
+    """Name and ctypes type of a parameter or function, from its declaration in C."""
+    text = declaration.replace("const ", "").replace("struct ", "").strip()
+    at = max(text.rfind(" "), text.rfind("*")) + 1
+    kind, name = text[:at].strip(), text[at:]
+    if kind in TYPES:
+        return name, TYPES[kind]
+    stars = kind.count("*")
+    assert kind.startswith("cairn_") and stars in (1, 2), f"an unknown type: {declaration}"
+    return name, ctypes.c_void_p if stars == 1 else ctypes.POINTER(ctypes.c_void_p)
+
+
+def test_constants_are_those_of_the_record():
+    recorded = {name.removeprefix("CAIRN_"): int(value) for name, value in lines("constant")}
+    assert recorded["FOREVER"] == -1
+    recorded["FOREVER"] = 2**64 - 1
+    assert {name: value for name, value in vars(c).items() if name.isupper() and isinstance(value, int)} == recorded
+
+
+def test_structs_have_the_sizes_and_places_of_the_record():
+    recorded = {name for name, _ in lines("struct")}
+    assert STRUCTS.keys() == recorded
+    newest = dict(lines("size"))
+    for name, kind in STRUCTS.items():
+        assert ctypes.sizeof(kind) == int(newest[name]), name
+        assert kind().struct_size == ctypes.sizeof(kind)
+        fields = [(path, int(at), int(size)) for path, at, size in lines("field") if path.split(".")[0] == name]
+        own = [(f"{name}.{field}", getattr(kind, field).offset, getattr(kind, field).size) for field, _ in kind._fields_]
+        assert own == fields
+
+
+def test_functions_take_and_answer_what_the_record_says():
+    recorded = {}
+    for line in RECORD:
+        if line.startswith("function "):
+            head, _, rest = line.removeprefix("function ").partition("(")
+            name, answer = parsed(head)
+            inside = rest.rstrip(")")
+            parameters = () if inside == "void" else tuple(parsed(part)[1] for part in inside.split(","))
+            recorded[name.removeprefix("cairn_")] = (parameters, answer)
+    own = {name: (types, c.RETURNS.get(name, ctypes.c_int32)) for name, types in c.FUNCTIONS.items()}
+    assert own == recorded
+
+
+def test_every_error_has_an_exception_of_its_own():
+    errors = {value for name, value in vars(c).items() if name.startswith("ERROR_")}
+    assert _KINDS.keys() == errors
+    assert len(set(_KINDS.values())) == len(errors)
+    for result, kind in _KINDS.items():
+        assert kind("x").result == result
+        assert kind("x").name.startswith("CAIRN_ERROR_")
+        assert str(kind("what it says", result)) == "what it says"
+
+
+def test_all_that_is_exported_is_there():
+    for name in cairn.__all__:
+        assert getattr(cairn, name) is not None, name
+
+
+@pytest.mark.parametrize("name", sorted(STRUCTS))
+def test_a_struct_starts_as_zeroes(name):
+    struct = STRUCTS[name]()
+    assert bytes(struct)[4:] == bytes(ctypes.sizeof(struct) - 4)

@@ -1,0 +1,39 @@
+"""The Python of README.md and of the package's page, run as it is shown."""
+
+from pathlib import Path
+
+import pytest
+
+import cairn
+import runtime
+
+PAGES = [runtime.ROOT / "README.md", runtime.ROOT / "bindings" / "python" / "README.md"]
+
+
+def blocks(page: Path) -> list[str]:
+    """The Python that a page shows."""
+    return [part.split("```")[0] for part in page.read_text(encoding="utf-8").split("```python\n")[1:]]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.parent.name)
+def test_what_the_page_shows_runs(page, capsys):
+    runtime.need_library()
+    picture = runtime.pattern(90, 160)
+    with cairn.Device.cpu(threads=2) as device:
+        names = {
+            "cairn": cairn,
+            "device": device,
+            "path": runtime.need_worlds() / "tiny",
+            "script": runtime.ROOT / "samples" / "scripts" / "walk.txt",
+            "picture": picture,
+            "seed": picture,
+        }
+        shown = blocks(page)
+        for block in shown:
+            # Blocks follow each other, as on the page.
+            exec(compile(block, str(page), "exec"), names)
+            names["device"] = device
+    assert shown and len(capsys.readouterr().out.splitlines()) == 15
+    if "film" in names:
+        assert len(names["shown"]) == 16 and {"anchor", "decoded"} <= set(names["shown"])
+        assert len(names["film"]) == 60 and names["film"][0].shape == (72, 128, 4) and len(names["state"]) > 0

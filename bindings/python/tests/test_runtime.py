@@ -1,0 +1,394 @@
+"""The runtime through the package: a whole rollout, lifetimes, errors, callbacks. Drives the shared library."""
+
+import gc
+import logging
+import threading
+import weakref
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cairn
+import runtime
+from cairn import logs
+
+
+@pytest.fixture(scope="module")
+def device():
+    runtime.need_library()
+    with cairn.Device.cpu(threads=2) as device:
+        yield device
+
+
+@pytest.fixture(scope="module")
+def world_path() -> Path:
+    return runtime.need_worlds() / "tiny"
+
+
+@pytest.fixture(scope="module")
+def world(device, world_path):
+    with device.load_world(world_path) as world:
+        yield world
+
+
+@pytest.fixture
+def rollout(world):
+    with world.rollout(seed=7) as rollout:
+        rollout.append(runtime.pattern(72, 128))
+        yield rollout
+
+
+WALK = [cairn.Controls(keys=["W"], mouse=(8 * i, -2)) for i in range(5)]
+
+
+def shown(world, walk, seed=7) -> np.ndarray:
+    """The last pictures of a walk's anchors."""
+    with world.rollout(seed=seed) as rollout:
+        rollout.append(runtime.pattern(72, 128))
+        pictures = []
+        for controls in walk:
+            rollout.step(controls)
+            with rollout.anchor() as anchor:
+                pictures.append(anchor.picture())
+    return np.stack(pictures)
+
+
+def test_a_whole_rollout(device, world_path):
+    stages = []
+    with device.load_world(world_path, progress=lambda *at: stages.append(at)) as world:
+        assert {stage for stage, _, _ in stages} == {"reading", "preparing"}
+        assert stages[-1][1] == stages[-1][2] > 0
+        info = world.info
+        assert (info.render_width, info.render_height, info.precision) == (128, 72, "f32")
+        assert info.pictures_per_latent == 4 and len(info.digest) == 64 and info.licence == "CC0-1.0"
+        assert world.memory.total > world.memory.ring > 0
+        with world.rollout(seed=1) as rollout:
+            assert rollout.info.latents == 0
+            first = rollout.append(runtime.pattern(200, 300, channels=3))
+            assert first.committed and first.latent == 0
+            before = None
+            for number in range(1, 16):
+                step = rollout.step(cairn.Controls(keys=["W", 0x10], mouse=(3, -1), scroll=1))
+                assert step.latent == number and step.denoise_passes > 0 and step.denoise_ns > 0
+                with rollout.anchor() as anchor:
+                    pictures = anchor.pictures()
+                    latent = anchor.latent()
+                    assert anchor.info.latent == number and not anchor.info.cut
+                assert [picture.shape for picture in pictures] == [(72, 128, 4)] * 4
+                assert latent.shape == (info.latent_channels, info.latent_height, info.latent_width)
+                assert np.isfinite(latent).all() and np.ptp(latent) > 0
+                assert before is None or not np.array_equal(before, pictures[-1])
+                before = pictures[-1]
+            assert rollout.info.latents == rollout.statistics.latents == 16
+
+
+def test_equal_seeds_and_controls_give_equal_pictures(world):
+    first = shown(world, WALK)
+    assert np.array_equal(first, shown(world, WALK))
+    assert not np.array_equal(first, shown(world, WALK, seed=8))
+    assert not np.array_equal(first, shown(world, [cairn.Controls()] * len(WALK)))
+
+
+def test_pictures_outlive_everything(device, world_path):
+    world = device.load_world(world_path)
+    rollout = world.rollout()
+    rollout.append(runtime.pattern(72, 128))
+    anchor = rollout.anchor()
+    world.close()
+    rollout.step()
+    rollout.close()
+    picture, latent = anchor.picture(), anchor.latent()
+    anchor.close()
+    copies = picture.copy(), latent.copy()
+    gc.collect()
+    assert np.array_equal(picture, copies[0]) and np.array_equal(latent, copies[1])
+    assert picture.flags.writeable and picture.flags.owndata
+
+
+def test_arrays_of_any_layout_are_read_right(rollout):
+    picture = runtime.pattern(72, 128)
+    wide = np.zeros((80, 140, 4), np.uint8)
+    wide[3:75, 5:133] = picture
+    expected = first_picture(picture)
+    for same in (wide[3:75, 5:133], np.asfortranarray(picture), picture[::-1].copy()[::-1], picture[:, :, :3]):
+        assert np.array_equal(first_picture(same), expected)
+    assert np.array_equal(first_picture(picture[:, :, [2, 1, 0, 3]], order="bgra"), expected)
+    assert not np.array_equal(first_picture(picture[::-1]), expected)
+
+
+def first_picture(picture, order="rgba") -> np.ndarray:
+    with cairn.Anchor.of_picture(picture, 0, order=order) as anchor:
+        return anchor.picture()
+
+
+def test_pictures_go_into_memory_of_the_caller(rollout):
+    with rollout.anchor() as anchor:
+        picture = anchor.picture()
+        wall = np.full((100, 200, 4), 9, np.uint8)
+        part = wall[10:82, 20:148]
+        assert anchor.picture(out=part) is part
+        assert np.array_equal(part, picture)
+        part[:] = 9
+        assert (wall == 9).all(), "nothing beside the part was written"
+        blue = anchor.picture(order="bgra")
+        assert np.array_equal(blue[:, :, [2, 1, 0, 3]], picture)
+        assert np.array_equal(anchor.picture(3), picture) and np.array_equal(anchor.picture(-4), anchor.picture(0))
+        read_only = np.empty((72, 128, 4), np.uint8)
+        read_only.flags.writeable = False
+        for wrong in (np.empty((72, 128, 3), np.uint8), np.empty((72, 128, 4), np.int8), wall[10:82, 20:148].T, read_only, [1]):
+            with pytest.raises(cairn.InvalidArgument, match="out: "):
+                anchor.picture(out=wrong)
+        for index in (4, -5):
+            with pytest.raises(cairn.InvalidArgument, match="0 to 3"):
+                anchor.picture(index)
+
+
+@pytest.mark.parametrize(
+    ("picture", "message"),
+    [
+        (np.zeros((4, 4, 4), np.float32), "astype"),
+        (np.zeros((4, 4), np.uint8), "height, width, 4"),
+        (np.zeros((4, 4, 2), np.uint8), "height, width, 4"),
+        (np.zeros((0, 4, 4), np.uint8), "at least one pixel"),
+        (np.zeros((1, 16385, 4), np.uint8), "16384"),
+        ("a text", "uint8"),
+    ],
+)
+def test_what_is_no_picture_is_refused_with_a_remedy(rollout, picture, message):
+    with pytest.raises(cairn.InvalidArgument, match=message) as raised:
+        rollout.append(picture)
+    assert "picture" in raised.value.field
+    assert rollout.info.latents == 1
+
+
+def test_an_error_has_the_library_s_message_and_its_parts(device, tmp_path):
+    with pytest.raises(cairn.Error) as raised:
+        device.load_world(tmp_path / "nowhere")
+    error = raised.value
+    assert error.function == "cairn_world_load"
+    assert error.name.startswith("CAIRN_ERROR_") and error.result < 0
+    assert str(tmp_path / "nowhere") in error.field
+    assert str(error).startswith("cairn_world_load: ")
+    assert all(part in str(error) for part in (error.field, error.cause, error.remedy))
+    with pytest.raises(ValueError, match="fastest") as raised:
+        device.load_world(tmp_path, operating_point="fastest")
+    assert isinstance(raised.value, cairn.InvalidArgument)
+
+
+def test_texts_that_cannot_go_across_are_refused(device):
+    for path in ("a\0b", "\udcff", b"bytes"):
+        with pytest.raises(cairn.InvalidArgument, match="path: "):
+            device.load_world(path)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda device, world: cairn.Device.cpu(threads=1025),
+        lambda device, world: cairn.Device.cpu(threads=-1),
+        lambda device, world: world.rollout(seed=-1),
+        lambda device, world: world.rollout(seed=1 << 64),
+        lambda device, world: world.rollout(queue_capacity=65),
+        lambda device, world: world.rollout(operating_point="nonsense"),
+        lambda device, world: device.load_world(precision="f8"),
+        lambda device, world: cairn.Controls(keys="W"),
+        lambda device, world: cairn.Controls(keys=["NO_SUCH_KEY"]),
+        lambda device, world: cairn.Controls(keys=[256]),
+        lambda device, world: cairn.Script("no script"),
+        lambda device, world: cairn.requirements("gpu"),
+    ],
+)
+def test_what_is_out_of_range_is_refused(device, world, make):
+    with pytest.raises(cairn.InvalidArgument) as raised:
+        make(device, world)
+    assert raised.value.cause
+
+
+def test_controls_that_cannot_be_leave_the_rollout_as_it_was(rollout):
+    for controls in (cairn.Controls(mouse=(float("nan"), 0)), cairn.Controls(mouse=(1e6, 0))):
+        with pytest.raises(cairn.InvalidArgument):
+            rollout.step(controls)
+    assert rollout.info.latents == 1
+
+
+def test_what_is_closed_stays_closed(world):
+    rollout = world.rollout()
+    assert not rollout.closed
+    rollout.close()
+    rollout.close()
+    assert rollout.closed
+    with pytest.raises(cairn.InvalidHandle, match="this Rollout is closed"):
+        rollout.step()
+
+
+def test_the_collector_gives_back(world):
+    rollout = world.rollout()
+    rollout.append(runtime.pattern(8, 8))
+    assert rollout.submit() is not None
+    gone = weakref.ref(rollout)
+    cycle = [rollout]
+    cycle.append(cycle)
+    del rollout, cycle
+    gc.collect()
+    assert gone() is None
+
+
+def test_a_load_can_be_given_up(device, world_path):
+    with pytest.raises(cairn.Cancelled):
+        device.load_world(world_path, progress=lambda *_: False)
+
+    class Mine(Exception):
+        pass
+
+    def fail(stage, done, total):
+        if stage == "preparing":
+            raise Mine
+
+    with pytest.raises(Mine):
+        device.load_world(world_path, progress=fail)
+    device.load_world(world_path).close()
+
+
+def test_the_queue_gives_what_steps_give(world):
+    expected = shown(world, WALK)
+    with world.rollout(seed=7, queue_capacity=3) as rollout:
+        assert rollout.submit_picture(runtime.pattern(72, 128)) is not None
+        # The seed's result is still to be taken, so there is room for two.
+        tickets = [rollout.submit(WALK[0]), rollout.submit(WALK[1])]
+        assert None not in tickets and rollout.submit(WALK[2]) is None
+        assert rollout.wait(1) is not None
+        for i, ticket in enumerate(tickets):
+            info, anchor = rollout.wait(ticket)
+            assert info.latent == i + 1 and np.array_equal(anchor.picture(), expected[i])
+        with pytest.raises(cairn.InvalidArgument):
+            rollout.poll(tickets[0])
+        for i, anchor in enumerate(rollout.play(WALK[2:])):
+            assert np.array_equal(anchor.picture(), expected[i + 2])
+        assert rollout.info.latents == len(WALK) + 1
+
+
+def test_a_play_that_is_given_up_leaves_the_queue_empty(rollout):
+    for anchor in rollout.play([cairn.Controls()] * 50):
+        assert anchor.info.latent == 1
+        break
+    gc.collect()
+    rollout.step()
+    assert rollout.statistics.queue_depth == 0
+    assert 2 < rollout.info.latents < 20
+
+
+def test_pause_and_single_step(rollout):
+    rollout.pause()
+    with pytest.raises(cairn.InvalidArgument):
+        rollout.resume()
+        rollout.single_step()
+    rollout.pause()
+    assert not rollout.single_step()
+    tickets = [rollout.submit(), rollout.submit()]
+    assert rollout.wait(tickets[0], timeout=0.05) is None and rollout.poll(tickets[0]) is None
+    assert rollout.single_step()
+    assert rollout.wait(tickets[0]) is not None and rollout.poll(tickets[1]) is None
+    rollout.cancel()
+    with pytest.raises(cairn.Cancelled):
+        rollout.wait(tickets[1])
+    rollout.resume()
+    rollout.step()
+
+
+def test_a_second_step_beside_a_queued_one_is_busy(rollout):
+    rollout.pause()
+    ticket = rollout.submit()
+    with pytest.raises(cairn.Busy):
+        rollout.step()
+    rollout.resume()
+    assert rollout.wait(ticket) is not None
+
+
+def test_a_saved_state_goes_on_bit_for_bit(world, tmp_path):
+    expected = shown(world, WALK)
+    file = tmp_path / "ein Zustand – 状態.state"
+    with world.rollout(seed=7) as rollout, world.rollout(seed=1) as other, world.rollout(seed=2) as third:
+        rollout.append(runtime.pattern(72, 128))
+        for controls in WALK[:2]:
+            rollout.step(controls)
+        state = rollout.save()
+        rollout.save_file(file)
+        other.restore(bytearray(state))
+        third.restore_file(file)
+        for heir in (other, third):
+            assert heir.info.seed == 7
+            heir.step(WALK[2])
+            assert np.array_equal(heir.anchor().picture(), expected[2])
+        for wrong in (b"", state[:-1], bytes(len(state))):
+            with pytest.raises((cairn.InvalidState, cairn.InvalidArgument, cairn.Unsupported)):
+                other.restore(wrong)
+        with pytest.raises(OSError, match="nowhere"):
+            other.restore_file(tmp_path / "nowhere")
+        assert other.info.latents == 4
+
+
+def test_a_scene_edit_is_a_cut(rollout):
+    rollout.step()
+    rollout.append(np.full((36, 64, 3), 200, np.uint8))
+    with rollout.anchor() as anchor:
+        assert anchor.info.cut
+    rollout.reset()
+    assert rollout.info.latents == 0
+    with pytest.raises(cairn.InvalidArgument):
+        rollout.anchor()
+
+
+def test_threads_run_beside_each_other(world):
+    expected = shown(world, WALK)
+    found: list[np.ndarray] = []
+    threads = [threading.Thread(target=lambda: found.append(shown(world, WALK))) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 3 and all(np.array_equal(each, expected) for each in found)
+
+
+def test_other_threads_run_while_a_step_does(rollout):
+    went_on = threading.Event()
+    stop = threading.Event()
+
+    def count():
+        while not stop.is_set():
+            went_on.set()
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    went_on.wait()
+    went_on.clear()
+    rollout.step()
+    stop.set()
+    thread.join()
+    assert went_on.is_set()
+
+
+def test_the_log_goes_to_logging(device, caplog):
+    logger = logging.getLogger("host")
+    try:
+        cairn.log_to(logger, logging.INFO)
+        # The library says nothing when all is well: what it would call is called here.
+        with caplog.at_level(logging.DEBUG, "host"):
+            for level in range(1, 6):
+                logs._current(level, b"cairn::part", "grün".encode(), None)
+        assert [record.levelno for record in caplog.records] == [40, 30, 20, 10, 10]
+        assert {record.getMessage() for record in caplog.records} == {"cairn::part: grün"}
+        cairn.log_to(logger, logging.CRITICAL)
+    finally:
+        cairn.log_to(None)
+    assert not logs._current
+
+
+def test_what_there_is(device):
+    assert [adapter.kind for adapter in cairn.adapters()][0] == "cpu"
+    needed = {requirement.what: requirement for requirement in cairn.requirements()}
+    assert needed["onnxruntime"].met and "1.24" in needed["onnxruntime"].found
+    missing = {requirement.what: requirement for requirement in cairn.requirements(onnxruntime="no/such/file")}
+    assert missing["onnxruntime"].met is False
+    assert device.kind == "cpu" and device.precision == "f32" and device.threads == 2
+    assert "ONNX Runtime 1.24" in device.description
