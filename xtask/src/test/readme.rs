@@ -1,5 +1,6 @@
-//! The commands in README.md and docs/*.md: that they exist and take the options the text gives them. And README's Rust:
-//! that it is part of the example the compiler sees.
+//! The commands in README.md, docs/*.md and the pages of samples and bindings: that they exist and take the options the text
+//! gives them. And README's Rust and C: that they are parts of the examples the compilers see. Its Python is run by the Python
+//! tests.
 
 use std::process::Command;
 
@@ -7,13 +8,15 @@ use clap::Parser;
 
 use super::Context;
 use super::tally::Tally;
+use crate::abi::header;
 use crate::cli::Cli;
 use crate::shell::Log;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let pages = context.clone.files()?.into_iter().filter(|file| {
         file == "README.md"
-            || (file.starts_with("docs/") && std::path::Path::new(file).extension().is_some_and(|e| e == "md"))
+            || (["docs/", "samples/host-c/", "bindings/python/"].iter().any(|folder| file.starts_with(folder))
+                && std::path::Path::new(file).extension().is_some_and(|e| e == "md"))
     });
     let mut tally = Tally::default();
     for page in pages {
@@ -23,23 +26,25 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
             tally.check(failure.map(|why| format!("{page}: \"{line}\": {why}")));
         }
     }
-    let shown = rust(&context.clone.read("README.md")?);
-    let compiled = flat(&context.clone.read(EXAMPLE)?);
-    tally.check(match shown {
-        Some(shown) if compiled.contains(&flat(&shown)) => None,
-        Some(_) => Some(format!("README.md shows other Rust than {EXAMPLE} has")),
-        None => Some("README.md shows no Rust".to_owned()),
-    });
+    let page = context.clone.read("README.md")?;
+    let c = super::abi::example(&context.clone.read(header::HEADER)?)?;
+    for (language, example, compiled) in [("rust", EXAMPLE, context.clone.read(EXAMPLE)?), ("c", header::HEADER, c)] {
+        tally.check(match block(&page, language) {
+            Some(shown) if flat(&compiled).contains(&flat(shown)) => None,
+            Some(_) => Some(format!("README.md shows other {language} than {example} has")),
+            None => Some(format!("README.md shows no {language}")),
+        });
+    }
     Ok(tally)
 }
 
 /// What README.md shows a part of.
 const EXAMPLE: &str = "examples/first_light.rs";
 
-/// The first Rust block of a page.
-fn rust(page: &str) -> Option<String> {
-    let (_, rest) = page.split_once("```rust\n")?;
-    rest.split_once("```").map(|(block, _)| block.to_owned())
+/// The first block of a page in a language.
+fn block<'a>(page: &'a str, language: &str) -> Option<&'a str> {
+    let (_, rest) = page.split_once(&format!("```{language}\n"))?;
+    rest.split_once("```").map(|(block, _)| block)
 }
 
 /// A text without its white space.
@@ -79,12 +84,15 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
         ["cargo", "test" | "bench", "-p" | "--package", package, ..] => {
             Ok((!context.clone.packages.iter().any(|p| p == package)).then(|| format!("there is no package {package}")))
         }
-        [python, "-m", "cairn.build", arguments @ ..] if is_python(python) => {
+        [python, "-m", module @ ("cairn" | "cairn.build"), arguments @ ..] if is_python(python) => {
             let mut help = Command::new(context.python()?);
-            help.args(["-m", "cairn.build"]).env("PYTHONPATH", provision::python_path());
+            help.args(["-m", module]).env("PYTHONPATH", provision::python_path());
             knows(log, help, arguments)
         }
-        [python, "-m", "venv" | "pip", ..] if is_python(python) => Ok(None),
+        [python, "-m", "venv" | "pip" | "pytest", ..] if is_python(python) => Ok(None),
+        ["cargo", "build", "--release"] => Ok(None),
+        // The runner `host` builds and runs by these.
+        ["cc" | "cmake" | "./host-c", ..] => Ok(None),
         ["git" | "cd" | "mpv" | "ffplay" | "rustup" | "apt" | "apt-get" | "sudo" | "export", ..] => Ok(None),
         [program, ..] => Ok(Some(format!("{program} is no program these documents may ask for"))),
         [] => Ok(Some("a line of variables alone".to_owned())),
