@@ -87,9 +87,13 @@ impl Preparation {
                 motion_ranges(level, &given[rows], width, limit, ranges);
             } else {
                 let of_row = &given[row * TILE / tile * motion.columns() as usize..];
-                for (column, range) in ranges.iter_mut().enumerate() {
-                    let vector = of_row[column * TILE / tile];
-                    motion_ranges(level, &[vector], 1, limit, std::slice::from_mut(range));
+                let mut landing = Landing::default();
+                for (ranges, vectors) in ranges.chunks_mut(tile).zip(of_row.chunks(TILE)) {
+                    land(level, vectors, &[0.0; TILE][..vectors.len()], [0; 2], 0, limit, &mut landing);
+                    for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
+                        let vector = layer::vector(key);
+                        ranges.fill(VectorRange { low: vector, high: vector });
+                    }
                 }
             }
         });
@@ -102,8 +106,12 @@ impl Preparation {
                 depth_ranges(level, &given[rows], width, ranges);
             } else {
                 let of_row = &given[row * TILE / tile * depth.columns() as usize..];
-                for (column, range) in ranges.iter_mut().enumerate() {
-                    depth_ranges(level, &of_row[column * TILE / tile..][..1], 1, std::slice::from_mut(range));
+                let (still, mut landing) = ([[f16::ZERO; 2]; TILE], Landing::default());
+                for (ranges, depth) in ranges.chunks_mut(tile).zip(of_row.chunks(TILE)) {
+                    land(level, &still[..depth.len()], depth, [0; 2], 0, limit, &mut landing);
+                    for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
+                        ranges.fill(RankRange { near: layer::rank(key), far: layer::rank(key) });
+                    }
                 }
             }
         });

@@ -1,5 +1,7 @@
 //! Carrying claims to another time.
 
+use std::ops::Range;
+
 use parking_lot::Mutex;
 use rayon::prelude::*;
 
@@ -129,15 +131,21 @@ impl Filling {
                 (Carried::Borrowed, _) => {}
             });
         }
-        for (index, tile) in tiles.iter_mut().enumerate() {
-            let (column, row) = (index % self.grid.columns, index / self.grid.columns);
-            *tile = self.settle(&band.covers[index], self.grid.extent(column, self.top + row));
-            band.covers[index].is_rough = tile.kind == Kind::Rough;
+        let mut rough = self.grid.columns..0;
+        let covers = band.covers.chunks_mut(self.grid.columns);
+        for ((row, tiles), covers) in tiles.chunks_mut(self.grid.columns).enumerate().zip(covers) {
+            for ((column, tile), cover) in tiles.iter_mut().enumerate().zip(covers) {
+                *tile = self.settle(cover, self.grid.extent(column, self.top + row));
+                cover.is_rough = tile.kind == Kind::Rough;
+                if cover.is_rough {
+                    rough = rough.start.min(column)..rough.end.max(column + 1);
+                }
+            }
         }
         for pass in passes.iter().filter(|pass| pass.of == Carried::Own) {
             self.each_tile(pass, |column, row, tile| {
                 if tile.kind == Kind::Smooth {
-                    self.carry_tile(pass.reach, column, row, tile, band);
+                    self.carry_tile(pass.reach, column, row, tile, &rough, band);
                 }
             });
         }
@@ -185,7 +193,7 @@ impl Filling {
 
     /// The tiles of `tiles` that `from..from + len` touches.
     #[inline(always)]
-    fn touched(from: i32, len: usize, tiles: std::ops::Range<usize>) -> std::ops::Range<usize> {
+    fn touched(from: i32, len: usize, tiles: Range<usize>) -> Range<usize> {
         let until = ((from + len as i32 - 1) >> 3) + 1;
         (from >> 3).max(tiles.start as i32) as usize..until.clamp(0, tiles.end as i32) as usize
     }
@@ -262,13 +270,16 @@ impl Filling {
         Tile { kind: Kind::Smooth, holes: 0, key, low: vector, high: vector }
     }
 
-    /// Carries all of a smooth tile, if it touches one that is not.
+    /// Carries all of a smooth tile, if it touches one that is not; those lie within the columns `rough`.
     #[inline(never)]
-    fn carry_tile(&self, reach: i32, column: usize, row: usize, tile: &Tile, band: &mut Band) {
+    fn carry_tile(&self, reach: i32, column: usize, row: usize, tile: &Tile, rough: &Range<usize>, band: &mut Band) {
         let [x, y] = self.corner(reach, column, row, tile.key);
         let [across, down] = self.grid.extent(column, row);
         let rim = RIM as i32;
-        let columns = Self::touched(x - rim, across + 2 * RIM, 0..self.grid.columns);
+        let columns = Self::touched(x - rim, across + 2 * RIM, rough.clone());
+        if columns.is_empty() {
+            return;
+        }
         let mut rows = Self::touched(y - rim, down + 2 * RIM, self.top..self.top + self.rows);
         let touches_rough = rows.any(|r| {
             let covers = &band.covers[(r - self.top) * self.grid.columns..][..self.grid.columns];

@@ -4,7 +4,9 @@ use std::arch::x86_64::*;
 
 use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
 
-use super::{BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, Rule, Source, TAPS, TILE, clamped, starts};
+use super::{
+    AHEAD, BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, Rule, Source, TAPS, TILE, clamped, starts,
+};
 
 /// Pixels of a vector.
 const PIXELS: usize = 16;
@@ -25,6 +27,10 @@ pub(super) fn tile(
     let after = sampled(&Patch::new(&current, b, &mut room_b));
     let merge = Merge::new(rule);
     let mut mask = 0;
+    for row in 0..TILE {
+        // The tiles to the right are written next.
+        _mm_prefetch::<_MM_HINT_ET0>(out.as_ptr().wrapping_add(row * stride + AHEAD).cast());
+    }
     for pair in 0..TILE / 2 {
         let (rows, is_reported) = merge.sixteen(before[pair], after[pair]);
         store(out, 2 * pair, stride, rows);
@@ -172,19 +178,39 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
             _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1)
         });
     }
+    // Packing goes lane by lane; this puts the rows behind each other.
+    let in_order = _mm512_setr_epi64(0, 2, 4, 6, 1, 3, 5, 7);
+    let packed = |upper, lower| {
+        let levels = _mm512_xor_si512(_mm512_packs_epi16(upper, lower), _mm512_set1_epi8(-128));
+        _mm512_permutexvar_epi64(in_order, levels)
+    };
     let [a, b, c, d] = NEGATIVE[patch.phases[0]].map(|w| i16::from(w as u8));
     let (first, second) = (_mm512_set1_epi16(a | b << 8), _mm512_set1_epi16(c | d << 8));
     let first_pairs: __m512i = must_cast(PAIRS);
     let second_pairs = _mm512_add_epi8(first_pairs, _mm512_set1_epi8(8));
     let bias = _mm512_set1_epi16(BIAS);
-    let mut rows = [_mm512_setzero_si512(); TAPS];
-    for (j, row) in rows.iter_mut().enumerate() {
+    // Minus what a row has at the tile's columns, and the bias.
+    let across = |j: usize| {
         let bytes: __m512i = must_cast(*patch.row::<PIXELS>(j, 0));
         let pairs = _mm512_add_epi16(
             _mm512_maddubs_epi16(_mm512_permutexvar_epi8(first_pairs, bytes), first),
             _mm512_maddubs_epi16(_mm512_permutexvar_epi8(second_pairs, bytes), second),
         );
-        *row = _mm512_add_epi16(pairs, bias);
+        _mm512_add_epi16(pairs, bias)
+    };
+    if patch.phases[1] == 0 {
+        // Nothing to weight down: 128 times a row over 2^14 is the row over 2^7.
+        let row = |j: usize| _mm512_srai_epi16(_mm512_sub_epi16(_mm512_setzero_si512(), across(j)), 7);
+        return std::array::from_fn(|pair| packed(row(2 * pair + 1), row(2 * pair + 2)));
+    }
+    let mut rows = [_mm512_setzero_si512(); TAPS];
+    for (j, row) in rows.iter_mut().enumerate() {
+        *row = if patch.phases[0] == 0 {
+            let levels = _mm512_cvtepu8_epi16(must_cast(*patch.row::<TILE>(j, 1)));
+            _mm512_sub_epi16(bias, _mm512_slli_epi16(levels, 7))
+        } else {
+            across(j)
+        };
     }
     let [a, b, c, d] = CUBIC[patch.phases[1]].map(|w| -w);
     let (first, second) = (_mm512_set1_epi32(must_cast([a, b])), _mm512_set1_epi32(must_cast([c, d])));
@@ -196,12 +222,7 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
             sum(_mm512_unpackhi_epi16(a, b), _mm512_unpackhi_epi16(c, d)),
         )
     };
-    // Packing goes lane by lane; this puts the rows behind each other.
-    let in_order = _mm512_setr_epi64(0, 2, 4, 6, 1, 3, 5, 7);
-    std::array::from_fn(|pair| {
-        let levels = _mm512_xor_si512(_mm512_packs_epi16(row(2 * pair), row(2 * pair + 1)), _mm512_set1_epi8(-128));
-        _mm512_permutexvar_epi64(in_order, levels)
-    })
+    std::array::from_fn(|pair| packed(row(2 * pair), row(2 * pair + 1)))
 }
 
 /// A [`Rule`] in vectors.
