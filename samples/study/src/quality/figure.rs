@@ -48,7 +48,7 @@ pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figu
     let at = worst_place(truth, shown[1..].iter().map(|(_, picture)| picture));
     let mut tiles = vec![
         ("where it is, and the anchor before".to_owned(), overview(truth, at)?, enlarge(&previous, at)?),
-        ("truth, and the anchor behind".to_owned(), enlarge(truth, at)?, enlarge(&current, at)?),
+        ("truth, and the anchor after".to_owned(), enlarge(truth, at)?, enlarge(&current, at)?),
     ];
     for (kind, picture) in &shown {
         // Between two anchors a repeated one shows nothing that they do not show.

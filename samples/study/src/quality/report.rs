@@ -17,6 +17,9 @@ pub(super) fn text(page: &Page<'_>, measured: &Measured, caption: Option<&str>) 
     let mut out = "# Picture quality\n\n".to_owned();
     out += "Cairn makes the frames between two pictures, the anchors. How good are they? Here the true frame between two anchors \
             is held back, made again in several ways, by Cairn and by others, and what was made is compared with the truth.\n";
+    if settings.seeds.contains(&SEED_FOR_TUNING) {
+        out += "\n**These are figures of work in progress**, on the scenes that the generator is tuned on.\n";
+    }
     if let Some(caption) = caption {
         _ = write!(out, "\n![The same place as every row makes it]({FIGURE})\n\n*{caption}*\n");
     }
@@ -169,7 +172,7 @@ fn method(out: &mut String, settings: &Settings) {
     let seeds: Vec<String> = settings.seeds.iter().map(ToString::to_string).collect();
     let speed = if settings.speed { " --speed" } else { "" };
     let tuned = if settings.seeds.contains(&SEED_FOR_TUNING) {
-        "These are figures of work in progress: the generator and `picture_flow` are tuned on seed 4 of the scenes."
+        "The generator and `picture_flow` are tuned on seed 4 of the scenes, which is among these."
     } else {
         "The generator and `picture_flow` were tuned on seed 4 of the scenes alone, and not on what is shown here."
     };
