@@ -139,63 +139,98 @@ fn fill_tile<P: Colour>(
 ) {
     let grid = layer.grid;
     let tile = row * grid.columns + column;
-    let corner = [column * TILE, row * TILE];
-    let [across, down] = grid.extent(column, row);
     let own = &layer.keys[tile];
-    let mut best = [(u64::MAX, EMPTY); BLOCK];
-    // From the left, the right, above and below: what was passed last is the nearest on that side.
-    for (direction, lines) in [down, down, across, across].into_iter().enumerate() {
-        let (is_across, is_back) = (direction < 2, direction % 2 == 1);
-        let (len, side) = if is_across { (across, grid.width) } else { (down, grid.height) };
-        let first = if is_across { corner[0] } else { corner[1] };
-        for line in 0..lines {
-            let at = |along: usize| if is_across { [along, corner[1] + line] } else { [corner[0] + line, along] };
-            let mut passed = None;
-            for step in 0..len {
-                let along = first + if is_back { len - 1 - step } else { step };
-                let [x, y] = at(along);
-                let place = (y - corner[1]) * TILE + x - corner[0];
-                if own[place] != EMPTY {
-                    passed = Some((own[place], along));
-                    continue;
-                }
-                if step == 0 {
-                    passed = outside(layer, along, if is_back { side } else { 0 }, at);
-                }
-                let Some((key, from)) = passed.filter(|&(_, from)| along.abs_diff(from) <= NEAR) else { continue };
-                let cost = evidence.cost(grid, [x, y], key, along.abs_diff(from), at(from));
-                if best[place].1 == EMPTY || cost < best[place].0 {
-                    best[place] = (cost, key);
-                }
-            }
-        }
-    }
+    let mut sides =
+        Sides { layer, evidence, own, corner: [column * TILE, row * TILE], best: [(u64::MAX, EMPTY); BLOCK] };
+    // From the left, the right, above and below.
+    sides.look::<true, false>();
+    sides.look::<true, true>();
+    sides.look::<false, false>();
+    sides.look::<false, true>();
     let far = match levels[0].keys[tile] {
         EMPTY => key(u16::MAX, 0, [0; 2]),
         key => key,
     };
     keys.fill(EMPTY);
+    let [across, down] = grid.extent(column, row);
     for (j, i) in (0..down).flat_map(|j| (0..across).map(move |i| (j, i))) {
         let place = j * TILE + i;
         if own[place] == EMPTY {
-            let found = best[place].1;
+            let found = sides.best[place].1;
             keys[place] = layer::marked(if found == EMPTY { far } else { found }, evidence.mark);
         }
     }
 }
 
-/// The nearest claim on a line from `along` (itself excluded) towards `end`, and where it was found.
+/// The candidates for the holes of a tile.
+struct Sides<'a, 'e, P> {
+    layer: &'a Layer,
+    evidence: &'a Evidence<'e, P>,
+    own: &'a [Key; BLOCK],
+    corner: [usize; 2],
+    /// For each place the best so far, and what it costs.
+    best: [(u64, Key); BLOCK],
+}
+
+impl<P: Colour> Sides<'_, '_, P> {
+    /// Goes through the tile line by line, from one side to the other: what was passed last is the nearest there.
+    #[inline(always)]
+    fn look<const ACROSS: bool, const BACK: bool>(&mut self) {
+        let grid = self.layer.grid;
+        let [across, down] = grid.extent(self.corner[0] / TILE, self.corner[1] / TILE);
+        let (lines, len) = if ACROSS { (down, across) } else { (across, down) };
+        for line in 0..lines {
+            let place = |along: usize| if ACROSS { line * TILE + along } else { along * TILE + line };
+            // The nearest claim, and how far before the place at hand it lies.
+            let mut passed = None;
+            for step in 0..len {
+                let along = if BACK { len - 1 - step } else { step };
+                let key = self.own[place(along)];
+                if key != EMPTY {
+                    passed = Some((key, 0));
+                    continue;
+                }
+                passed = if step == 0 {
+                    let at = if ACROSS { [along, line] } else { [line, along] };
+                    self.outside::<ACROSS, BACK>([self.corner[0] + at[0], self.corner[1] + at[1]])
+                } else {
+                    passed.map(|(key, away)| (key, away + 1))
+                };
+                let Some((key, away)) = passed.filter(|&(_, away)| away <= NEAR) else { continue };
+                let at = if ACROSS { [along, line] } else { [line, along] };
+                let at = [self.corner[0] + at[0], self.corner[1] + at[1]];
+                let from = moved::<ACROSS, BACK>(at, away);
+                let cost = self.evidence.cost(grid, at, key, away, from);
+                let best = &mut self.best[place(along)];
+                if best.1 == EMPTY || cost < best.0 {
+                    *best = (cost, key);
+                }
+            }
+        }
+    }
+
+    /// The nearest claim before a place, and how far away it is.
+    #[inline(always)]
+    fn outside<const ACROSS: bool, const BACK: bool>(&self, at: [usize; 2]) -> Option<(Key, usize)> {
+        let Grid { width, height, .. } = self.layer.grid;
+        let (along, side) = if ACROSS { (at[0], width) } else { (at[1], height) };
+        let room = if BACK { side - 1 - along } else { along };
+        (1..=room.min(NEAR)).find_map(|away| {
+            let [x, y] = moved::<ACROSS, BACK>(at, away);
+            let key = self.layer.owner(x, y);
+            (key != EMPTY).then_some((key, away))
+        })
+    }
+}
+
+/// The place `away` places before (x, y): to its left where one looks across from there, and so on.
 #[inline(always)]
-fn outside(layer: &Layer, along: usize, end: usize, at: impl Fn(usize) -> [usize; 2]) -> Option<(Key, usize)> {
-    let look = |along: usize| {
-        let [x, y] = at(along);
-        let key = layer.owner(x, y);
-        (key != EMPTY).then_some((key, along))
-    };
-    if end > along {
-        (along + 1..end.min(along + NEAR + 1)).find_map(look)
-    } else {
-        (along.saturating_sub(NEAR)..along).rev().find_map(look)
+fn moved<const ACROSS: bool, const BACK: bool>([x, y]: [usize; 2], away: usize) -> [usize; 2] {
+    match (ACROSS, BACK) {
+        (true, false) => [x - away, y],
+        (true, true) => [x + away, y],
+        (false, false) => [x, y - away],
+        (false, true) => [x, y + away],
     }
 }
 

@@ -115,6 +115,14 @@ impl Grid {
         (y / TILE * self.columns + x / TILE, y % TILE * TILE + x % TILE)
     }
 
+    /// Whether a position lies on the picture.
+    #[inline(always)]
+    pub(super) fn holds(&self, [x, y]: [i32; 2]) -> bool {
+        // As unsigned numbers, what is negative is far beyond.
+        let is_on = |at: i32, len: usize| ((at + 32) as u32) < 64 * len as u32;
+        is_on(x, self.width) & is_on(y, self.height)
+    }
+
     /// The pixel nearest to a position, where that is on the picture.
     #[inline(always)]
     pub(super) fn nearest(&self, [x, y]: [i32; 2]) -> Option<[usize; 2]> {

@@ -131,8 +131,7 @@ impl<P: Colour> Between<'_, P> {
             let spots = self.spots([corner[0] + i, corner[1] + j], *key);
             (before.x[place], before.y[place]) = (spots.before[0], spots.before[1]);
             (after.x[place], after.y[place]) = (spots.after[0], spots.after[1]);
-            let is_outside = grid.nearest(spots.before).is_none() || grid.nearest(spots.after).is_none();
-            questionable |= u64::from(is_outside) << place;
+            questionable |= u64::from(!grid.holds(spots.before) | !grid.holds(spots.after)) << place;
         }
         let strict = Rule { careful: STRICT, ..*rule };
         let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block);

@@ -203,6 +203,7 @@ fn fetch_ahead(patch: &[Pixel], stride: usize) {
 }
 
 /// Pixels ahead of a patch: six tiles.
+#[cfg(target_arch = "x86_64")]
 const AHEAD: usize = 6 * TILE;
 
 /// Minus the weights, as signed bytes: so the 128 fits.
