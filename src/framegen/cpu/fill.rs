@@ -5,6 +5,8 @@
 //! the left, right, above and below are the candidates; where none is near, a pyramid over the tiles has one that
 //! prefers the farther surface.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use rayon::prelude::*;
 
 use super::colour::Colour;
@@ -51,16 +53,30 @@ impl Filler {
         if holes == 0 {
             return Ok(0);
         }
-        self.build(layer);
         let mut borrowed = std::mem::take(&mut layer.borrowed);
-        let (filled, levels) = (&*layer, &self.levels);
+        let (filled, is_left) = (&*layer, AtomicBool::new(false));
         borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
             for (column, keys) in tiles.iter_mut().enumerate() {
-                if filled.tiles[row * grid.columns + column].holes > 0 {
-                    fill_tile(filled, levels, evidence, column, row, keys);
+                if filled.tiles[row * grid.columns + column].holes > 0
+                    && !fill_tile(filled, evidence, column, row, keys)
+                {
+                    is_left.store(true, Ordering::Relaxed);
                 }
             }
         });
+        // Mostly there is a candidate for every place.
+        if is_left.into_inner() {
+            self.build(filled);
+            let far = &self.levels[0].keys;
+            borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
+                for (column, keys) in tiles.iter_mut().enumerate() {
+                    let tile = row * grid.columns + column;
+                    if filled.tiles[tile].holes > 0 {
+                        borrow_far(&filled.keys[tile], far[tile], evidence.mark, grid.extent(column, row), keys);
+                    }
+                }
+            });
+        }
         layer.borrowed = borrowed;
         let columns = grid.columns;
         let tiles = layer.tiles.par_chunks_mut(columns).zip(layer.borrowed.par_chunks(columns));
@@ -127,16 +143,15 @@ impl Level {
     }
 }
 
-/// Fills the holes of a tile.
+/// Fills the holes of a tile for which there is a candidate; whether that is all of them.
 #[inline(never)]
 fn fill_tile<P: Colour>(
     layer: &Layer,
-    levels: &[Level],
     evidence: &Evidence<'_, P>,
     column: usize,
     row: usize,
     keys: &mut [Key; BLOCK],
-) {
+) -> bool {
     let grid = layer.grid;
     let tile = row * grid.columns + column;
     let own = &layer.keys[tile];
@@ -147,17 +162,19 @@ fn fill_tile<P: Colour>(
     sides.look::<true, true>();
     sides.look::<false, false>();
     sides.look::<false, true>();
-    let far = match levels[0].keys[tile] {
-        EMPTY => key(u16::MAX, 0, [0; 2]),
-        key => key,
-    };
-    keys.fill(EMPTY);
-    let [across, down] = grid.extent(column, row);
-    for (j, i) in (0..down).flat_map(|j| (0..across).map(move |i| (j, i))) {
-        let place = j * TILE + i;
-        if own[place] == EMPTY {
-            let found = sides.best[place].1;
-            keys[place] = layer::marked(if found == EMPTY { far } else { found }, evidence.mark);
+    for (key, (_, found)) in keys.iter_mut().zip(sides.best) {
+        *key = if found == EMPTY { EMPTY } else { layer::marked(found, evidence.mark) };
+    }
+    let found = keys.iter().filter(|&&key| key != EMPTY).count();
+    found == usize::from(layer.tiles[tile].holes)
+}
+
+/// Fills the holes of a tile for which there was no candidate with a claim from farther away.
+fn borrow_far(own: &[Key; BLOCK], far: Key, mark: u8, [across, down]: [usize; 2], keys: &mut [Key; BLOCK]) {
+    let far = if far == EMPTY { key(u16::MAX, 0, [0; 2]) } else { far };
+    for place in (0..down).flat_map(|j| (0..across).map(move |i| j * TILE + i)) {
+        if own[place] == EMPTY && keys[place] == EMPTY {
+            keys[place] = layer::marked(far, mark);
         }
     }
 }
