@@ -2,8 +2,8 @@
 //! frames`.
 //!
 //! Every line is measured in the same run, its turns interleaved with the others', and the ratio of the medians is what
-//! counts. All run on two threads, whatever the machine has, but for those that say one. Generated frames may cost 8
-//! averages with motion by tiles and 24 with motion by pixels, and the second thread is to make them 1.7 times as fast.
+//! counts. All run on two threads, whatever the machine has, but for those that say one. The goals are 8 averages for a
+//! frame with motion by tiles and 24 with motion by pixels, and a second thread that makes it 1.7 times as fast.
 //! Arguments pick the lines whose names hold one of them; the average is always among them.
 //! Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
 

@@ -15,8 +15,9 @@
 //!    `overlay`: what stands still in front of a moving world stays where it is.
 //! 6. `inpaint`: what neither shows takes the colours around it.
 //!
-//! All but the sampling of half floats and the painting of what nobody sees is in whole numbers, and every step settles
-//! conflicts by a total order: the result is the same to the bit for every number of threads and every instruction set.
+//! Places, claims and samples of bytes are computed in whole numbers, the rest in single precision in one order without
+//! fused steps, and every step settles conflicts by a total order: the result is the same to the bit for every number of
+//! threads and every instruction set. `tests/reference.rs` describes it plainly, and is what all of them must equal.
 
 mod bars;
 mod colour;
