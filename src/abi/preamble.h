@@ -4,7 +4,8 @@
  * it, or link against it.
  *
  * It is a course, to be read from the top: what it promises (version, results, logging), what is created once (device, world),
- * what is done in every frame (pictures and controls, anchors, rollouts), what can be asked, and last what may still change.
+ * what is done in every frame (pictures and controls, anchors, rollouts, guidance, presenters), what can be asked, and last
+ * what may still change.
  *
  * A rollout, from a seed picture to the pictures of one second:
  *
