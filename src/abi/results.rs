@@ -289,8 +289,8 @@ mod tests {
         assert_eq!(&text[..4], b"f: \0");
         remember("f", &Failure::argument("a", "is wrong").remedy("Mend it"));
         let mut text = [0xff_u8; 32];
-        assert_eq!((read(&mut text, &mut length), length), (CAIRN_OK, 24));
-        assert_eq!(&text[..25], b"f: a: is wrong. Mend it\0");
+        assert_eq!((read(&mut text, &mut length), length), (CAIRN_OK, 23));
+        assert_eq!(&text[..24], b"f: a: is wrong. Mend it\0");
         for (part, expected) in (1..).zip([&b"f\0"[..], b"a\0", b"is wrong\0", b"Mend it\0"]) {
             let mut text = [0xff_u8; 16];
             // SAFETY: the buffer has the capacity named.
