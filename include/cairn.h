@@ -241,7 +241,7 @@ typedef void (*cairn_log_callback)(uint32_t level, const char *target, const cha
  * When this returns, the callback set before is not running and will not be called again, so what its user pointer points
  * to may go.
  *
- * Ownership: user stays the caller's and must live until another callback is set; on failure nothing changes.
+ * Ownership: user stays the caller's; on success it must live until another callback is set, on failure nothing changes.
  * Threads: any thread; waits for calls of the former callback. Not from within that callback.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for another level; CAIRN_ERROR_BUSY from within the former callback;
  * CAIRN_ERROR_UNSUPPORTED when the library is linked into a program whose own logger has the log.
@@ -1396,8 +1396,7 @@ CAIRN_API cairn_result cairn_presenter_create(const cairn_presenter_options *opt
  * guidance: of the anchor before and this one; null to have the presenter find it.
  * now_ns: when it came, on the host's clock.
  *
- * Ownership: the presenter keeps what it needs of anchor and guidance, whose handles stay the caller's; on failure it keeps
- * nothing.
+ * Ownership: anchor and guidance stay the caller's; on success the presenter keeps what it needs of them, on failure nothing.
  * Threads: any thread, at any time, also while a frame is drawn. A time before one that was heard of counts as that one.
  * Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for another size than the first
  * anchor's, and for a first one without a rate where the options have no interval.

@@ -37,7 +37,7 @@ pub type cairn_log_callback =
 /// When this returns, the callback set before is not running and will not be called again, so what its user pointer points
 /// to may go.
 ///
-/// Ownership: user stays the caller's and must live until another callback is set; on failure nothing changes.
+/// Ownership: user stays the caller's; on success it must live until another callback is set, on failure nothing changes.
 /// Threads: any thread; waits for calls of the former callback. Not from within that callback.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for another level; CAIRN_ERROR_BUSY from within the former callback;
 /// CAIRN_ERROR_UNSUPPORTED when the library is linked into a program whose own logger has the log.

@@ -221,8 +221,7 @@ pub unsafe extern "C" fn cairn_presenter_create(
 /// guidance: of the anchor before and this one; null to have the presenter find it.
 /// now_ns: when it came, on the host's clock.
 ///
-/// Ownership: the presenter keeps what it needs of anchor and guidance, whose handles stay the caller's; on failure it keeps
-/// nothing.
+/// Ownership: anchor and guidance stay the caller's; on success the presenter keeps what it needs of them, on failure nothing.
 /// Threads: any thread, at any time, also while a frame is drawn. A time before one that was heard of counts as that one.
 /// Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for another size than the first
 /// anchor's, and for a first one without a rate where the options have no interval.
