@@ -13,7 +13,8 @@
  *     ...
  *     cairn_ld_unload(&cairn);
  *
- * A loaded library has every function of cairn.h: nothing is resolved later, and no pointer is null. One that cannot be loaded,
+ * A loaded library has every function of cairn.h: nothing is resolved later, and no pointer is null but for those of the
+ * experimental chapter, which are null unless the library is of the very version of cairn.h. A library that cannot be loaded,
  * is another binary interface, is older than cairn.h, or lacks a function, is an error with a message, and nothing stays loaded.
  *
  * Where dlopen is not part of the C library, link with -ldl.
@@ -52,7 +53,7 @@
 extern "C" {
 #endif
 
-/* Every function of cairn.h: what it returns, its name, its parameters. `cargo xtask fix` writes the list. */
+/* Every function of cairn.h: what it returns, its name, its parameters. `cargo xtask fix` writes the lists. */
 #define CAIRN_LD_FUNCTIONS(X) \
     X(uint32_t, cairn_abi_version, (void)) \
     X(uint32_t, cairn_version, (void)) \
@@ -121,12 +122,22 @@ extern "C" {
     X(cairn_result, cairn_recorder_destroy, (cairn_recorder *recorder)) \
     X(cairn_result, cairn_rollout_get_statistics, (const cairn_rollout *rollout, cairn_rollout_statistics *statistics))
 
+/* The experimental ones, likewise. */
+#define CAIRN_LD_EXPERIMENTAL(X) \
+    X(cairn_result, cairn_device_create_d3d12, (struct ID3D12Device *d3d12, struct ID3D12CommandQueue *queue, struct ID3D12CommandQueue *anchors, cairn_device **device)) \
+    X(cairn_result, cairn_device_create_adapter, (uint64_t luid, cairn_device **device)) \
+    X(cairn_result, cairn_device_get_d3d12, (const cairn_device *device, struct ID3D12Device **d3d12, struct ID3D12CommandQueue **queue)) \
+    X(cairn_result, cairn_rollout_append_d3d12, (cairn_rollout *rollout, struct ID3D12Resource *picture, uint32_t state, cairn_step_info *info)) \
+    X(cairn_result, cairn_anchor_get_d3d12, (const cairn_anchor *anchor, uint32_t index, struct ID3D12Resource **texture, struct ID3D12Fence **fence, uint64_t *value)) \
+    X(cairn_result, cairn_presenter_record_d3d12, (cairn_presenter *presenter, uint64_t now_ns, struct ID3D12GraphicsCommandList *list, struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame))
+
 /** A loaded library: its functions by their own names. What is not loaded is all zero. */
 typedef struct cairn_ld {
     /** What the system calls it; null when nothing is loaded. */
     void *library;
 #define CAIRN_LD_MEMBER(result, name, parameters) result(*name) parameters;
     CAIRN_LD_FUNCTIONS(CAIRN_LD_MEMBER)
+    CAIRN_LD_EXPERIMENTAL(CAIRN_LD_MEMBER)
 #undef CAIRN_LD_MEMBER
 } cairn_ld;
 
@@ -344,6 +355,14 @@ static inline cairn_result cairn_ld_load(cairn_ld *cairn, const char *path, char
         return cairn_ld_fail(
             CAIRN_ERROR_UNSUPPORTED, message, capacity, path, "the library has no ", missing,
             "Use the whole library of the version that it says it is");
+    }
+    /* In another version, what is experimental may be something else under the same name. */
+    if (cairn->cairn_version() == CAIRN_VERSION) {
+#define CAIRN_LD_TRY(result, name, parameters)       \
+    symbol = cairn_ld_symbol(library, #name);        \
+    memcpy(&cairn->name, &symbol, sizeof cairn->name);
+        CAIRN_LD_EXPERIMENTAL(CAIRN_LD_TRY)
+#undef CAIRN_LD_TRY
     }
     cairn->library = library;
     return CAIRN_OK;

@@ -79,6 +79,8 @@ int main(int count, char **arguments)
         return 1;                               \
     }
             CAIRN_LD_FUNCTIONS(CHECK_POINTER)
+            /* The library is of this very version, and has them, too. */
+            CAIRN_LD_EXPERIMENTAL(CHECK_POINTER)
             if (!use(&cairn, count > 2 ? arguments[2] : NULL)) {
                 return 1;
             }

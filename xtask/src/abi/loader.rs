@@ -1,20 +1,27 @@
-//! The list of functions in `include/cairn_ld.h`, written from what `include/cairn.h` declares.
+//! The lists of functions in `include/cairn_ld.h`, written from what `include/cairn.h` declares.
 
 use super::declarations::{Declarations, Function};
 
 /// Where it lies.
 pub(crate) const LOADER: &str = "include/cairn_ld.h";
 
-const BEGIN: &str = "#define CAIRN_LD_FUNCTIONS(X)";
+/// How each list begins, and whether it is the one of experimental functions.
+const LISTS: [(&str, bool); 2] = [("#define CAIRN_LD_FUNCTIONS(X)", false), ("#define CAIRN_LD_EXPERIMENTAL(X)", true)];
 
-/// The loader's text with the list that `declared` asks for; everything around it stays.
-pub(crate) fn with_list(text: &str, declared: &Declarations) -> Result<String, String> {
-    let (before, rest) = text.split_once(BEGIN).ok_or_else(|| format!("{LOADER} has no \"{BEGIN}\""))?;
-    // The list ends with the first line that does not go on.
-    let (_, after) =
-        rest.split_once("\n\n").ok_or_else(|| format!("{LOADER}: the list has no empty line behind it"))?;
-    let entries = declared.functions.iter().map(entry).collect::<Result<Vec<_>, _>>()?;
-    Ok(format!("{before}{BEGIN} \\\n    {}\n\n{after}", entries.join(" \\\n    ")))
+/// The loader's text with the lists that `declared` asks for; everything around them stays.
+pub(crate) fn with_lists(text: &str, declared: &Declarations) -> Result<String, String> {
+    let mut text = text.to_owned();
+    for (begin, experimental) in LISTS {
+        let (before, rest) = text.split_once(begin).ok_or_else(|| format!("{LOADER} has no \"{begin}\""))?;
+        // A list ends with the first line that does not go on.
+        let (_, after) =
+            rest.split_once("\n\n").ok_or_else(|| format!("{LOADER}: a list has no empty line behind it"))?;
+        let functions = declared.functions.iter().filter(|function| function.experimental == experimental);
+        let entries = functions.map(entry).collect::<Result<Vec<_>, _>>()?;
+        let lines: String = entries.iter().map(|entry| format!(" \\\n    {entry}")).collect();
+        text = format!("{before}{begin}{lines}\n\n{after}");
+    }
+    Ok(text)
 }
 
 /// `result name(arguments)` as `X(result, name, (arguments))`.
@@ -31,15 +38,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_list_is_replaced_and_nothing_else() {
-        let header = "CAIRN_API uint32_t cairn_a(void);\nCAIRN_API const char *cairn_b(\n    cairn_x *x, size_t y);\n";
+    fn the_lists_are_replaced_and_nothing_else() {
+        let header = "CAIRN_API uint32_t cairn_a(void);\nCAIRN_API const char *cairn_b(\n    cairn_x *x, size_t y);\n\
+                      /* ---- 2. Experimental: more ---- */\nCAIRN_API uint32_t cairn_c(void);\n";
         let declared = declarations::read(header).unwrap();
-        let text =
-            with_list("before\n#define CAIRN_LD_FUNCTIONS(X) \\\n    X(old)\n\nafter\n\nend\n", &declared).unwrap();
+        let old = "before\n#define CAIRN_LD_FUNCTIONS(X) \\\n    X(old)\n\nafter\n\n\
+                   #define CAIRN_LD_EXPERIMENTAL(X)\n\nend\n";
+        let text = with_lists(old, &declared).unwrap();
         let list = "#define CAIRN_LD_FUNCTIONS(X) \\\n    X(uint32_t, cairn_a, (void)) \\\n    \
                     X(const char *, cairn_b, (cairn_x *x, size_t y))";
-        assert_eq!(text, format!("before\n{list}\n\nafter\n\nend\n"));
-        assert_eq!(with_list(&text, &declared).unwrap(), text);
-        assert!(with_list("no list", &declared).is_err());
+        let more = "#define CAIRN_LD_EXPERIMENTAL(X) \\\n    X(uint32_t, cairn_c, (void))";
+        assert_eq!(text, format!("before\n{list}\n\nafter\n\n{more}\n\nend\n"));
+        assert_eq!(with_lists(&text, &declared).unwrap(), text);
+        assert!(with_lists("no list", &declared).is_err());
     }
 }

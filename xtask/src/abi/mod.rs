@@ -14,7 +14,7 @@ pub(crate) fn fix(clone: &Clone) -> Result<(), String> {
     let layout = crate::shell::output(&mut record::rust_layout(clone))?;
     let declared = declarations::read(&header)?;
     let record = record::compose(&layout, &declared);
-    let loader = loader::with_list(&clone.read(loader::LOADER)?, &declared)?;
+    let loader = loader::with_lists(&clone.read(loader::LOADER)?, &declared)?;
     for (name, text) in [(header::HEADER, header), (record::RECORD, record), (loader::LOADER, loader)] {
         std::fs::write(clone.root.join(name), text).map_err(|e| format!("{name}: {e}"))?;
     }

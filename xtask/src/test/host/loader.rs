@@ -16,7 +16,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &m
     let clone = context.clone;
     let declared = declarations::read(&clone.read(header::HEADER)?)?;
     let committed = clone.read(loader::LOADER)?;
-    let differs = loader::with_list(&committed, &declared)? != committed;
+    let differs = loader::with_lists(&committed, &declared)? != committed;
     tally.check(differs.then(|| format!("{} lists other functions; cargo xtask fix --abi writes it", loader::LOADER)));
     let source = clone.root.join(PROGRAM);
     for compiler in abi::matrix(tally) {
