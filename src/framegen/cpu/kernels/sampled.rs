@@ -52,7 +52,7 @@ pub struct Block<P> {
 ///
 /// # Samples
 ///
-/// A sample is the cubic of Catmull and Rom over the 4 x 4 pixels around a position, with the weights of its 1/64 px
+/// A sample is the cubic of Keys with a = -3/4 over the 4 x 4 pixels around a position, with the weights of its 1/64 px
 /// as whole numbers that add up to 128 (`wx`, `wy`). At whole positions it is the pixel itself.
 ///
 /// - Bytes: `clamp((sum_j wy[j] * sum_i wx[i] * p[j][i] + 2^13) >> 14, 0, 255)`, in whole numbers.
