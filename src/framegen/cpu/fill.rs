@@ -252,8 +252,8 @@ fn moved<const ACROSS: bool, const BACK: bool>([x, y]: [usize; 2], away: usize) 
 }
 
 impl<P: Colour> Evidence<'_, P> {
-    /// How bad a candidate is: whether the current anchor contradicts it, how near its surface is, how far away it was
-    /// found.
+    /// How bad a candidate is: whether the current anchor contradicts it first; then, for what an anchor shows, how
+    /// unlike it is and how far away it was found, for what none does, how near its surface is.
     pub(super) fn cost(&self, grid: Grid, [x, y]: [usize; 2], key: Key, step: usize, from: [usize; 2]) -> u64 {
         let [vx, vy] = layer::vector(key);
         let there = [64 * x as i32 - part(vx, self.reach), 64 * y as i32 - part(vy, self.reach)];
@@ -266,8 +266,9 @@ impl<P: Colour> Evidence<'_, P> {
             let (here, there) = (shown.pixels[y * grid.width + x], shown.pixels[from[1] * grid.width + from[0]]);
             (here.luma() - there.luma()).abs().min(255.0) as u64
         });
-        u64::from(is_contradicted) << 40
-            | u64::from(u16::MAX - layer::rank(key)) << 16
-            | (unlike + step as u64).min(u64::from(u16::MAX))
+        let (nearness, away) =
+            (u64::from(u16::MAX - layer::rank(key)), (unlike + step as u64).min(u64::from(u16::MAX)));
+        let order = if self.shown.is_some() { away << 16 | nearness } else { nearness << 16 | away };
+        u64::from(is_contradicted) << 40 | order
     }
 }
