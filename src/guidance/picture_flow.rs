@@ -5,14 +5,14 @@
 //!
 //! ```text
 //! luma     Y = 0.299 R + 0.587 G + 0.114 B in code values, halved by 2 x 2 means until a side is short
-//! patches  8 x 8 pixels every 4, or every 8 above a megapixel; start: the best of the motions there and beside there
+//! patches  8 x 8 pixels every 4, or every 8 in large pictures; start: the best of the motions there and beside there
 //!          on the coarser level, and of none
 //! search   min over u of the sum of ((Y1(x + u) - mean) - (Y0(x) - mean))^2 by inverse-compositional steps
 //!          u -= H^-1 b, H = sum of g g^T once per patch, g the centred gradient of Y0
 //! grid     min over u of the sum of (u - u_p)^T H_p (u - u_p) / (residual + noise), and of differences of neighbours,
 //!          weighted by likeness of their luma and of their motion
 //! pixels   bilinear between patches on a smooth sheet; at edges of motion, of the motions around, that which explains
-//!          best the pixels near by that look alike
+//!          best the 5 x 5 pixels around each
 //! ```
 //!
 //! It runs from the current picture to the previous one, which is the motion given out, and back, above a megapixel at
@@ -40,7 +40,8 @@ use super::{Guidance, Projection, paper};
 use crate::{Error, ErrorKind, Picture, Result};
 use dense::Dense;
 use grid::Grid;
-use pyramid::Pyramid;
+use pyramid::{LARGE, Pyramid};
+use trust::Trust;
 
 /// The camera stated for the flat depth; the same as [`paper::PROJECTION`].
 pub const PROJECTION: Projection = paper::PROJECTION;
@@ -69,7 +70,7 @@ pub struct Extractor {
     previous: Pyramid,
     backward: Direction,
     forward: Direction,
-    trusted: Vec<bool>,
+    trust: Trust,
     times: StageTimes,
 }
 
@@ -116,7 +117,7 @@ impl Extractor {
             previous: Pyramid::default(),
             backward: Direction::default(),
             forward: Direction::default(),
-            trusted: Vec::new(),
+            trust: Trust::default(),
             times: StageTimes::default(),
         }
     }
@@ -194,8 +195,7 @@ impl Extractor {
         self.forward.spread(self.level, &self.previous, &pyramid, finest)?;
         let spread = Instant::now();
 
-        reserve(&mut self.trusted, self.backward.dense.flow.len(), false)?;
-        trust::check(&self.backward.dense, &self.forward.dense, finest, &mut self.trusted);
+        self.trust.check(&self.backward.dense, &self.forward.dense, finest)?;
         let checked = Instant::now();
 
         self.write(current, out);
@@ -214,20 +214,29 @@ impl Extractor {
     fn write(&self, current: &Picture, out: &mut Guidance) {
         let width = current.width() as usize;
         let limit = [current.width() as f32, current.height() as f32];
-        let (flow, trusted) = (&self.backward.dense, &self.trusted);
+        let (flow, trust) = (&self.backward.dense, &self.trust);
         let Guidance { motion, depth } = out;
         depth.depth_mut().fill(FLAT_DEPTH);
         motion.vectors_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let (flow_row, trusted_row) = (&flow.flow[y * width..][..width], &trusted[y * width..][..width]);
+            let (flow_row, trusted_row) = (&flow.flow[y * width..][..width], trust.row(y));
             let mut found = [[0.0_f32; 2]; RUN];
             for (i, run) in row.chunks_mut(RUN).enumerate() {
                 let found = &mut found[..run.len()];
                 found.copy_from_slice(&flow_row[i * RUN..][..run.len()]);
-                for (k, vector) in found.iter_mut().enumerate() {
-                    let x = i * RUN + k;
-                    if !trusted_row[x] {
-                        *vector = trust::filled(flow, trusted, current, x, y);
+                let trusted = &trusted_row[i * RUN..][..found.len()];
+                for k in 0..found.len() {
+                    // Those between two others that are filled take the mean of them.
+                    let is_between = k % 2 == 1 && !trusted[k - 1] && trusted.get(k + 1) == Some(&false);
+                    if !trusted[k] && !is_between {
+                        found[k] = trust.filled(flow, current, i * RUN + k, y);
                     }
+                }
+                for k in (1..found.len().saturating_sub(1)).step_by(2) {
+                    if trusted[k - 1..=k + 1] == [false; 3] {
+                        found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
+                    }
+                }
+                for vector in found.iter_mut() {
                     // Added to 0 so that no motion is +0.
                     vector[0] = 0.0 + vector[0].clamp(-limit[0], limit[0]);
                     vector[1] = 0.0 + vector[1].clamp(-limit[1], limit[1]);
@@ -245,7 +254,8 @@ impl Direction {
             let (from_plane, to_plane) = (&from.levels()[level], &to.levels()[level]);
             std::mem::swap(&mut self.coarse, &mut self.fine);
             let coarse = (level + 1 < from.levels().len()).then_some(&self.coarse);
-            self.fine.search(simd, from_plane, to_plane, coarse)?;
+            let is_large = from_plane.luma.len() > LARGE || (level == finest && from.levels()[0].luma.len() > LARGE);
+            self.fine.search(simd, from_plane, to_plane, coarse, if is_large { grid::APART } else { grid::CLOSE })?;
             self.fine.smooth(simd)?;
         }
         Ok(())

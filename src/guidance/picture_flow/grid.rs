@@ -5,18 +5,18 @@ use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
 use super::patch::{Found, SIDE, Template};
-use super::pyramid::{LARGE, Plane};
+use super::pyramid::Plane;
 use super::reserve;
 use crate::Result;
 
-/// Pixels from one patch to the next, in a level of at most [`LARGE`] pixels,
-const CLOSE: usize = 4;
-/// and in a larger one, where neither the search nor what it is for needs them closer.
-const APART: usize = 8;
+/// Pixels from one patch to the next,
+pub(super) const CLOSE: usize = 4;
+/// and where the picture is so large that neither the search nor what it is for needs them closer.
+pub(super) const APART: usize = 8;
 /// Rounds of the smoothing.
 const ROUNDS: usize = 12;
 /// Weight of a neighbour's motion against the information in a patch, per squared pixel.
-const LAMBDA: f32 = 0.3;
+const LAMBDA: f32 = 1.0;
 /// Variance of a pixel that matches, in squared code values.
 const NOISE: f32 = 4.0;
 /// Luma by which neighbours differ before they count as different things, in code values.
@@ -95,11 +95,18 @@ impl<const N: usize> Padded<N> {
 }
 
 impl Grid {
-    /// Searches every patch of `from` in `to`, starting from what the `coarse` level knows.
-    pub(super) fn search(&mut self, level: Level, from: &Plane, to: &Plane, coarse: Option<&Grid>) -> Result<()> {
-        self.stride = if from.luma.len() > LARGE { APART } else { CLOSE };
+    /// Searches every patch of `from`, one every `stride` pixels, in `to`, starting from what the `coarse` level knows.
+    pub(super) fn search(
+        &mut self,
+        level: Level,
+        from: &Plane,
+        to: &Plane,
+        coarse: Option<&Grid>,
+        stride: usize,
+    ) -> Result<()> {
+        self.stride = stride;
         (self.across, self.down) = (from.width.div_ceil(self.stride), from.height.div_ceil(self.stride));
-        let (across, stride) = (self.across, self.stride);
+        let across = self.across;
         reserve(&mut self.found, across * self.down, Found::default())?;
         self.found.par_chunks_mut(across).enumerate().for_each(|(j, row)| {
             dispatch!(level, simd => search_row(simd, from, to, coarse, stride, j, row));

@@ -8,7 +8,7 @@ use crate::{Picture, Result};
 
 /// A level is halved again while its shorter side has at least this many pixels.
 const SHORT: usize = 24;
-/// Above as many pixels a level has its patches farther apart.
+/// A picture of more pixels is large: it has its patches farther apart, and the way back at half the size.
 pub(super) const LARGE: usize = 1 << 20;
 /// Rows that are worth a task of their own.
 const ROWS: usize = 16;
@@ -90,7 +90,7 @@ impl Pyramid {
         &self.planes[..self.used]
     }
 
-    /// The finest level that has its patches close together.
+    /// The finest level that is not large.
     pub(super) fn finest_close(&self) -> usize {
         self.levels().iter().position(|plane| plane.luma.len() <= LARGE).unwrap_or(0)
     }

@@ -118,7 +118,7 @@ fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
         let mut dense = Dense::default();
         let plane = pyramid::Plane { width: 32, height: 16, luma: vec![0.0; 32 * 16] };
         let mut grid = Grid::default();
-        grid.search(Level::new(), &plane, &plane, None).unwrap();
+        grid.search(Level::new(), &plane, &plane, None, grid::CLOSE).unwrap();
         grid.smooth(Level::new()).unwrap();
         dense.spread(Level::new(), &plane, &plane, &grid).unwrap();
         for (k, flow) in dense.flow.iter_mut().enumerate() {
@@ -129,17 +129,17 @@ fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
     let flow = field(&|x| if wrong(x) { [4.0, -4.0] } else { half(x) });
     let back = field(&|x| half(x).map(|v| -v));
     let seen = picture(32, 16, |x, _| if x < 16.0 { 40.0 } else { 200.0 });
-    let mut trusted = vec![true; 32 * 16];
-    trust::check(&flow, &back, 0, &mut trusted);
+    let mut trust = Trust::default();
+    trust.check(&flow, &back, 0).unwrap();
     let y = 8;
     for x in 0..32 {
-        assert_eq!(trusted[y * 32 + x], !wrong(x), "{x}");
-        let [u, v] = trust::filled(&flow, &trusted, &seen, x, y);
+        assert_eq!(trust.row(y)[x], !wrong(x), "{x}");
+        let [u, v] = if wrong(x) { trust.filled(&flow, &seen, x, y) } else { flow.flow[y * 32 + x] };
         let [tu, tv] = half(x);
         assert!((u - tu).hypot(v - tv) < 0.05, "column {x}: {u} {v}");
     }
     // Down at the lower edge the left half leads out of the picture: that cannot be checked.
-    assert!(!trusted[15 * 32 + 3] && trusted[14 * 32 + 3]);
+    assert!(!trust.row(15)[3] && trust.row(14)[3]);
 }
 
 #[test]

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::dense::Dense;
 use super::pyramid::floor;
-use crate::Picture;
+use super::reserve;
+use crate::{Picture, Result};
 
 /// How far forward and backward motion may fail to undo each other, in squared pixels: this,
 const SLACK: f32 = 0.5;
@@ -17,56 +18,70 @@ const COLOUR_SCALE: f32 = 10.0;
 /// Where a fill looks.
 const RAYS: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
 
-/// Which pixels' motion in `flow` shows the same at its end and is undone there by `back`. Motion out of the picture
-/// cannot be checked, and is not trusted. `back` is `halvings` times half the size.
-pub(super) fn check(flow: &Dense, back: &Dense, halvings: usize, trusted: &mut [bool]) {
-    let scale = (1_u32 << halvings) as f32;
-    let (width, height) = (flow.width, flow.flow.len() / flow.width);
-    let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
-    let rows = flow.flow.par_chunks(width).zip(flow.matched.par_chunks(width));
-    trusted.par_chunks_mut(width).zip(rows).enumerate().for_each(|(y, (trusted, (row, matched)))| {
-        for (x, (trusted, (&[u, v], &matched))) in trusted.iter_mut().zip(row.iter().zip(matched)).enumerate() {
-            let (there_x, there_y) = (x as f32 + u, y as f32 + v);
-            *trusted = matched && there_x >= 0.0 && there_y >= 0.0 && there_x <= right && there_y <= bottom && {
-                let [i, j] = [floor(there_x + 0.5) as usize >> halvings, floor(there_y + 0.5) as usize >> halvings];
-                let [bu, bv] = back.flow[j * back.width + i];
-                let (bu, bv) = (scale * bu, scale * bv);
-                let miss = (u + bu) * (u + bu) + (v + bv) * (v + bv);
-                miss <= SLACK + SLACK_PER_LENGTH * (u * u + v * v + bu * bu + bv * bv)
-            };
-        }
-    });
+/// Which pixels' motion to trust.
+#[derive(Debug, Default)]
+pub(super) struct Trust {
+    width: usize,
+    trusted: Vec<bool>,
 }
 
-/// The motion of pixel (x, y): its own where it is trusted, else that of the nearest trusted pixels along eight rays,
-/// weighted by nearness and by likeness in `picture`; its own again where there are none.
-pub(super) fn filled(flow: &Dense, trusted: &[bool], picture: &Picture, x: usize, y: usize) -> [f32; 2] {
-    let (width, height) = (flow.width as i32, (flow.flow.len() / flow.width) as i32);
-    let here = y * flow.width + x;
-    if trusted[here] {
-        return flow.flow[here];
-    }
-    let pixels = picture.pixels();
-    let own = pixels[here].map(f32::from);
-    let (mut weight_sum, mut sum) = (0.0, [0.0_f32; 2]);
-    for [dx, dy] in RAYS {
-        for distance in STEPS {
-            let (px, py) = (x as i32 + dx * distance, y as i32 + dy * distance);
-            if px < 0 || py < 0 || px >= width || py >= height {
-                break;
+impl Trust {
+    /// Finds where motion in `flow` shows the same at its end and is undone there by `back`. Motion out of the picture
+    /// cannot be checked, and is not trusted. `back` is `halvings` times half the size.
+    pub(super) fn check(&mut self, flow: &Dense, back: &Dense, halvings: usize) -> Result<()> {
+        let scale = (1_u32 << halvings) as f32;
+        let (width, height) = (flow.width, flow.flow.len() / flow.width);
+        let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
+        self.width = width;
+        reserve(&mut self.trusted, flow.flow.len(), false)?;
+        let rows = flow.flow.par_chunks(width).zip(flow.matched.par_chunks(width));
+        self.trusted.par_chunks_mut(width).zip(rows).enumerate().for_each(|(y, (trusted, (row, matched)))| {
+            for (x, (trusted, (&[u, v], &matched))) in trusted.iter_mut().zip(row.iter().zip(matched)).enumerate() {
+                let (there_x, there_y) = (x as f32 + u, y as f32 + v);
+                *trusted = matched && there_x >= 0.0 && there_y >= 0.0 && there_x <= right && there_y <= bottom && {
+                    let [i, j] = [floor(there_x + 0.5) as usize >> halvings, floor(there_y + 0.5) as usize >> halvings];
+                    let [bu, bv] = back.flow[j * back.width + i];
+                    let (bu, bv) = (scale * bu, scale * bv);
+                    let miss = (u + bu) * (u + bu) + (v + bv) * (v + bv);
+                    miss <= SLACK + SLACK_PER_LENGTH * (u * u + v * v + bu * bu + bv * bv)
+                };
             }
-            let k = (py * width + px) as usize;
-            if trusted[k] {
-                let other = pixels[k].map(f32::from);
-                let unlike: f32 = (0..3).map(|c| (other[c] - own[c]).powi(2)).sum::<f32>() / 3.0;
-                let alike = 1.0 + unlike / (COLOUR_SCALE * COLOUR_SCALE);
-                let weight = 1.0 / (alike * alike * distance as f32);
-                weight_sum += weight;
-                sum[0] += weight * flow.flow[k][0];
-                sum[1] += weight * flow.flow[k][1];
-                break;
+        });
+        Ok(())
+    }
+
+    /// Whether the motion of the pixels of row `y` is trusted.
+    pub(super) fn row(&self, y: usize) -> &[bool] {
+        &self.trusted[y * self.width..][..self.width]
+    }
+
+    /// What to take for the motion of pixel (x, y) in place of its own: that of the nearest trusted pixels along eight
+    /// rays, weighted by nearness and by likeness in `picture`; its own where there are none.
+    pub(super) fn filled(&self, flow: &Dense, picture: &Picture, x: usize, y: usize) -> [f32; 2] {
+        let (width, height) = (self.width as i32, (self.trusted.len() / self.width) as i32);
+        let pixels = picture.pixels();
+        let here = y * self.width + x;
+        let own = pixels[here].map(f32::from);
+        let (mut weight_sum, mut sum) = (0.0, [0.0_f32; 2]);
+        for [dx, dy] in RAYS {
+            for distance in STEPS {
+                let (px, py) = (x as i32 + dx * distance, y as i32 + dy * distance);
+                if px < 0 || py < 0 || px >= width || py >= height {
+                    break;
+                }
+                let k = (py * width + px) as usize;
+                if self.trusted[k] {
+                    let other = pixels[k].map(f32::from);
+                    let unlike: f32 = (0..3).map(|c| (other[c] - own[c]).powi(2)).sum::<f32>() / 3.0;
+                    let alike = 1.0 + unlike / (COLOUR_SCALE * COLOUR_SCALE);
+                    let weight = 1.0 / (alike * alike * distance as f32);
+                    weight_sum += weight;
+                    sum[0] += weight * flow.flow[k][0];
+                    sum[1] += weight * flow.flow[k][1];
+                    break;
+                }
             }
         }
+        if weight_sum > 0.0 { sum.map(|s| s / weight_sum) } else { flow.flow[here] }
     }
-    if weight_sum > 0.0 { sum.map(|s| s / weight_sum) } else { flow.flow[here] }
 }
