@@ -12,7 +12,8 @@
 //!    surfaces meet, the nearest first; cracks are closed, and places nothing lands on are filled.
 //! 5. `render`: both anchors are sampled by a bicubic at the displaced places. Where they agree, the nearer in time is
 //!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture.
-//!    `overlay`: what stands still in front of a moving world stays where it is.
+//!    `overlay`: what stands still in front of a moving world stays where it is. `foreign`: what only the previous anchor
+//!    knows of is left out.
 //! 6. `inpaint`: what neither shows takes the colours around it.
 //!
 //! Places, claims and samples of bytes are computed in whole numbers, the rest in single precision in one order without
@@ -24,6 +25,7 @@ mod colour;
 mod cut;
 mod field;
 mod fill;
+mod foreign;
 mod inpaint;
 #[doc(hidden)]
 pub mod kernels;
@@ -134,6 +136,7 @@ impl CpuGenerator {
             field: &self.field,
             owners: &self.owners,
             phase,
+            margin: foreign::margin(previous, current),
         };
         let rendered = between.render(out, &mut self.hidden);
         if rendered.hidden > 0 {

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::colour::Colour;
+use super::foreign::is_foreign;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
 use super::layer::{self, EMPTY, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part};
 use super::overlay::Overlays;
@@ -30,6 +31,8 @@ pub(super) struct Between<'a, P> {
     pub(super) owners: &'a Layer,
     /// Phase t of [`WHOLE`].
     pub(super) phase: i32,
+    /// See [`foreign::margin`](super::foreign::margin).
+    pub(super) margin: f32,
 }
 
 /// What a rendered picture lacks.
@@ -207,6 +210,12 @@ impl<P: Colour> Between<'_, P> {
             is_after &= !to.is_some_and(|to| overlays.is_at(to, vector));
         }
         match (is_before, is_after) {
+            (true, true)
+                if is_doubtful
+                    && is_foreign(P::sample(self.previous, spots.before), self.current, spots.after, self.margin) =>
+            {
+                Choice::After
+            }
             (true, true) => Choice::Merged,
             (true, false) => Choice::Before,
             (false, true) => Choice::After,

@@ -1,14 +1,15 @@
 //! The frame that the generator must make, described plainly: place by place over whole pictures, with no bands, no early
 //! outs, no threads and no instruction sets.
 //!
-//! What a claim is (`layer`), and rules about a single pixel (`Inside`, `Overlays`, `distance`, `match_of`, the cost of a
-//! candidate) are the generator's own, and so is the painting of what nobody sees, which has no other form.
+//! What a claim is (`layer`), and rules about a single pixel (`Inside`, `Overlays`, `is_foreign`, `distance`, `match_of`, the
+//! cost of a candidate) are the generator's own, and so is the painting of what nobody sees, which has no other form.
 
 use crate::Raster;
 use crate::framegen::cpu::bars::Inside;
 use crate::framegen::cpu::colour::Colour;
 use crate::framegen::cpu::field::{self, RIM, SMOOTH as SMOOTH_GIVEN, UNKNOWN_MATCH};
 use crate::framegen::cpu::fill::{Evidence, NEAR};
+use crate::framegen::cpu::foreign::{self, is_foreign};
 use crate::framegen::cpu::inpaint::Inpainter;
 use crate::framegen::cpu::kernels::{BLOCK, Landing, Level, Rule, Source, TILE, land};
 use crate::framegen::cpu::landing::SMOOTH as SMOOTH_LANDED;
@@ -418,6 +419,12 @@ impl<P: Colour> Shown<'_, P> {
             is_after = is_after && !to.is_some_and(|to| overlays.is_at(to, vector));
         }
         match (is_before, is_after) {
+            (true, true)
+                if is_doubtful
+                    && is_foreign(of_previous, self.current, after, foreign::margin(self.previous, self.current)) =>
+            {
+                Some(of_current)
+            }
             (true, true) => Some(merged),
             (true, false) => Some(of_previous),
             (false, true) => Some(of_current),
