@@ -20,6 +20,12 @@ pub(super) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror
 /// C programs that run against the library; each is a file of `tests/abi`.
 const PROGRAMS: &str = "tests/abi";
 
+/// Those that have a longer form, which `CAIRN_THOROUGH` asks for.
+const LONGER: [&str; 1] = ["tests/abi/fuzz_calls.c"];
+
+/// The table of every function, which hostile callers play.
+const CALLS: &str = "tests/abi/calls.h";
+
 /// Headers that hosts may have been compiled with, by their folder in `tests/abi/earlier`, and programs that must run with
 /// them still.
 const EARLIER: [(&str, &[&str]); 1] = [("1", &["basics", "world", "input", "rollout"])];
@@ -38,6 +44,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     for function in &declared.functions {
         tally.check(declarations::missing_part(function, &declared.constants, version));
     }
+    tally.check(without_row(&declared, &clone.read(CALLS)?));
 
     let recorded = clone.read(record::RECORD)?;
     let layout = output(&mut record::rust_layout(clone))?;
@@ -47,7 +54,17 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 
     let library = library(context, log)?;
     tally.check(exports(&library, &declared)?);
-    programs(context, log, &work, &library, &mut tally)?;
+    programs(context, log, &work, &library, &mut tally, false)?;
+    Ok(tally)
+}
+
+/// The longer forms of the C programs that have one.
+pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let work = context.clone.target.join("xtask").join("abi");
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let mut tally = Tally::default();
+    let library = library(context, log)?;
+    programs(context, log, &work, &library, &mut tally, true)?;
     Ok(tally)
 }
 
@@ -177,6 +194,21 @@ fn exports(library: &Path, declared: &Declarations) -> Result<Option<String>, St
     Ok((!wrong.is_empty()).then(|| format!("exported or declared, but not both: {}", wrong.join(", "))))
 }
 
+/// The functions that can refuse something and that no hostile caller is told of.
+fn without_row(declared: &Declarations, calls: &str) -> Option<String> {
+    let refuses = declared.functions.iter().filter(|function| function.prototype.starts_with("cairn_result "));
+    let missing: Vec<_> = refuses
+        .map(|function| function.name.as_str())
+        .filter(|name| !calls.lines().any(|line| line.trim_start().get(2..).is_some_and(|row| is_row(row, name))))
+        .collect();
+    (!missing.is_empty()).then(|| format!("{CALLS} has no row for {}", missing.join(", ")))
+}
+
+/// Whether what follows the macro's name, such as `(cairn_version, ...)`, is the row of `name`.
+fn is_row(row: &str, name: &str) -> bool {
+    row.strip_prefix('(').and_then(|row| row.strip_prefix(name)).is_some_and(|rest| rest.starts_with([',', ')']))
+}
+
 /// Compiles and runs every C program against the library, and some as hosts that were compiled with an earlier header. Each
 /// prints a line for every test, as Rust's do.
 fn programs(
@@ -185,6 +217,7 @@ fn programs(
     work: &Path,
     library: &Path,
     tally: &mut Tally,
+    longer: bool,
 ) -> Result<(), String> {
     let root = &context.clone.root;
     let is_program = |file: &&String| {
@@ -211,6 +244,9 @@ fn programs(
             (name(&source), header.as_path(), source)
         }));
     }
+    if longer {
+        hosts.retain(|(name, ..)| LONGER.contains(&name.as_str()));
+    }
     let folder = library.parent().unwrap_or(Path::new("."));
     for (number, (name, header, source)) in hosts.iter().enumerate() {
         let program = work.join(format!("program-{number}"));
@@ -226,6 +262,9 @@ fn programs(
         }
         let mut command = Command::new(&program);
         command.current_dir(work).env("CAIRN_TEST_WORLD", context.bundle("tiny")?).env("CAIRN_TEST_SHIM", &shim);
+        if longer {
+            command.env("CAIRN_THOROUGH", "1");
+        }
         context.provide_worlds(&mut command)?;
         let ended = log.run(&mut command)?;
         let (mut passed, mut failed) = (0, 0);

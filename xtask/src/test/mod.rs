@@ -63,6 +63,7 @@ const RUNNERS: &[Runner] = &[
 /// Run with `--thorough` only.
 const THOROUGH: &[Runner] = &[
     Runner { name: "fuzz", what: "every fuzz target for a minute", run: thorough::fuzz },
+    Runner { name: "faults", what: "long random call sequences in C", run: abi::run_longer },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
@@ -132,7 +133,7 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
         for runner in all {
             println!("{:16}{}", runner.name, runner.what);
         }
-        println!("\nfuzz and soak run with --thorough only");
+        println!("\nfuzz, faults and soak run with --thorough only");
         return Ok(true);
     }
     let chosen: Vec<&Runner> = all

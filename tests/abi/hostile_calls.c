@@ -1,0 +1,351 @@
+/* Every function of the header against everything that its arguments must not be. */
+#include <errno.h>
+#include <math.h>
+
+#include "stage.h"
+
+/* ---- The library's memory comes from here: a program's own functions go before those of the C library. ---- */
+extern void *__libc_malloc(size_t size);
+extern void *__libc_calloc(size_t count, size_t size);
+extern void *__libc_realloc(void *old, size_t size);
+extern void *__libc_memalign(size_t alignment, size_t size);
+extern void __libc_free(void *old);
+
+/* Pieces of memory that are not given back. */
+static long pieces;
+
+static void *piece(void *made)
+{
+    __atomic_add_fetch(&pieces, made != NULL, __ATOMIC_SEQ_CST);
+    return made;
+}
+
+void *malloc(size_t size) { return piece(__libc_malloc(size)); }
+void *calloc(size_t count, size_t size) { return piece(__libc_calloc(count, size)); }
+void *memalign(size_t alignment, size_t size) { return piece(__libc_memalign(alignment, size)); }
+void *aligned_alloc(size_t alignment, size_t size) { return piece(__libc_memalign(alignment, size)); }
+
+void *realloc(void *old, size_t size)
+{
+    return old ? __libc_realloc(old, size) : malloc(size);
+}
+
+int posix_memalign(void **to, size_t alignment, size_t size)
+{
+    void *made = memalign(alignment, size);
+    if (made) *to = made;
+    return made ? 0 : ENOMEM;
+}
+
+void free(void *old)
+{
+    __atomic_sub_fetch(&pieces, old != NULL, __ATOMIC_SEQ_CST);
+    __libc_free(old);
+}
+
+static cairn_device *device;
+static const struct row *row;
+static struct argument a[MOST_ARGUMENTS];
+static unsigned long refusals;
+
+/* Calls with one argument wrong: the answer is the one expected, has a message with the function's name, and nothing that
+   the call would fill was touched. */
+static void refused(cairn_result expected, const char *what)
+{
+    static unsigned char before[MOST_ARGUMENTS][8192];
+    for (int i = 0; i < row->count; i++) memcpy(before[i], &rooms[i], sizeof before[i]);
+    cairn_result r = row->call(a);
+    refusals++;
+    /* These two tell of errors and leave them as they are. */
+    int keeps = !strncmp(row->name, "cairn_last_error", 16);
+    if (r != expected || (!keeps && strncmp(message(), row->name, strlen(row->name)))) {
+        fprintf(stderr, "%s with %s: %s, not %s (%s)\n", row->name, what, cairn_result_name(r),
+                cairn_result_name(expected), message());
+        CHECK(!"it is refused");
+    }
+    for (int i = 0; i < row->count; i++) {
+        if (memcmp(before[i], &rooms[i], sizeof before[i])) {
+            fprintf(stderr, "%s with %s has written argument %d\n", row->name, what, i + 1);
+            CHECK(!"nothing is written");
+        }
+    }
+}
+
+static void *stale[KINDS];
+
+static void wrong_handles(int i)
+{
+    static int foreign;
+    const struct shape *shape = &row->shapes[i];
+    void *right = a[i].pointer;
+    enum object kind = shape->object == QUEUE ? ROLLOUT : (enum object)shape->object;
+    void *const wrong[] = {NULL, &foreign, (char *)&foreign + 1, rooms, (void *)1, (void *)UINTPTR_MAX, stale[kind],
+        (void *)((uintptr_t)right ^ 1), (void *)((uintptr_t)right + (1 << 24)), (void *)(uintptr_t)refused};
+    for (size_t w = 0; w < sizeof wrong / sizeof wrong[0]; w++) {
+        a[i].pointer = wrong[w];
+        if (wrong[w] == NULL && (shape->or_null || destroys(row))) continue;
+        /* The neighbouring number may be the handle of another object of this kind. */
+        if (w == 7 && (wrong[w] == objects[kind] || wrong[w] == objects[QUEUE])) continue;
+        refused(CAIRN_ERROR_INVALID_HANDLE, "a handle that is none");
+    }
+    for (int other = 0; other < OBJECTS; other++) {
+        a[i].pointer = objects[other];
+        if (other != (int)kind && !(other == QUEUE && kind == ROLLOUT)) {
+            refused(CAIRN_ERROR_INVALID_HANDLE, "a handle of another kind");
+        }
+    }
+    for (int bit = 24; bit < 64; bit++) {
+        a[i].pointer = (void *)((uintptr_t)right ^ (uintptr_t)1 << bit);
+        refused(CAIRN_ERROR_INVALID_HANDLE, "a guessed handle");
+    }
+    a[i].pointer = right;
+}
+
+static void wrong_structs(int i)
+{
+    const struct shape *shape = &row->shapes[i];
+    unsigned char *right = a[i].pointer;
+    a[i].pointer = NULL;
+    if (!shape->or_null) refused(CAIRN_ERROR_INVALID_ARGUMENT, "no struct");
+    for (uint32_t off = 1; off < shape->align; off++) {
+        a[i].pointer = right + off;
+        refused(CAIRN_ERROR_INVALID_ARGUMENT, "a misaligned struct");
+    }
+    a[i].pointer = right;
+    for (uint32_t size = 0; size < 4200; size++) {
+        if (size == shape->size || (size > shape->size && size <= 4096 && size % shape->align == 0)) continue;
+        memcpy(right, &size, sizeof size);
+        refused(CAIRN_ERROR_STRUCT_SIZE, "a wrong struct_size");
+        /* Farther beyond today's size some will do. */
+        if (size > shape->size + 16) size += 254;
+    }
+    for (int bit = 13; bit < 32; bit++) {
+        uint32_t size = (uint32_t)1 << bit | shape->size;
+        memcpy(right, &size, sizeof size);
+        refused(CAIRN_ERROR_STRUCT_SIZE, "an absurd struct_size");
+    }
+    if (shape->kind == READ_ARGUMENT) {
+        uint32_t size = shape->size + 64;
+        for (uint32_t at = shape->size; at < size; at++) {
+            memcpy(right, &size, sizeof size);
+            right[at] = 1;
+            refused(CAIRN_ERROR_STRUCT_SIZE, "something set that is not known");
+            right[at] = 0;
+        }
+    }
+    memcpy(right, &shape->size, sizeof shape->size);
+}
+
+static const char *const no_texts[] = {"\xff", "a\x80", "\xc0\xaf", "\xed\xa0\x80", "\xf4\x90\x80\x80", "ok\xe2\x82"};
+enum { NO_TEXTS = sizeof no_texts / sizeof no_texts[0] };
+
+static void wrong_fields(int i)
+{
+    const float no_numbers[] = {NAN, -NAN, INFINITY, -INFINITY};
+    for (int f = 0; f < FIELDS; f++) {
+        if (fields[f].number != row->shapes[i].number) continue;
+        /* A report of what is missing says so in the report. */
+        if (strstr(fields[f].name, "threads") && !strcmp(row->name, "cairn_device_requirements")) continue;
+        unsigned char *place = rooms[i].bytes + fields[f].at, right[8];
+        memcpy(right, place, sizeof right);
+        for (int n = 0; n < 32; n++) {
+            uint32_t number = (uint32_t)1 << n;
+            if (fields[f].kind == CHOICE_FIELD && number <= fields[f].most) number = fields[f].most + 1;
+            if (fields[f].kind == FLAGS_FIELD && !(number & ~fields[f].most)) continue;
+            if (fields[f].kind == CHOICE_FIELD || fields[f].kind == FLAGS_FIELD) {
+                memcpy(place, &number, sizeof number);
+            } else if (fields[f].kind == TEXT_FIELD) {
+                if (n >= NO_TEXTS) break;
+                memcpy(place, &no_texts[n], sizeof no_texts[n]);
+            } else {
+                if (n >= (fields[f].kind == REAL_FIELD ? 4 : 2)) break;
+                memcpy(place, &no_numbers[n], sizeof no_numbers[n]);
+            }
+            refused(CAIRN_ERROR_INVALID_ARGUMENT, fields[f].name);
+        }
+        memcpy(place, right, sizeof right);
+    }
+}
+
+static void wrong_numbers(int i)
+{
+    const struct shape *shape = &row->shapes[i];
+    struct argument right = a[i];
+    if (shape->kind == CHOICE_ARGUMENT) {
+        if (shape->least > 0) {
+            a[i].number = shape->least == 15 ? 0 : shape->least - 1;
+            int may_be = strstr(row->name, "recorder_key") != NULL; /* key 0 exists */
+            if (!may_be) refused(CAIRN_ERROR_INVALID_ARGUMENT, "a number too small");
+        }
+        for (int bit = 0; bit < 32; bit++) {
+            a[i].number = (uint64_t)1 << bit;
+            if (a[i].number <= shape->most) a[i].number = shape->most + 1;
+            refused(CAIRN_ERROR_INVALID_ARGUMENT, "a number too large");
+        }
+    } else if (shape->kind == COUNT_ARGUMENT) {
+        int elements = row->shapes[i - 1].kind == BYTES_ARGUMENT;
+        const uint64_t wrong[] = {0, 1, right.number - 1, right.number + 1, UINT64_MAX, (uint64_t)1 << 63};
+        for (int w = 0; w < 6; w++) {
+            a[i].number = wrong[w];
+            /* More room than is needed is fine, and so is a script that is another. */
+            if (strstr(row->name, "rollout_save") && (w == 3 || w == 4 || w == 5)) continue;
+            if (strstr(row->name, "script_create") && w == 2) continue;
+            if (!elements && w == 3 && (right.number + 1) % 8 == 0) continue;
+            cairn_result expected = elements ? CAIRN_ERROR_INVALID_ARGUMENT : CAIRN_ERROR_STRUCT_SIZE;
+            if (strstr(row->name, "rollout_restore") && w < 4) expected = CAIRN_ERROR_INVALID_STATE;
+            refused(expected, "a wrong count");
+        }
+    } else if (shape->kind == REAL_ARGUMENT) {
+        const float wrong[] = {NAN, -NAN, INFINITY, -INFINITY};
+        for (int w = 0; w < 4; w++) {
+            a[i].real = wrong[w];
+            refused(CAIRN_ERROR_INVALID_ARGUMENT, "what is no number");
+        }
+    }
+    a[i] = right;
+}
+
+static void wrong_places(int i)
+{
+    const struct shape *shape = &row->shapes[i];
+    struct argument right = a[i];
+    a[i].pointer = NULL;
+    if (!shape->or_null) refused(CAIRN_ERROR_INVALID_ARGUMENT, "a null pointer");
+    for (uint32_t off = 1; off < shape->align; off++) {
+        a[i].pointer = (char *)right.pointer + off;
+        refused(CAIRN_ERROR_INVALID_ARGUMENT, "a misaligned pointer");
+    }
+    a[i] = right;
+}
+
+static void wrong_texts(int i)
+{
+    struct argument right = a[i];
+    wrong_places(i);
+    for (int t = 0; t < NO_TEXTS; t++) {
+        a[i].pointer = (void *)(uintptr_t)no_texts[t];
+        refused(CAIRN_ERROR_INVALID_ARGUMENT, "what is no UTF-8");
+    }
+    static char endless[65536];
+    memset(endless, 'a', sizeof endless);
+    a[i].pointer = endless;
+    refused(CAIRN_ERROR_INVALID_ARGUMENT, "a text without an end");
+    a[i] = right;
+}
+
+/* What can be seen of all objects, as a number. */
+static uint64_t state_of_all(void)
+{
+    uint64_t print = 1469598103934665603ull;
+    unsigned char *state = malloc(saved_size);
+    char text[4096] = "";
+    cairn_presenter_statistics statistics = {.struct_size = sizeof statistics};
+    cairn_rollout_statistics queue = {.struct_size = sizeof queue};
+    cairn_script *recorded = NULL;
+    OK(cairn_rollout_save(objects[ROLLOUT], state, saved_size, &saved_size));
+    OK(cairn_presenter_get_statistics(objects[PRESENTER], &statistics));
+    OK(cairn_rollout_get_statistics(objects[QUEUE], &queue));
+    OK(cairn_recorder_make_script(objects[RECORDER], 100000000, &recorded));
+    OK(cairn_script_get_text(recorded, text, sizeof text, NULL));
+    OK(cairn_script_destroy(recorded));
+    const struct {
+        const void *bytes;
+        size_t size;
+    } parts[] = {{state, saved_size}, {&statistics, sizeof statistics}, {&queue, sizeof queue}, {text, sizeof text}};
+    for (int p = 0; p < 4; p++) {
+        const unsigned char *bytes = parts[p].bytes;
+        for (size_t i = 0; i < parts[p].size; i++) print = (print ^ bytes[i]) * 1099511628211ull;
+    }
+    free(state);
+    return print;
+}
+
+static void refuse_row(void)
+{
+    for (int i = 0; i < row->count; i++) {
+        good_arguments(row, a, 0x5a);
+        switch (row->shapes[i].kind) {
+        case HANDLE_ARGUMENT: wrong_handles(i); break;
+        case READ_ARGUMENT: wrong_structs(i), wrong_fields(i); break;
+        case FILLED_ARGUMENT: wrong_structs(i); break;
+        case RESULT_ARGUMENT: wrong_places(i); break;
+        case BYTES_ARGUMENT: wrong_places(i); break;
+        case ROOM_ARGUMENT: wrong_places(i); break;
+        case TEXT_ARGUMENT: wrong_texts(i); break;
+        default: wrong_numbers(i); break;
+        }
+    }
+}
+
+static void what_no_argument_may_be_is_refused_everywhere(void)
+{
+    set_stage(device);
+    OK(cairn_recorder_key(objects[RECORDER], 500, 'W', 1));
+    for (int kind = 0; kind < KINDS; kind++) stale[kind] = NULL;
+    stale[ANCHOR] = made_anchor(3);
+    OK(cairn_anchor_destroy(stale[ANCHOR]));
+    OK(cairn_recorder_create((cairn_recorder **)&stale[RECORDER]));
+    OK(cairn_recorder_destroy(stale[RECORDER]));
+    OK(cairn_rollout_create(objects[WORLD], NULL, (cairn_rollout **)&stale[ROLLOUT]));
+    OK(cairn_rollout_destroy(stale[ROLLOUT]));
+    OK(cairn_script_create(SCRIPT_TEXT, sizeof SCRIPT_TEXT - 1, (cairn_script **)&stale[SCRIPT]));
+    OK(cairn_script_destroy(stale[SCRIPT]));
+    OK(cairn_presenter_create(NULL, (cairn_presenter **)&stale[PRESENTER]));
+    OK(cairn_presenter_destroy(stale[PRESENTER]));
+    for (int pass = 0; pass < 2; pass++) {
+        for (row = rows; row < rows + ROWS; row++) {
+            uint64_t before = state_of_all();
+            unsigned long counted = refusals;
+            long held = pieces;
+            refuse_row();
+            /* One piece may be the last message, which is longer than the one before. */
+            if (pass == 1 && pieces > held + 2) {
+                fprintf(stderr, "%s keeps %ld pieces of %lu refusals\n", row->name, pieces - held, refusals - counted);
+                CHECK(!"nothing is kept");
+            }
+            if (state_of_all() != before) {
+                fprintf(stderr, "%s has changed something although it was refused\n", row->name);
+                CHECK(!"nothing is changed");
+            }
+        }
+    }
+    CHECK(refusals > 2 * 5000);
+    clear_stage();
+}
+
+static void what_every_row_names_as_good_is_taken(void)
+{
+    for (row = rows; row < rows + ROWS; row++) {
+        set_stage(device);
+        good_arguments(row, a, 0);
+        cairn_result r = row->call(a);
+        int taken = is_for_windows(row->name) ? r == CAIRN_ERROR_UNSUPPORTED : r >= 0;
+        if (!taken) fprintf(stderr, "%s: %s (%s)\n", row->name, cairn_result_name(r), message());
+        CHECK(taken);
+        enum object kind = made_by(row);
+        if (r == CAIRN_OK && kind != OBJECTS) {
+            void *made;
+            memcpy(&made, &rooms[row->count - 1], sizeof made);
+            OK(end_object(kind, made));
+        }
+        if (destroys(row)) {
+            ANSWERS(CAIRN_ERROR_INVALID_HANDLE, row->call(a));
+            device = row->shapes[0].object == DEVICE ? make_device() : device;
+            objects[row->shapes[0].object] = NULL;
+        }
+        objects[DEVICE] = NULL;
+        void *world = objects[WORLD];
+        objects[WORLD] = NULL;
+        clear_stage();
+        objects[WORLD] = world;
+    }
+    clear_stage();
+}
+
+int main(void)
+{
+    device = make_device();
+    RUN(what_every_row_names_as_good_is_taken);
+    RUN(what_no_argument_may_be_is_refused_everywhere);
+    return failed_tests != 0;
+}

@@ -1,0 +1,177 @@
+/* Living objects of every kind, and arguments that each row of calls.h takes. */
+#ifndef CAIRN_TEST_STAGE_H
+#define CAIRN_TEST_STAGE_H
+
+#include "calls.h"
+
+#define STATE_FILE "calls-state.bin"
+
+static void *objects[OBJECTS];
+static unsigned char *saved_state;
+static size_t saved_size;
+
+/* Memory that arguments point to, one piece for each. */
+static union {
+    unsigned char bytes[ROOM];
+    uint64_t aligned;
+} rooms[MOST_ARGUMENTS];
+static unsigned char target_pixels[HEIGHT][WIDTH][4];
+
+/* Fills a struct that the library reads with what it takes. */
+static void good_struct(int number, void *to)
+{
+    static const uint16_t still[WIDTH * HEIGHT * 2];
+    memset(to, 0, 4096);
+    if (number == NUMBER_OF_cairn_cpu_options) {
+        *(cairn_cpu_options *)to = (cairn_cpu_options){.struct_size = sizeof(cairn_cpu_options), .threads = 2};
+        ((cairn_cpu_options *)to)->onnxruntime = getenv("CAIRN_TEST_CALLS_ONNXRUNTIME");
+    } else if (number == NUMBER_OF_cairn_world_options) {
+        *(cairn_world_options *)to = (cairn_world_options){.struct_size = sizeof(cairn_world_options),
+            .path = getenv("CAIRN_TEST_WORLD"), .operating_point = "stock,g16,native,pictures:1"};
+    } else if (number == NUMBER_OF_cairn_rollout_options) {
+        *(cairn_rollout_options *)to = (cairn_rollout_options){.struct_size = sizeof(cairn_rollout_options), .seed = 5};
+    } else if (number == NUMBER_OF_cairn_picture) {
+        *(cairn_picture *)to = seed_picture();
+    } else if (number == NUMBER_OF_cairn_target) {
+        *(cairn_target *)to = (cairn_target){.struct_size = sizeof(cairn_target), .width = WIDTH, .height = HEIGHT,
+            .pixels = target_pixels, .size = sizeof target_pixels};
+    } else if (number == NUMBER_OF_cairn_controls) {
+        *(cairn_controls *)to = controls(1);
+    } else if (number == NUMBER_OF_cairn_guidance_data) {
+        *(cairn_guidance_data *)to = (cairn_guidance_data){.struct_size = sizeof(cairn_guidance_data), .width = WIDTH,
+            .height = HEIGHT, .motion = still, .motion_count = WIDTH * HEIGHT * 2, .near_plane = 0.5f, .far_plane = 50,
+            .vertical_fov = 1};
+    } else {
+        *(cairn_presenter_options *)to = (cairn_presenter_options){
+            .struct_size = sizeof(cairn_presenter_options), .interval_ns = 66666667, .capacity = CAIRN_MAX_QUEUE};
+    }
+}
+
+/* An anchor without a world. */
+__attribute__((unused)) static cairn_anchor *made_anchor(uint64_t number)
+{
+    static unsigned char pixels[HEIGHT][WIDTH][4];
+    cairn_picture picture = {
+        .struct_size = sizeof picture, .width = WIDTH, .height = HEIGHT, .pixels = pixels, .size = sizeof pixels};
+    cairn_anchor *anchor = NULL;
+    OK(cairn_anchor_create(&picture, number, 0, &anchor));
+    return anchor;
+}
+
+static void make_queue(void)
+{
+    cairn_controls c = controls(2);
+    cairn_picture picture = seed_picture();
+    cairn_rollout *queue = NULL;
+    uint64_t ticket = 0;
+    OK(cairn_rollout_create(objects[WORLD], NULL, &queue));
+    OK(cairn_rollout_append(queue, &picture, NULL));
+    OK(cairn_rollout_pause(queue));
+    OK(cairn_rollout_submit(queue, &c, &ticket));
+    objects[QUEUE] = queue;
+}
+
+static void make_small(void)
+{
+    cairn_presenter_options options;
+    uint64_t room[512];
+    good_struct(NUMBER_OF_cairn_presenter_options, room);
+    memcpy(&options, room, sizeof options);
+    OK(cairn_script_create(SCRIPT_TEXT, sizeof SCRIPT_TEXT - 1, (cairn_script **)&objects[SCRIPT]));
+    OK(cairn_recorder_create((cairn_recorder **)&objects[RECORDER]));
+    good_struct(NUMBER_OF_cairn_guidance_data, room);
+    OK(cairn_guidance_create_from_host((void *)room, (cairn_guidance **)&objects[GUIDANCE]));
+    OK(cairn_presenter_create(&options, (cairn_presenter **)&objects[PRESENTER]));
+    OK(cairn_presenter_push(objects[PRESENTER], objects[ANCHOR], NULL, 1000));
+}
+
+/* All of them; those that are made already stay. */
+__attribute__((unused)) static void set_stage(cairn_device *device)
+{
+    objects[DEVICE] = device;
+    if (!objects[WORLD]) objects[WORLD] = make_world(device);
+    cairn_rollout *rollout = NULL;
+    cairn_picture picture = seed_picture();
+    OK(cairn_rollout_create(objects[WORLD], NULL, &rollout));
+    OK(cairn_rollout_append(rollout, &picture, NULL));
+    OK(cairn_rollout_get_anchor(rollout, (cairn_anchor **)&objects[ANCHOR]));
+    OK(cairn_rollout_save(rollout, NULL, 0, &saved_size));
+    saved_state = malloc(saved_size);
+    OK(cairn_rollout_save(rollout, saved_state, saved_size, &saved_size));
+    OK(cairn_rollout_save_file(rollout, STATE_FILE));
+    objects[ROLLOUT] = rollout;
+    make_queue();
+    make_small();
+}
+
+/* Ends the handle in a place of its kind. */
+__attribute__((unused)) static cairn_result end_object(enum object kind, void *handle)
+{
+    switch (kind) {
+    case DEVICE: return cairn_device_destroy(handle);
+    case WORLD: return cairn_world_destroy(handle);
+    case ANCHOR: return cairn_anchor_destroy(handle);
+    case SCRIPT: return cairn_script_destroy(handle);
+    case RECORDER: return cairn_recorder_destroy(handle);
+    case GUIDANCE: return cairn_guidance_destroy(handle);
+    case PRESENTER: return cairn_presenter_destroy(handle);
+    default: return cairn_rollout_destroy(handle);
+    }
+}
+
+__attribute__((unused)) static void clear_stage(void)
+{
+    for (int i = 0; i < OBJECTS; i++) {
+        OK(end_object((enum object)i, objects[i]));
+        objects[i] = NULL;
+    }
+    free(saved_state);
+    saved_state = NULL;
+}
+
+/* The kind of the handle that a row makes, by its name; OBJECTS for none. */
+__attribute__((unused)) static enum object made_by(const struct row *row)
+{
+    static const struct {
+        const char *name;
+        enum object kind;
+    } makers[] = {
+        {"cairn_device_create_cpu", DEVICE},      {"cairn_world_load", WORLD},
+        {"cairn_anchor_create", ANCHOR},          {"cairn_rollout_create", ROLLOUT},
+        {"cairn_rollout_get_anchor", ANCHOR},     {"cairn_rollout_poll", ANCHOR},
+        {"cairn_rollout_wait", ANCHOR},           {"cairn_guidance_create", GUIDANCE},
+        {"cairn_guidance_create_from_host", GUIDANCE}, {"cairn_presenter_create", PRESENTER},
+        {"cairn_script_create", SCRIPT},          {"cairn_recorder_create", RECORDER},
+        {"cairn_recorder_make_script", SCRIPT},
+    };
+    for (size_t i = 0; i < sizeof makers / sizeof makers[0]; i++) {
+        if (!strcmp(row->name, makers[i].name)) return makers[i].kind;
+    }
+    return OBJECTS;
+}
+
+/* Arguments that the row takes; what it fills is full of `pattern` first. */
+static void good_arguments(const struct row *row, struct argument a[MOST_ARGUMENTS], int pattern)
+{
+    memset(a, 0, sizeof(struct argument) * MOST_ARGUMENTS);
+    for (int i = 0; i < row->count; i++) {
+        const struct shape *shape = &row->shapes[i];
+        a[i].pointer = &rooms[i];
+        a[i].number = shape->kind == COUNT_ARGUMENT && shape->good == 0 ? saved_size : shape->good;
+        a[i].real = 1;
+        if (shape->kind == HANDLE_ARGUMENT) a[i].pointer = objects[shape->object];
+        if (shape->kind == TEXT_ARGUMENT) memcpy(&rooms[i], STATE_FILE, sizeof STATE_FILE);
+        if (shape->kind == READ_ARGUMENT) good_struct(shape->number, &rooms[i]);
+        if (shape->kind == FILLED_ARGUMENT || shape->kind == RESULT_ARGUMENT || shape->kind == ROOM_ARGUMENT) {
+            memset(&rooms[i], pattern, 8192);
+        }
+        if (shape->kind == FILLED_ARGUMENT) memcpy(&rooms[i], &shape->size, sizeof shape->size);
+        if (shape->kind == BYTES_ARGUMENT) {
+            memset(&rooms[i], pattern, 8192);
+            if (strstr(row->name, "script_create")) memcpy(&rooms[i], SCRIPT_TEXT, sizeof SCRIPT_TEXT);
+            if (a[i + 1].number == 0 && row->shapes[i + 1].good == 0) a[i].pointer = saved_state;
+        }
+    }
+}
+
+#endif
