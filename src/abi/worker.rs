@@ -292,9 +292,13 @@ impl Shared {
         while let Some((ticket, job)) = self.next() {
             let result = guard(|| {
                 let mut core = self.core.lock();
+                // A step whose anchor found no room would be made, and yet fail.
+                let mut anchor = KeptAnchor::room(&core.rollout)?;
                 let info = core.run(&job)?;
                 *self.statistics.lock() = core.rollout.statistics();
-                Ok(Done { info, anchor: Arc::new(core.anchor()?) })
+                let cut = core.cut;
+                anchor.copy(&mut core.rollout, cut)?;
+                Ok(Done { info, anchor: Arc::new(anchor) })
             });
             let mut queue = self.queue.lock();
             queue.running = None;

@@ -23,29 +23,43 @@ impl KeptAnchor {
     /// `InvalidArgument` before the first latent; `OutOfMemory` when there is no room for a copy; `Device` when it cannot be
     /// read.
     pub fn of(rollout: &mut Rollout, cut: bool) -> Result<Self> {
-        let point = rollout.operating_point().clone();
+        let mut anchor = Self::room(rollout)?;
+        anchor.copy(rollout, cut)?;
+        Ok(anchor)
+    }
+
+    /// Memory for an anchor of `rollout`, before the step that makes it: what was made is not lost for want of room.
+    ///
+    /// # Errors
+    /// `OutOfMemory`.
+    pub(crate) fn room(rollout: &Rollout) -> Result<Self> {
+        let point = rollout.operating_point();
         let (width, height) = rollout.world().render_size();
-        let mut pictures = Vec::new();
-        for i in 0..point.pictures_per_latent {
-            let mut picture = Picture::new(width, height)?;
-            rollout.read_picture(i, &mut picture)?;
-            pictures.push(picture);
-        }
+        let pictures =
+            (0..point.pictures_per_latent).map(|_| Picture::new(width, height)).collect::<Result<Vec<_>>>()?;
         let shape = rollout.world().manifest().geometry.latent;
-        let values = rollout.latent()?;
+        let count = rollout.world().latent_len();
         let mut latent = Vec::new();
-        latent.try_reserve_exact(values.len()).map_err(|_| {
-            Error::new(ErrorKind::OutOfMemory, format!("a latent of {} numbers cannot be copied", values.len()))
-        })?;
-        latent.extend_from_slice(values);
-        Ok(Self {
-            number: rollout.planner().latents().saturating_sub(1),
-            latents_per_second: point.latents_per_second,
-            cut,
-            pictures,
-            shape: [shape.channels, shape.height, shape.width],
-            latent,
-        })
+        latent
+            .try_reserve_exact(count)
+            .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a latent of {count} numbers cannot be copied")))?;
+        let shape = [shape.channels, shape.height, shape.width];
+        Ok(Self { number: 0, latents_per_second: point.latents_per_second, cut: false, pictures, shape, latent })
+    }
+
+    /// Copies what `rollout`, whose room this is, made last. Allocates nothing that depends on the world.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub(crate) fn copy(&mut self, rollout: &mut Rollout, cut: bool) -> Result<()> {
+        for (i, picture) in (0..).zip(&mut self.pictures) {
+            rollout.read_picture(i, picture)?;
+        }
+        self.latent.clear();
+        self.latent.extend_from_slice(rollout.latent()?);
+        self.number = rollout.planner().latents().saturating_sub(1);
+        self.cut = cut;
+        Ok(())
     }
 
     /// An anchor of a picture that no world made: it has no latent and no rate.

@@ -62,7 +62,7 @@ impl Autoencoder {
         let (first, rest) = rgb.split_at_mut(self.shapes.picture_len());
         Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, first);
         rest.chunks_exact_mut(first.len()).for_each(|copy| copy.copy_from_slice(first));
-        Uploader::new(self.precision, rgb.len()).upload(lane, self.encoder_rgb, &rgb)?;
+        Uploader::new(self.precision, rgb.len())?.upload(lane, self.encoder_rgb, &rgb)?;
         lane.run(self.encode)
     }
 
@@ -73,7 +73,7 @@ impl Autoencoder {
         let mut backup = Vec::new();
         if prime > 0 {
             for buffer in self.state() {
-                let mut contents = vec![0; lane.size(buffer)];
+                let mut contents = numbers::zeroed(lane.size(buffer))?;
                 lane.read(buffer, 0, &mut contents)?;
                 backup.push((buffer, contents));
             }

@@ -15,9 +15,9 @@ pub(super) struct Uploader {
 
 impl Uploader {
     /// For buffers of `precision`, at most `len` numbers at a time.
-    pub(super) fn new(precision: Precision, len: usize) -> Self {
-        let staging = if precision == Precision::F16 { vec![f16::ZERO; len] } else { Vec::new() };
-        Self { precision, staging }
+    pub(super) fn new(precision: Precision, len: usize) -> Result<Self> {
+        let staging = zeroed(if precision == Precision::F16 { len } else { 0 })?;
+        Ok(Self { precision, staging })
     }
 
     /// Writes `values` to the start of `to`.
@@ -53,11 +53,11 @@ pub(super) fn read(lane: &dyn Lane, precision: Precision, from: BufferId, at: us
 }
 
 /// Zeroes whose number comes from a bundle.
-pub(super) fn zeroed(len: usize) -> Result<Vec<f32>> {
+pub(super) fn zeroed<T: Clone + Default>(len: usize) -> Result<Vec<T>> {
     let mut numbers = Vec::new();
     numbers
         .try_reserve_exact(len)
         .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{len} numbers cannot be allocated")))?;
-    numbers.resize(len, 0.0);
+    numbers.resize(len, T::default());
     Ok(numbers)
 }

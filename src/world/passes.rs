@@ -93,7 +93,7 @@ impl Passes {
             global_mask,
             table,
             bindings,
-            uploader: Uploader::new(precision, largest),
+            uploader: Uploader::new(precision, largest)?,
             staging,
         })
     }

@@ -297,7 +297,7 @@ impl Rollout {
             Error::new(ErrorKind::InvalidArgument, format!("there is no layer {layer}; the world has {layers}"))
                 .field("layer")
         })?;
-        let mut bytes = vec![0; self.lane.size(buffer)];
+        let mut bytes = numbers::zeroed(self.lane.size(buffer))?;
         self.lane.read(buffer, 0, &mut bytes)?;
         Ok(bytes)
     }

@@ -5,8 +5,8 @@ use super::operators::check_node;
 use super::proto::{self, Data, Model, Tensor};
 use super::sizes::{Footprint, tensor_shape, walk};
 use super::{Check, Element, Fault, quoted};
-use crate::Result;
 use crate::bundle::{GraphKind, Manifest, Precision, invalid, names};
+use crate::{Error, ErrorKind, Result};
 
 /// The largest model without its weights, in bytes.
 const MAX_MODEL: usize = 8 << 20;
@@ -35,7 +35,10 @@ impl Subject<'_> {
     }
 
     fn refuse(&self, fault: Fault) -> crate::Error {
-        invalid(self.path(), fault.0, "Build the model again, or convert it as docs/bundle.md section 4 says")
+        if fault.memory {
+            return Error::new(ErrorKind::OutOfMemory, fault.cause).field(self.path());
+        }
+        invalid(self.path(), fault.cause, "Build the model again, or convert it as docs/bundle.md section 4 says")
     }
 }
 
@@ -82,7 +85,7 @@ fn inspect(onnx: &[u8], subject: Subject<'_>) -> Check<Checked> {
     }
     opset(&model)?;
     for node in &model.graph.nodes {
-        check_node(node).map_err(|fault| Fault::new(format!("node {}: {}", quoted(node.name), fault.0)))?;
+        check_node(node).map_err(|fault| fault.within(&format!("node {}", quoted(node.name))))?;
     }
     Interface::of(subject.kind, subject.precision, subject.manifest)
         .check(&model.graph.inputs, &model.graph.outputs)?;
@@ -106,7 +109,7 @@ fn check_tensors(tensors: &[Tensor<'_>], subject: Subject<'_>) -> Check<Vec<(Str
     let mut external: Vec<(String, String)> = Vec::new();
     for tensor in tensors {
         let fault = |cause: String| Fault::new(format!("initializer {}: {cause}", quoted(tensor.name)));
-        let shape = tensor_shape(tensor).map_err(|inner| fault(inner.0))?;
+        let shape = tensor_shape(tensor).map_err(|inner| fault(inner.cause))?;
         let bytes = shape.count().and_then(|n| n.checked_mul(shape.element.bytes()));
         match tensor.data {
             Data::Inside(data) => {
@@ -127,7 +130,7 @@ fn check_tensors(tensors: &[Tensor<'_>], subject: Subject<'_>) -> Check<Vec<(Str
                 if bytes != Some(length) {
                     return Err(fault(format!("{length} bytes of data for {} {:?}", shape.element, shape.dims)));
                 }
-                let file = resolve(location, subject).map_err(|inner| fault(inner.0))?;
+                let file = resolve(location, subject).map_err(|inner| fault(inner.cause))?;
                 let size = subject.manifest.file(&file).map_or(0, |entry| entry.size);
                 if !offset.is_multiple_of(2) || offset.checked_add(length).is_none_or(|end| end > size) {
                     return Err(fault(format!("bytes {offset} + {length} of `{file}`, which has {size}")));

@@ -21,11 +21,24 @@ type Check<T> = Result<T, Fault>;
 
 /// Why a model is refused, in one sentence without a final stop.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Fault(String);
+struct Fault {
+    cause: String,
+    /// It is not the model's: there is no memory to check it.
+    memory: bool,
+}
 
 impl Fault {
     fn new(cause: impl Into<String>) -> Self {
-        Self(cause.into())
+        Self { cause: cause.into(), memory: false }
+    }
+
+    fn no_memory(_: impl std::error::Error) -> Self {
+        Self { cause: "the lists that are needed to check it cannot be allocated".into(), memory: true }
+    }
+
+    /// The same, with its place.
+    fn within(self, place: &str) -> Self {
+        Self { cause: format!("{place}: {}", self.cause), ..self }
     }
 }
 

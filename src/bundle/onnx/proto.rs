@@ -83,6 +83,7 @@ fn push<T>(field: &Field<'_>, list: &mut Vec<T>, most: usize, value: T) -> Check
     if list.len() >= most {
         return Err(field.fault(format!("comes more than {most} times")));
     }
+    list.try_reserve(1).map_err(Fault::no_memory)?;
     list.push(value);
     Ok(())
 }

@@ -76,7 +76,7 @@ pub(super) fn walk<'a>(graph: &'a Graph<'a>, opset: i64, inputs: &Named<'a>, out
 }
 
 fn within(what: &str, name: &str, fault: Fault) -> Fault {
-    Fault::new(format!("{what} {}: {}", quoted(name), fault.0))
+    fault.within(&format!("{what} {}", quoted(name)))
 }
 
 /// Bytes of a value of sane size.
@@ -93,6 +93,8 @@ impl<'a> Walk<'a> {
         if index >= MAX_VALUES {
             return Err(Fault::new(format!("the graph has more than {MAX_VALUES} values")));
         }
+        self.names.try_reserve(1).map_err(Fault::no_memory)?;
+        self.values.try_reserve(1).map_err(Fault::no_memory)?;
         if name.is_empty() || self.names.insert(name, index).is_some() {
             return Err(Fault::new(format!("the value {} is made twice, or has no name", quoted(name))));
         }

@@ -11,6 +11,8 @@ struct cairn_test_shim {
     void (*inside_run)(unsigned long number);
     /* The number of the run that fails; 0 for none. */
     unsigned long fail_run;
+    /* Asked before every call that may answer with a status, whether it fails instead; may be null. */
+    int (*fails)(void);
 };
 
 /* The shim exports one of these. */

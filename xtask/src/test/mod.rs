@@ -63,7 +63,11 @@ const RUNNERS: &[Runner] = &[
 /// Run with `--thorough` only.
 const THOROUGH: &[Runner] = &[
     Runner { name: "fuzz", what: "every fuzz target for a minute", run: thorough::fuzz },
-    Runner { name: "faults", what: "long random call sequences in C", run: abi::run_longer },
+    Runner {
+        name: "faults",
+        what: "every fault at every place, and long random call sequences in C",
+        run: abi::run_longer,
+    },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 

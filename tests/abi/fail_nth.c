@@ -1,0 +1,320 @@
+/* The n-th allocation from outside sizes, file operation or call of ONNX Runtime fails, once and then for ever, for every n to
+   the end of a whole rollout; after each, all that lives is whole and the next rollout is the one it always was. */
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <link.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include "check.h"
+#include "shim/onnxruntime.h"
+
+/* ---- Faults: the library's calls come here, as a program's own functions go before those of the C library. ---- */
+enum what { NOTHING, ALLOCATIONS, FILES, RUNTIME };
+static enum what failing;
+static int for_ever;
+/* Of the kind that fails: how many came, and which fails. */
+static unsigned long counted, nth;
+/* Only while the library is called, which never does two things at once here, so that n means the same every time. */
+static int watched;
+
+static int fails(enum what what)
+{
+    if (failing != what || !watched) return 0;
+    unsigned long number = ++counted;
+    return nth != 0 && (number == nth || (for_ever && number > nth));
+}
+
+/* Smaller ones are no sizes from outside: text and bookkeeping, for which a program that has no memory left ends. */
+enum { FROM_OUTSIDE = 20480 };
+
+/* Whether a call comes from the library itself: ONNX Runtime's own are its own affair, and fail as its calls do. */
+static struct { uintptr_t from, to; } library;
+
+static int find_library(struct dl_phdr_info *info, size_t size, void *unused)
+{
+    (void)size, (void)unused;
+    for (int i = 0; strstr(info->dlpi_name, "libcairn") && i < info->dlpi_phnum; i++) {
+        if (!(info->dlpi_phdr[i].p_flags & PF_X)) continue;
+        library.from = info->dlpi_addr + info->dlpi_phdr[i].p_vaddr;
+        library.to = library.from + info->dlpi_phdr[i].p_memsz;
+    }
+    return 0;
+}
+
+static int allocation_fails(size_t size, void *caller)
+{
+    int ours = (uintptr_t)caller >= library.from && (uintptr_t)caller < library.to;
+    return size >= FROM_OUTSIDE && ours && fails(ALLOCATIONS);
+}
+
+extern void *__libc_malloc(size_t size);
+extern void *__libc_calloc(size_t count, size_t size);
+extern void *__libc_realloc(void *old, size_t size);
+extern void *__libc_memalign(size_t alignment, size_t size);
+
+void *malloc(size_t size)
+{
+    return allocation_fails(size, __builtin_return_address(0)) ? NULL : __libc_malloc(size);
+}
+
+void *calloc(size_t count, size_t size)
+{
+    return allocation_fails(count * size, __builtin_return_address(0)) ? NULL : __libc_calloc(count, size);
+}
+
+void *realloc(void *old, size_t size)
+{
+    return allocation_fails(size, __builtin_return_address(0)) ? NULL : __libc_realloc(old, size);
+}
+
+int posix_memalign(void **to, size_t alignment, size_t size)
+{
+    void *made = allocation_fails(size, __builtin_return_address(0)) ? NULL : __libc_memalign(alignment, size);
+    if (made) *to = made;
+    return made ? 0 : ENOMEM;
+}
+
+static long refuse(void)
+{
+    errno = EIO;
+    return -1;
+}
+
+ssize_t read(int file, void *to, size_t size)
+{
+    return fails(FILES) ? refuse() : syscall(SYS_read, file, to, size);
+}
+
+ssize_t write(int file, const void *from, size_t size)
+{
+    return file > 2 && fails(FILES) ? refuse() : syscall(SYS_write, file, from, size);
+}
+
+ssize_t pread64(int file, void *to, size_t size, off64_t at)
+{
+    return fails(FILES) ? refuse() : syscall(SYS_pread64, file, to, size, at);
+}
+
+ssize_t readv(int file, const struct iovec *to, int count)
+{
+    return fails(FILES) ? refuse() : syscall(SYS_readv, file, to, count);
+}
+
+int open64(const char *path, int flags, ...)
+{
+    int mode = 0;
+    if (flags & O_CREAT) {
+        va_list rest;
+        va_start(rest, flags);
+        mode = va_arg(rest, int);
+        va_end(rest);
+    }
+    return (int)(fails(FILES) ? refuse() : syscall(SYS_openat, AT_FDCWD, path, flags, mode));
+}
+
+int statx(int folder, const char *path, int flags, unsigned mask, struct statx *to)
+{
+    return (int)(fails(FILES) ? refuse() : syscall(SYS_statx, folder, path, flags, mask, to));
+}
+
+int fsync(int file)
+{
+    return (int)(fails(FILES) ? refuse() : syscall(SYS_fsync, file));
+}
+
+int rename(const char *from, const char *to)
+{
+    return (int)(fails(FILES) ? refuse() : syscall(SYS_rename, from, to));
+}
+
+static int runtime_fails(void)
+{
+    return fails(RUNTIME);
+}
+
+/* ---- A whole rollout: load, start, seed, steps by hand and by the queue, save, restore. ---- */
+#define STATE "fail-nth-state.bin"
+static cairn_device *device;
+
+/* All that a rollout takes; each is ended by `end`. */
+struct all {
+    cairn_world *world;
+    cairn_rollout *rollout;
+    cairn_anchor *anchor;
+    unsigned char *state;
+    size_t size;
+};
+
+static void end(struct all *all)
+{
+    OK(cairn_anchor_destroy(all->anchor));
+    OK(cairn_rollout_destroy(all->rollout));
+    OK(cairn_world_destroy(all->world));
+    free(all->state);
+}
+
+static cairn_result load(struct all *all)
+{
+    cairn_world_options options = {
+        .struct_size = sizeof options, .path = world_path(), .operating_point = "stock,g16,native,pictures:1"};
+    return cairn_world_load(device, &options, &all->world);
+}
+
+static cairn_result step(struct all *all)
+{
+    cairn_controls c = controls(1);
+    return cairn_rollout_step(all->rollout, &c, NULL);
+}
+
+/* By the rollout's own thread. */
+static cairn_result queue(struct all *all)
+{
+    cairn_controls c = controls(2);
+    uint64_t ticket = 0;
+    cairn_anchor *taken = NULL;
+    cairn_result r = cairn_rollout_submit(all->rollout, &c, &ticket);
+    if (r == CAIRN_OK) r = cairn_rollout_wait(all->rollout, ticket, CAIRN_FOREVER, NULL, &taken);
+    CHECK((r == CAIRN_OK) == (taken != NULL));
+    OK(cairn_anchor_destroy(taken));
+    return r;
+}
+
+static cairn_result begin(struct all *all)
+{
+    return cairn_rollout_create(all->world, NULL, &all->rollout);
+}
+
+static cairn_result seed(struct all *all)
+{
+    cairn_picture picture = seed_picture();
+    return cairn_rollout_append(all->rollout, &picture, NULL);
+}
+
+static cairn_result take(struct all *all)
+{
+    cairn_anchor *taken = NULL;
+    cairn_result r = cairn_rollout_get_anchor(all->rollout, &taken);
+    CHECK((r == CAIRN_OK) == (taken != NULL));
+    OK(cairn_anchor_destroy(taken));
+    return r;
+}
+
+static cairn_result save(struct all *all)
+{
+    return cairn_rollout_save_file(all->rollout, STATE);
+}
+
+static cairn_result take_up(struct all *all)
+{
+    return cairn_rollout_restore_file(all->rollout, STATE);
+}
+
+static cairn_result reset(struct all *all)
+{
+    return cairn_rollout_reset(all->rollout);
+}
+
+/* Each leaves everything as it was when it fails. */
+typedef cairn_result (*part)(struct all *all);
+static const part parts[] = {load, begin, seed, take, step, take, save, step, take_up, queue, reset, seed, step};
+enum { PARTS = sizeof parts / sizeof parts[0] };
+
+static uint64_t print_of(struct all *all)
+{
+    OK(cairn_rollout_save(all->rollout, NULL, 0, &all->size));
+    all->state = realloc(all->state, all->size);
+    OK(cairn_rollout_save(all->rollout, all->state, all->size, &all->size));
+    uint64_t print = 1469598103934665603ull;
+    for (size_t i = 0; i < all->size; i++) print = (print ^ all->state[i]) * 1099511628211ull;
+    return print;
+}
+
+/* What every rollout that ends is like. */
+static uint64_t whole_print;
+
+static int is_of(enum what what, cairn_result r)
+{
+    if (what == ALLOCATIONS) return r == CAIRN_ERROR_OUT_OF_MEMORY || r == CAIRN_ERROR_DEVICE;
+    if (what == FILES) return r == CAIRN_ERROR_IO;
+    return r == CAIRN_ERROR_DEVICE || r == CAIRN_ERROR_OUT_OF_MEMORY || r == CAIRN_ERROR_INVALID_BUNDLE;
+}
+
+/* Plays a rollout while the n-th fails; a part that fails is tried again when nothing fails any more. Whether n was reached. */
+static int play(enum what what, unsigned long n, int always)
+{
+    struct all all = {0};
+    counted = 0;
+    for (int i = 0; i < PARTS; i++) {
+        int living = all.rollout != NULL;
+        uint64_t before = living ? print_of(&all) : 0;
+        failing = what, nth = n, for_ever = always, watched = 1;
+        cairn_result r = parts[i](&all);
+        watched = 0, failing = NOTHING;
+        if (r == CAIRN_OK) continue;
+        if (!is_of(what, r) || strncmp(message(), "cairn_", 6)) {
+            fprintf(stderr, "part %d with fault %lu of kind %d: %s (%s)\n", i, n, (int)what, cairn_result_name(r), message());
+            CHECK(!"the answer tells of the fault");
+        }
+        if (living && print_of(&all) != before) {
+            fprintf(stderr, "part %d with fault %lu of kind %d has left something behind\n", i, n, (int)what);
+            CHECK(!"the rollout is as it was");
+        }
+        CHECK(access(STATE ".unfinished", F_OK) != 0);
+        OK(parts[i](&all));
+        if (always) nth = n = 0; /* the fault has been seen */
+    }
+    int reached = n == 0 || counted >= n;
+    CHECK(print_of(&all) == whole_print);
+    end(&all);
+    return reached;
+}
+
+static unsigned long faults;
+
+/* One in `stride` of all n; in the long form every one. */
+static void every_one(enum what what, unsigned long stride)
+{
+    if (getenv("CAIRN_THOROUGH")) stride = 1;
+    struct all all = {0};
+    failing = what, nth = 0, counted = 0, watched = 1;
+    for (int i = 0; i < PARTS; i++) OK(parts[i](&all));
+    watched = 0, failing = NOTHING;
+    unsigned long total = counted;
+    whole_print = print_of(&all);
+    end(&all);
+    CHECK(total >= 10);
+    for (unsigned long n = 1; n <= total && !failed_checks; n += stride) {
+        CHECK(play(what, n, 0));
+        play(what, n, 1);
+        faults += 2;
+    }
+    fprintf(stderr, "%lu of this kind in a rollout\n", total);
+}
+
+static void every_allocation_may_fail(void) { every_one(ALLOCATIONS, 5); }
+static void every_file_operation_may_fail(void) { every_one(FILES, 5); }
+static void every_call_of_the_runtime_may_fail(void) { every_one(RUNTIME, 17); }
+
+int main(void)
+{
+    cairn_cpu_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_CPU_DETERMINISTIC,
+        .onnxruntime = getenv("CAIRN_TEST_SHIM")};
+    if (!options.onnxruntime) {
+        fprintf(stderr, "set CAIRN_TEST_SHIM to the library of tests/abi/shim; cargo xtask test abi does\n");
+        return 2;
+    }
+    cairn_test_shim.fails = runtime_fails;
+    dl_iterate_phdr(find_library, NULL);
+    OK(cairn_device_create_cpu(&options, &device));
+    RUN(every_allocation_may_fail);
+    RUN(every_file_operation_may_fail);
+    RUN(every_call_of_the_runtime_may_fail);
+    OK(cairn_device_destroy(device));
+    return failed_tests != 0;
+}
