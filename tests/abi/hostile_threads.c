@@ -1,0 +1,223 @@
+/* Calls where none is allowed: beside another one, from within callbacks, and with work in flight at the end. */
+#include <pthread.h>
+#include <unistd.h>
+
+#include "stage.h"
+#include "shim/onnxruntime.h"
+
+static cairn_device *device;
+
+/* Calls every row but those that end or restart something; what it makes is ended. Those that must be alone with `busy`
+   answer that it is in use. */
+static void call_all(void *busy)
+{
+    struct argument a[MOST_ARGUMENTS];
+    for (const struct row *row = rows; row < rows + ROWS; row++) {
+        const struct shape *first = &row->shapes[0];
+        if (destroys(row) || strstr(row->name, "log_callback") || strstr(row->name, "save_file")) continue;
+        if (strstr(row->name, "world_load") || strstr(row->name, "device_create") || strstr(row->name, "resume")) continue;
+        /* What would make the same answer differently the next time. */
+        const char *const once[] = {"reset", "cancel", "single_step"};
+        int again = 1;
+        for (int i = 0; i < 3; i++) again &= !strstr(row->name, once[i]);
+        if (!busy && !again) continue;
+        good_arguments(row, a, 0);
+        cairn_result r = row->call(a);
+        int in_use = first->kind == HANDLE_ARGUMENT && a[0].pointer == busy;
+        int refused = r == CAIRN_ERROR_BUSY || (r == CAIRN_ERROR_UNSUPPORTED && is_for_windows(row->name));
+        if (in_use && first->alone ? r != CAIRN_ERROR_BUSY : r < 0 && !(in_use && refused) && !is_for_windows(row->name)) {
+            fprintf(stderr, "%s: %s (%s)\n", row->name, cairn_result_name(r), message());
+            CHECK(!"it answers as it does beside another call");
+        }
+        void *made = NULL;
+        if (r == CAIRN_OK && made_by(row) != OBJECTS) memcpy(&made, a[row->count - 1].pointer, sizeof made);
+        if (made) OK(end_object(made_by(row), made));
+    }
+}
+
+/* ---- Beside a step that is held inside ONNX Runtime. ---- */
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static pthread_cond_t changed = PTHREAD_COND_INITIALIZER;
+static int inside, let_go;
+
+static void hold(unsigned long number)
+{
+    (void)number;
+    pthread_mutex_lock(&lock);
+    inside = 1;
+    pthread_cond_broadcast(&changed);
+    while (!let_go) pthread_cond_wait(&changed, &lock);
+    pthread_mutex_unlock(&lock);
+}
+
+static void *step(void *rollout)
+{
+    cairn_controls c = controls(1);
+    OK(cairn_rollout_step(rollout, &c, NULL));
+    return NULL;
+}
+
+static void begin_held(pthread_t *thread, void *rollout)
+{
+    inside = let_go = 0;
+    cairn_test_shim.inside_run = hold;
+    CHECK(pthread_create(thread, NULL, step, rollout) == 0);
+    pthread_mutex_lock(&lock);
+    while (!inside) pthread_cond_wait(&changed, &lock);
+    pthread_mutex_unlock(&lock);
+    cairn_test_shim.inside_run = NULL;
+}
+
+static void go_on(void)
+{
+    pthread_mutex_lock(&lock);
+    let_go = 1;
+    pthread_cond_broadcast(&changed);
+    pthread_mutex_unlock(&lock);
+}
+
+static void a_call_beside_one_that_is_alone_is_refused(void)
+{
+    set_stage(device);
+    cairn_rollout_info was = {.struct_size = sizeof was}, is = was;
+    OK(cairn_rollout_get_info(objects[ROLLOUT], &was));
+    pthread_t thread;
+    begin_held(&thread, objects[ROLLOUT]);
+    call_all(objects[ROLLOUT]);
+    go_on();
+    pthread_join(thread, NULL);
+    OK(cairn_rollout_get_info(objects[ROLLOUT], &is));
+    CHECK(is.latents == was.latents + 1);
+    objects[DEVICE] = NULL;
+    clear_stage();
+}
+
+static void *end_rollout(void *rollout)
+{
+    OK(cairn_rollout_destroy(rollout));
+    return NULL;
+}
+
+static void an_end_waits_for_the_call_in_flight_and_none_begins_after(void)
+{
+    set_stage(device);
+    cairn_rollout *rollout = objects[ROLLOUT];
+    pthread_t ending;
+    inside = let_go = 0;
+    cairn_test_shim.inside_run = hold;
+    /* The step is cancelled by the end, or was in its last pass. */
+    cairn_controls c = controls(1);
+    uint64_t ticket = 0;
+    OK(cairn_rollout_submit(rollout, &c, &ticket));
+    pthread_mutex_lock(&lock);
+    while (!inside) pthread_cond_wait(&changed, &lock);
+    pthread_mutex_unlock(&lock);
+    cairn_test_shim.inside_run = NULL;
+    CHECK(pthread_create(&ending, NULL, end_rollout, rollout) == 0);
+    while (cairn_rollout_pause(rollout) != CAIRN_ERROR_INVALID_HANDLE) usleep(1000);
+    ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_rollout_step(rollout, &c, NULL));
+    ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_rollout_destroy(rollout));
+    unsigned long runs = cairn_test_shim.runs;
+    go_on();
+    pthread_join(ending, NULL);
+    CHECK(cairn_test_shim.runs == runs);
+    objects[ROLLOUT] = NULL;
+    objects[DEVICE] = NULL;
+    clear_stage();
+}
+
+/* ---- Callbacks that call back. ---- */
+static unsigned long reports;
+static cairn_device *loading_on;
+
+static uint32_t call_from_progress(const cairn_load_progress *progress, void *user)
+{
+    CHECK(progress->struct_size == sizeof *progress && user == &reports);
+    if (++reports % 4 != 1) return 0;
+    call_all(NULL);
+    ANSWERS(CAIRN_ERROR_BUSY, cairn_device_destroy(loading_on));
+    /* A load within a load is one like any other. */
+    if (reports == 1) OK(cairn_world_destroy(make_world(loading_on)));
+    return 0;
+}
+
+static void a_progress_callback_may_call_all_but_the_end_of_its_device(void)
+{
+    set_stage(device);
+    cairn_cpu_options cpu = {.struct_size = sizeof cpu, .threads = 1, .onnxruntime = getenv("CAIRN_TEST_SHIM")};
+    OK(cairn_device_create_cpu(&cpu, &loading_on));
+    cairn_world_options options = {.struct_size = sizeof options, .path = world_path(), .progress = call_from_progress,
+        .user = &reports, .operating_point = "stock,g16,native,pictures:1"};
+    cairn_world *world = NULL;
+    OK(cairn_world_load(loading_on, &options, &world));
+    CHECK(reports > 4);
+    OK(cairn_world_destroy(world));
+    OK(cairn_device_destroy(loading_on));
+    objects[DEVICE] = NULL;
+    clear_stage();
+}
+
+static unsigned long messages;
+
+static void call_from_log(uint32_t level, const char *target, const char *text, void *user)
+{
+    CHECK(level >= CAIRN_LOG_ERROR && level <= CAIRN_LOG_TRACE && target && text && user == &messages);
+    __atomic_add_fetch(&messages, 1, __ATOMIC_SEQ_CST);
+    ANSWERS(CAIRN_ERROR_BUSY, cairn_set_log_callback(CAIRN_LOG_OFF, NULL, NULL));
+    /* What needs no device, which is only being made. */
+    cairn_presenter *presenter = NULL;
+    cairn_anchor *anchor = made_anchor(0);
+    OK(cairn_presenter_create(NULL, &presenter));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_push(presenter, anchor, NULL, 0));
+    OK(cairn_anchor_destroy(anchor));
+    OK(cairn_presenter_destroy(presenter));
+}
+
+static void a_log_callback_may_call_all_but_its_own_end(void)
+{
+    cairn_cpu_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_CPU_DETERMINISTIC,
+        .onnxruntime = getenv("CAIRN_TEST_SHIM")};
+    /* ONNX Runtime speaks while it is started. */
+    OK(cairn_set_log_callback(CAIRN_LOG_TRACE, call_from_log, &messages));
+    OK(cairn_device_create_cpu(&options, &device));
+    OK(cairn_set_log_callback(CAIRN_LOG_OFF, NULL, NULL));
+    CHECK(messages > 0);
+}
+
+/* ---- Every order of ends, with work in flight. ---- */
+static void everything_ends_in_every_order(void)
+{
+    for (int order = 0; order < 120; order++) {
+        set_stage(device);
+        OK(cairn_rollout_resume(objects[QUEUE])); /* work in flight */
+        const enum object ends[] = {ROLLOUT, QUEUE, ANCHOR, GUIDANCE, PRESENTER};
+        int left[5] = {0, 1, 2, 3, 4}, n = order;
+        for (int i = 5; i > 0; i--) {
+            int pick = n % i;
+            enum object which = ends[left[pick]];
+            n /= i;
+            memmove(&left[pick], &left[pick + 1], sizeof(int) * (size_t)(4 - pick));
+            OK(end_object(which, objects[which]));
+            objects[which] = NULL;
+        }
+        void *world = objects[WORLD];
+        if (order != 119) objects[WORLD] = NULL;
+        objects[DEVICE] = NULL;
+        clear_stage();
+        objects[WORLD] = order == 119 ? NULL : world;
+    }
+}
+
+int main(void)
+{
+    /* Rows that name ONNX Runtime must name the one in use. */
+    const char *shim = getenv("CAIRN_TEST_SHIM");
+    if (!shim || setenv("CAIRN_TEST_CALLS_ONNXRUNTIME", shim, 1)) return 2;
+    RUN(a_log_callback_may_call_all_but_its_own_end);
+    RUN(a_call_beside_one_that_is_alone_is_refused);
+    RUN(an_end_waits_for_the_call_in_flight_and_none_begins_after);
+    RUN(a_progress_callback_may_call_all_but_the_end_of_its_device);
+    RUN(everything_ends_in_every_order);
+    OK(cairn_device_destroy(device));
+    return failed_tests != 0;
+}
