@@ -68,6 +68,7 @@ const THOROUGH: &[Runner] = &[
         what: "every fault at every place, and long random call sequences in C",
         run: abi::run_longer,
     },
+    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: thorough::races },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
@@ -137,7 +138,7 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
         for runner in all {
             println!("{:16}{}", runner.name, runner.what);
         }
-        println!("\nfuzz, faults and soak run with --thorough only");
+        println!("\nfuzz, faults, races and soak run with --thorough only");
         return Ok(true);
     }
     let chosen: Vec<&Runner> = all
