@@ -120,11 +120,11 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
-    /// Builds the workspace's programs, once. The tests are named too, so that features are those of `cargo test` and nothing
-    /// heavy is compiled a second time.
+    /// Builds the workspace's libraries and programs, once. The libraries are named because cargo puts only what is named beside
+    /// the programs; the tests, so that features are those of `cargo test` and nothing heavy is compiled a second time.
     fn build_programs(&self, log: &mut Log) -> Result<(), String> {
         let build = || {
-            let ended = log.run(&mut self.clone.cargo(["build", "--workspace", "--bins", "--tests"]))?;
+            let ended = log.run(&mut self.clone.cargo(["build", "--workspace", "--lib", "--bins", "--tests"]))?;
             if ended.success { Ok(()) } else { Err("the workspace does not build".to_owned()) }
         };
         self.built.get_or_init(build).clone()
