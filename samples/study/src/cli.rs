@@ -1,6 +1,7 @@
 //! The command line: what all subcommands share. Each has a file of its own.
 
 use std::ffi::OsString;
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use cairn::{Error, ErrorKind, Result};
 use clap::{Parser, Subcommand as Subcommands};
 
+use crate::output::MANIFEST;
 use crate::progress::Progress;
 
 mod demo;
@@ -148,6 +150,23 @@ fn stop_on_interrupt() -> Result<&'static AtomicBool> {
     };
     WATCHING.get_or_init(watch).clone().map_err(|cause| Error::new(ErrorKind::Unsupported, cause))?;
     Ok(&STOP)
+}
+
+/// The exit status of what leaves a manifest in `out`, told where it did not come to its end. `frames`: complete, planned.
+fn status(failure: Option<&Error>, interrupted: bool, [complete, planned]: [u64; 2], out: &Path) -> ExitCode {
+    if let Some(error) = failure {
+        eprintln!("error: {error}");
+        eprintln!(
+            "{complete} of {planned} frames are complete; {} says which files are whole",
+            out.join(MANIFEST).display()
+        );
+        return ExitCode::from(1);
+    }
+    if interrupted {
+        eprintln!("interrupted: what is finished is kept, and the manifest says \"complete\": false");
+        return ExitCode::from(130);
+    }
+    ExitCode::SUCCESS
 }
 
 /// Said where video took most of the time and could have taken a fifth of it: an encoder without its assembly kernels.

@@ -34,7 +34,8 @@ pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>)
 }
 
 /// Whether `colour`, seen where the same thing should be as at `at` (1/64 px) in `current`, is none of the colours
-/// there: some channel lies outside all of those around the place by more than `margin` levels. What is outside the picture has no colours.
+/// there: some channel lies outside all of those around the place by more than `margin` levels. What is outside the
+/// picture has no colours.
 pub(super) fn is_foreign<P: Colour>(colour: P, current: Source<'_, P>, at: [i32; 2], margin: f32) -> bool {
     let grid = Grid { width: current.width, height: current.height, ..Grid::default() };
     let Some([x, y]) = grid.nearest(at) else { return false };

@@ -8,10 +8,10 @@ use cairn::{Error, ErrorKind, Result};
 use clap::{Args, ValueEnum};
 use scenes::FAMILIES;
 
-use super::{Subcommand, encoder_hint, progress, size, stop_on_interrupt};
+use super::{Subcommand, encoder_hint, progress, size, status, stop_on_interrupt};
 use crate::media::{ASSEMBLY, RealDisk};
 use crate::metrics::{Lpips, Net};
-use crate::output::{Folder, MANIFEST, SHEET};
+use crate::output::{Folder, SHEET};
 use crate::progress::duration;
 use crate::reconstruct::{
     self, ANCHOR_RATE, ReconstructOutcome, ReconstructSettings, Reconstruction, TruthOrPicture, reconstruct,
@@ -153,27 +153,8 @@ pub(super) fn make(settings: &ReconstructSettings, out: &Path, overwrite: bool, 
     if !quiet {
         print!("{}", summary(&outcome, out));
     }
-    Ok(status(&outcome, out))
-}
-
-fn status(outcome: &ReconstructOutcome, out: &Path) -> ExitCode {
-    let counts = outcome.manifest.counts;
-    if let Some(error) = &outcome.failure {
-        eprintln!("error: {error}");
-        let manifest = out.join(MANIFEST);
-        eprintln!(
-            "{} of {} frames are complete; {} says which files are whole",
-            counts.presented,
-            counts.planned,
-            manifest.display()
-        );
-        return ExitCode::from(1);
-    }
-    if outcome.interrupted {
-        eprintln!("interrupted: what is finished is kept, and the manifest says \"complete\": false");
-        return ExitCode::from(130);
-    }
-    ExitCode::SUCCESS
+    let counts = &outcome.manifest.counts;
+    Ok(status(outcome.failure.as_ref(), outcome.interrupted, [counts.presented, counts.planned], out))
 }
 
 /// Says what was made, how near it is to the truth, and what to open.

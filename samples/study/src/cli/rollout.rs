@@ -8,11 +8,10 @@ use cairn::world::{CacheMode, MAX_POINTS, OperatingPoint, Presentation, Preset, 
 use cairn::{Error, ErrorKind, Result};
 use clap::Args;
 
-use super::{Subcommand, encoder_hint, progress, size, stop_on_interrupt};
+use super::{Subcommand, encoder_hint, progress, size, status, stop_on_interrupt};
 use crate::demo;
-use crate::job::{Job, Outcome, run as run_job};
+use crate::job::{Job, run as run_job};
 use crate::media::{ASSEMBLY, RealDisk};
-use crate::output::MANIFEST;
 use crate::settings::{Formats, Settings};
 
 #[derive(Args)]
@@ -146,25 +145,8 @@ pub(super) fn make(settings: &Settings, out: &Path, overwrite: bool, quiet: bool
         let seconds = |stage: &str| outcome.manifest.timings.get(stage).copied().unwrap_or(0.0);
         print!("{}", encoder_hint(seconds("recorder"), seconds("total"), ASSEMBLY).unwrap_or_default());
     }
-    Ok(status(&outcome, out))
-}
-
-fn status(outcome: &Outcome, out: &Path) -> ExitCode {
-    if let Some(error) = &outcome.failure {
-        eprintln!("error: {error}");
-        eprintln!(
-            "{} of {} frames are complete; {} says which files are whole",
-            outcome.manifest.counts.presented,
-            outcome.manifest.counts.planned,
-            out.join(MANIFEST).display()
-        );
-        return ExitCode::from(1);
-    }
-    if outcome.interrupted {
-        eprintln!("interrupted: what is finished is kept, and the manifest says \"complete\": false");
-        return ExitCode::from(130);
-    }
-    ExitCode::SUCCESS
+    let counts = &outcome.manifest.counts;
+    Ok(status(outcome.failure.as_ref(), outcome.interrupted, [counts.presented, counts.planned], out))
 }
 
 /// A preset with single items changed.

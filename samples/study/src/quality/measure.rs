@@ -299,7 +299,8 @@ impl Truth {
         Ok(Self { phase, picture, counts, features: OnceCell::new(), key })
     }
 
-    /// Scores `picture`, in LPIPS where there is something to measure it with. Pixels that do not count are made equal to the truth first, for every row alike.
+    /// Scores `picture`, in LPIPS where there is something to measure it with. Pixels that do not count are made equal to
+    /// the truth first, for every row alike.
     fn score(&self, mut picture: Picture, lpips: Option<&Lpips>) -> Result<Score> {
         if let Some(counts) = &self.counts {
             for ((pixel, truth), counts) in picture.pixels_mut().iter_mut().zip(self.picture.pixels()).zip(counts) {
