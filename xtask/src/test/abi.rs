@@ -291,3 +291,19 @@ fn shim(context: &Context<'_>, log: &mut Log, work: &Path) -> Result<PathBuf, St
     let made = log.run(command.args(["-ldl", "-o"]).arg(&library))?.success;
     if made { Ok(library) } else { Err("the shim of ONNX Runtime does not compile".to_owned()) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_function_without_a_row_is_named() {
+        let declared = declarations::read(include_str!("../../../include/cairn.h")).unwrap();
+        let calls = include_str!("../../../tests/abi/calls.h");
+        assert_eq!(without_row(&declared, calls), None);
+        for name in ["cairn_rollout_step", "cairn_anchor_destroy"] {
+            let without: Vec<_> = calls.lines().filter(|line| !line.contains(&format!("({name},"))).collect();
+            assert_eq!(without_row(&declared, &without.join("\n")), Some(format!("{CALLS} has no row for {name}")));
+        }
+    }
+}
