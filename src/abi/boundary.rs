@@ -22,11 +22,20 @@ pub(super) fn guard<T>(work: impl FnOnce() -> Outcome<T>) -> Outcome<T> {
     // What a panic may leave half done lies behind a gate, which is poisoned, or is made anew.
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let failure = panicked(&*payload);
-        // The payload's own drop is foreign code that may panic as well.
-        std::mem::forget(payload);
+        discard(payload);
         let _ = catch_unwind(|| log::error!(target: "cairn", "{failure}"));
         Err(failure)
     })
+}
+
+/// Drops what a panic threw. That is foreign code and may panic as well: what it throws is kept from dropping unless it is text.
+fn discard(payload: Box<dyn Any + Send>) {
+    if let Err(again) = catch_unwind(AssertUnwindSafe(|| drop(payload)))
+        && !again.is::<&str>()
+        && !again.is::<String>()
+    {
+        std::mem::forget(again);
+    }
 }
 
 fn panicked(payload: &(dyn Any + Send)) -> Failure {

@@ -271,7 +271,8 @@ mod tests {
         #[repr(C, align(8))]
         struct Newer([u32; 1026]);
         let mut newer = Newer([0; 1026]);
-        for size in 25..4_104_usize {
+        // Under Miri not every size, but every remainder by 8.
+        for size in (25..4_104_usize).step_by(if cfg!(miri) { 101 } else { 1 }) {
             newer.0[0] = size as u32;
             // SAFETY: there are more bytes than the size names.
             let result = unsafe { read(newer.0.as_ptr().cast::<Grown>(), "g") };

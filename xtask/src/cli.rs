@@ -55,7 +55,7 @@ pub(crate) enum Command {
 #[command(after_help = "With CI=true a skipped test that xtask/skips.toml does not allow counts as a failure.\n\
                         Logs are kept in target/xtask/.")]
 pub(crate) struct TestOptions {
-    /// Fuzz every target for a minute and run the long soak as well
+    /// Fuzz every target for a minute, and run every fault and the long soak as well
     #[arg(long)]
     pub(crate) thorough: bool,
     /// Show the runners and what each does, and run none

@@ -29,6 +29,8 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
         tools::mingw(&console).map_err(text)?;
         // Where they cannot be had, the test of the header says so.
         _ = (tools::clang("clang++", &console), tools::mingw_compiler(true, &console));
+        // As the runners do that need it.
+        _ = tools::nightly(&["miri", "rust-src"], &console);
         tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
         pass_through(&mut clone.cargo(["fetch", "--quiet"]))?;
     }

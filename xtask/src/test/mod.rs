@@ -6,6 +6,7 @@ mod cargo;
 mod host;
 mod house;
 mod junit;
+mod nightly;
 mod python;
 mod quality;
 mod readme;
@@ -52,6 +53,7 @@ const RUNNERS: &[Runner] = &[
     },
     Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
     Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
+    Runner { name: "miri", what: "the C interface's tests without foreign code, under Miri", run: nightly::miri },
     Runner { name: "pytest", what: "the Python package, and parity with the oracle", run: python::run },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
@@ -68,7 +70,7 @@ const THOROUGH: &[Runner] = &[
         what: "every fault at every place, and long random call sequences in C",
         run: abi::run_longer,
     },
-    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: thorough::races },
+    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
