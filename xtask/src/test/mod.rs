@@ -54,6 +54,7 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
     Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
     Runner { name: "miri", what: "the C interface's tests without foreign code, under Miri", run: nightly::miri },
+    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
     Runner { name: "pytest", what: "the Python package, and parity with the oracle", run: python::run },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
@@ -70,7 +71,6 @@ const THOROUGH: &[Runner] = &[
         what: "every fault at every place, and long random call sequences in C",
         run: abi::run_longer,
     },
-    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
@@ -140,7 +140,7 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
         for runner in all {
             println!("{:16}{}", runner.name, runner.what);
         }
-        println!("\nfuzz, faults, races and soak run with --thorough only");
+        println!("\nfuzz, faults and soak run with --thorough only");
         return Ok(true);
     }
     let chosen: Vec<&Runner> = all
