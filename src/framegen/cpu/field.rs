@@ -6,14 +6,15 @@ use rayon::prelude::*;
 
 use super::bars::Inside;
 use super::colour::Colour;
+use super::kernels::claims;
 use super::kernels::{BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, depth_ranges, land, motion_ranges};
-use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, alike, is_nearer, key};
+use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, key};
 use super::sized;
 use crate::Result;
 use crate::guidance::Guidance;
 
-/// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: half a pixel.
-pub(super) const SMOOTH: i32 = 32;
+/// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: three quarters of a pixel.
+pub(super) const SMOOTH: i32 = 48;
 /// Levels within which a pixel on the rim of a surface is that surface's.
 pub(super) const RIM: f32 = 28.0;
 /// The match of a smooth tile whose pixels are not looked at: neither good nor bad.
@@ -56,6 +57,7 @@ impl Preparation {
         });
 
         let edges = Edges {
+            level,
             given: &self.given,
             anchors: anchors.map(|(previous, current, _)| (previous, current)),
             is_flat,
@@ -199,6 +201,7 @@ impl Given<'_> {
 
 /// What happens where surfaces meet.
 struct Edges<'a, P> {
+    level: Level,
     given: &'a Layer,
     anchors: Option<(Source<'a, P>, Source<'a, P>)>,
     /// Whether depth says nothing.
@@ -231,76 +234,81 @@ impl<P: Colour> Edges<'_, P> {
             }
             return;
         }
-        match given.kind {
-            Kind::Rough => *keys = self.given.keys[index],
+        let is_rough = given.kind == Kind::Rough;
+        let start = || match given.kind {
+            Kind::Rough => self.given.keys[index],
             Kind::Smooth => {
                 let [across, down] = grid.extent(column, row);
-                keys.fill(EMPTY);
+                let mut keys = [EMPTY; BLOCK];
                 (0..down).for_each(|j| keys[j * TILE..][..across].fill(given.key));
+                keys
             }
-        }
-        let changes = match self.anchors {
-            Some((previous, current)) if self.is_flat => {
-                self.find_matches(column, row, previous, current, keys);
-                true
-            }
-            _ => self.can_dilate && self.dilate(column, row, keys),
         };
-        if given.kind == Kind::Smooth && !changes {
-            return;
+        match self.anchors {
+            Some((previous, current)) if self.is_flat => {
+                *keys = start();
+                self.find_matches(column, row, previous, current, keys);
+            }
+            _ => {
+                let mut nearest = [EMPTY; BLOCK];
+                let nearer = if self.can_dilate { self.around(column, row, &mut nearest) } else { 0 };
+                if nearer == 0 && !is_rough {
+                    return;
+                }
+                *keys = start();
+                if !self.dilate([column * TILE, row * TILE], nearer, &nearest, keys) && !is_rough {
+                    return;
+                }
+            }
         }
-        *tile = Tile { kind: Kind::Rough, holes: 0, key: EMPTY, low: [i32::MAX; 2], high: [i32::MIN; 2] };
-        for &key in keys.iter().filter(|&&key| key != EMPTY) {
-            let vector = layer::vector(key);
-            tile.low = std::array::from_fn(|c| tile.low[c].min(vector[c]));
-            tile.high = std::array::from_fn(|c| tile.high[c].max(vector[c]));
-        }
+        let [low, high] = claims::span(self.level, keys);
+        *tile = Tile { kind: Kind::Rough, holes: 0, key: EMPTY, low, high };
     }
 
-    /// Gives each pixel the key of the nearest of the nine around it, where that is in front of its own. Says whether
-    /// any changed.
-    #[inline(never)]
-    fn dilate(&self, column: usize, row: usize, keys: &mut [Key; BLOCK]) -> bool {
-        const SIDE: usize = TILE + 2;
-        let grid = self.given.grid;
-        let mut around = [[EMPTY; SIDE]; SIDE];
+    /// For each pixel the nearest key of the nine around it, and which of them are in front of its own.
+    fn around(&self, column: usize, row: usize, nearest: &mut [Key; BLOCK]) -> u64 {
+        let given = self.given;
+        let Grid { width, height, columns, .. } = given.grid;
         let (left, top) = (column * TILE, row * TILE);
-        for (j, line) in around.iter_mut().enumerate() {
-            let is_inner = (1..=TILE).contains(&j);
-            let Some(y) = (top + j).checked_sub(1).filter(|&y| y < grid.height) else { continue };
-            if is_inner {
-                line[1..=TILE].copy_from_slice(&keys[(j - 1) * TILE..][..TILE]);
-                for i in [0, SIDE - 1] {
-                    if let Some(x) = (left + i).checked_sub(1).filter(|&x| x < grid.width) {
-                        line[i] = self.given.owner(x, y);
-                    }
-                }
-            } else {
+        let mut around = [[EMPTY; TILE + 2]; TILE + 2];
+        if column > 0 && row > 0 && left + TILE < width && top + TILE < height {
+            for (j, line) in around.iter_mut().enumerate() {
+                let y = top + j - 1;
+                let tile = y / TILE * columns + column;
+                line[0] = given.owner(left - 1, y);
+                line[1..=TILE].copy_from_slice(&given.line(tile, y % TILE));
+                line[TILE + 1] = given.owner(left + TILE, y);
+            }
+        } else {
+            for (j, line) in around.iter_mut().enumerate() {
+                let Some(y) = (top + j).checked_sub(1).filter(|&y| y < height) else { continue };
                 for (i, key) in line.iter_mut().enumerate() {
-                    if let Some(x) = (left + i).checked_sub(1).filter(|&x| x < grid.width) {
-                        *key = self.given.owner(x, y);
+                    if let Some(x) = (left + i).checked_sub(1).filter(|&x| x < width) {
+                        *key = given.owner(x, y);
                     }
                 }
             }
         }
+        claims::nearest_around(self.level, &around, nearest)
+    }
+
+    /// Gives each pixel of a tile at `corner` that something is nearer to (`nearer`, bit `8 j + i`) the key of that, where
+    /// it fits better than its own. Says whether any does.
+    #[inline(never)]
+    fn dilate(&self, corner: [usize; 2], mut nearer: u64, nearest: &[Key; BLOCK], keys: &mut [Key; BLOCK]) -> bool {
         let mut has_changed = false;
-        let across =
-            around.map(|line| std::array::from_fn::<Key, TILE, _>(|i| line[i].min(line[i + 1]).min(line[i + 2])));
-        for j in 0..TILE {
-            for i in 0..TILE {
-                let own = &mut keys[j * TILE + i];
-                let nearest = across[j][i].min(across[j + 1][i]).min(across[j + 2][i]);
-                if *own != EMPTY && is_nearer(nearest, *own) && !alike(nearest, *own) {
-                    let at = [left + i, top + j];
-                    let is_of_nearest = self.anchors.is_none_or(|(previous, current)| {
-                        let of_nearest = distance(previous, current, at, nearest);
-                        of_nearest <= RIM && of_nearest < distance(previous, current, at, *own)
-                    });
-                    if is_of_nearest {
-                        *own = nearest;
-                        has_changed = true;
-                    }
-                }
+        while nearer != 0 {
+            let place = nearer.trailing_zeros() as usize;
+            nearer &= nearer - 1;
+            let (own, nearest) = (&mut keys[place], nearest[place]);
+            let at = [corner[0] + place % TILE, corner[1] + place / TILE];
+            let is_of_nearest = self.anchors.is_none_or(|(previous, current)| {
+                let of_nearest = distance(previous, current, at, nearest);
+                of_nearest <= RIM && of_nearest < distance(previous, current, at, *own)
+            });
+            if is_of_nearest {
+                *own = nearest;
+                has_changed = true;
             }
         }
         has_changed

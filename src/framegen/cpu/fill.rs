@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use super::colour::Colour;
-use super::kernels::{BLOCK, Source, TILE};
+use super::kernels::{self, BLOCK, Source, TILE, claims};
 use super::layer::{self, EMPTY, Grid, Key, Layer, alike, is_nearer, key, part};
 use super::sized;
 use crate::Result;
@@ -46,7 +46,12 @@ pub(super) struct Evidence<'a, P> {
 
 impl Filler {
     /// Lets every place of `layer` that nothing claims borrow a key; returns how many there are.
-    pub(super) fn fill<P: Colour>(&mut self, layer: &mut Layer, evidence: &Evidence<'_, P>) -> Result<usize> {
+    pub(super) fn fill<P: Colour>(
+        &mut self,
+        level: kernels::Level,
+        layer: &mut Layer,
+        evidence: &Evidence<'_, P>,
+    ) -> Result<usize> {
         let grid = layer.grid;
         self.reserve(grid)?;
         let holes = layer.tiles.iter().map(|tile| usize::from(tile.holes)).sum();
@@ -83,14 +88,9 @@ impl Filler {
         tiles.zip(&mut layer.spans).for_each(|((tiles, borrowed), span)| {
             *span = [i32::MAX, i32::MIN];
             for (tile, keys) in tiles.iter_mut().zip(borrowed) {
-                (tile.low, tile.high) = ([i32::MAX; 2], [i32::MIN; 2]);
-                if tile.holes > 0 {
-                    for &key in keys.iter().filter(|&&key| key != EMPTY) {
-                        let vector = layer::vector(key);
-                        tile.low = std::array::from_fn(|c| tile.low[c].min(vector[c]));
-                        tile.high = std::array::from_fn(|c| tile.high[c].max(vector[c]));
-                    }
-                }
+                let has_holes = tile.holes > 0;
+                [tile.low, tile.high] =
+                    if has_holes { claims::span(level, keys) } else { [[i32::MAX; 2], [i32::MIN; 2]] };
                 *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
             }
         });

@@ -5,8 +5,9 @@ use std::ops::Range;
 use parking_lot::Mutex;
 use rayon::prelude::*;
 
-use super::kernels::{BLOCK, TILE};
-use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, Tile, alike, is_nearer, key, landed};
+use super::kernels::claims::{self, Places};
+use super::kernels::{BLOCK, Level, TILE};
+use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, Tile, key, landed};
 use super::{reserve, sized};
 use crate::Result;
 
@@ -16,6 +17,11 @@ const BAND: usize = 8;
 const RIM: usize = 1;
 /// A place that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
 pub(super) const SMOOTH: i32 = 48;
+/// The same where they can be one that slopes: between vectors given for whole tiles, the mean of those that meet is
+/// nearer to the truth than a step is.
+pub(super) const SLOPE: i32 = 256;
+/// Surfaces whose ranks differ by no more than this can be one that slopes: an octave of distance.
+pub(super) const ONE_SURFACE: u16 = 2048;
 
 /// A layer to carry and how far: by `reach` of its vectors, see [`WHOLE`](layer::WHOLE).
 #[derive(Debug, Clone, Copy)]
@@ -42,12 +48,20 @@ struct Cover {
     sum: [i64; 2],
     area: u32,
     nearest: Key,
+    farthest: u16,
     is_rough: bool,
 }
 
 impl Cover {
-    const NONE: Self =
-        Self { low: [i32::MAX; 2], high: [i32::MIN; 2], sum: [0; 2], area: 0, nearest: EMPTY, is_rough: false };
+    const NONE: Self = Self {
+        low: [i32::MAX; 2],
+        high: [i32::MIN; 2],
+        sum: [0; 2],
+        area: 0,
+        nearest: EMPTY,
+        farthest: 0,
+        is_rough: false,
+    };
 }
 
 /// Working memory of one thread: a band of places with its rim, and what covers its tiles.
@@ -56,6 +70,8 @@ pub(super) struct Band {
     /// [`EMPTY`] all over while no band is filled.
     places: Vec<Key>,
     covers: Vec<Cover>,
+    /// For each tile, and one more on each side, whether pixels of their own landed there.
+    is_rough: Vec<bool>,
     /// For each [`TILE`] columns of places whether anything is written there.
     is_used: Vec<bool>,
 }
@@ -76,6 +92,7 @@ impl Bands {
             let band = band.get_mut();
             sized(&mut band.places, stride(grid) * (BAND * TILE + 2 * RIM), EMPTY)?;
             sized(&mut band.covers, BAND * grid.columns, Cover::NONE)?;
+            sized(&mut band.is_rough, (BAND + 2) * (grid.columns + 2), false)?;
             sized(&mut band.is_used, stride(grid).div_ceil(TILE), false)?;
         }
         Ok(())
@@ -89,7 +106,7 @@ fn stride(grid: Grid) -> usize {
 impl Layer {
     /// Fills this layer with what `passes` carry to it. The nearest of those that land on one place gets it; cracks of
     /// a pixel in what lands are closed.
-    pub(super) fn land(&mut self, passes: &[Pass<'_>], bands: &Bands) -> Result<()> {
+    pub(super) fn land(&mut self, level: Level, passes: &[Pass<'_>], bands: &Bands) -> Result<()> {
         let grid = passes[0].layer.grid;
         self.reserve(grid)?;
         // Where there are holes is known only when they are to be filled.
@@ -99,7 +116,7 @@ impl Layer {
         tiles.zip(keys).enumerate().for_each(|(number, (tiles, keys))| {
             let thread = rayon::current_thread_index().unwrap_or(0);
             let mut band = bands.0[thread].lock();
-            let filling = Filling { grid, top: number * BAND, rows: tiles.len() / grid.columns };
+            let filling = Filling { level, grid, top: number * BAND, rows: tiles.len() / grid.columns };
             filling.fill(passes, &mut band, tiles, keys);
         });
         Ok(())
@@ -108,6 +125,7 @@ impl Layer {
 
 /// A band that is being filled.
 struct Filling {
+    level: Level,
     grid: Grid,
     /// Its first row of tiles, and how many it has.
     top: usize,
@@ -117,6 +135,7 @@ struct Filling {
 impl Filling {
     fn fill(&self, passes: &[Pass<'_>], band: &mut Band, tiles: &mut [Tile], keys: &mut [[Key; BLOCK]]) {
         band.covers.fill(Cover::NONE);
+        band.is_rough.fill(false);
         for pass in passes {
             self.each_tile(pass, |column, row, tile| match (pass.of, tile.kind) {
                 (Carried::Own, Kind::Smooth) => self.cover(pass.reach, column, row, tile, &mut band.covers),
@@ -131,10 +150,17 @@ impl Filling {
                 (Carried::Borrowed, _) => {}
             });
         }
+        let Band { covers, is_rough, is_used, .. } = band;
+        for line in is_rough.chunks(self.grid.columns + 2) {
+            // A group of columns holds parts of two tiles.
+            let groups = is_used.iter_mut().zip(line.windows(2));
+            groups.for_each(|(is_used, tiles)| *is_used |= tiles[0] | tiles[1]);
+        }
         let mut rough = self.grid.columns..0;
-        let covers = band.covers.chunks_mut(self.grid.columns);
-        for ((row, tiles), covers) in tiles.chunks_mut(self.grid.columns).enumerate().zip(covers) {
+        let covers = covers.chunks_mut(self.grid.columns).zip(is_rough.chunks(self.grid.columns + 2).skip(1));
+        for ((row, tiles), (covers, is_rough)) in tiles.chunks_mut(self.grid.columns).enumerate().zip(covers) {
             for ((column, tile), cover) in tiles.iter_mut().enumerate().zip(covers) {
+                cover.is_rough = is_rough[column + 1];
                 *tile = self.settle(cover, self.grid.extent(column, self.top + row));
                 cover.is_rough = tile.kind == Kind::Rough;
                 if cover.is_rough {
@@ -222,44 +248,26 @@ impl Filling {
                 cover.sum = std::array::from_fn(|c| cover.sum[c] + i64::from(vector[c]) * i64::from(area));
                 cover.area = cover.area.saturating_add(area);
                 cover.nearest = cover.nearest.min(tile.key);
+                cover.farthest = cover.farthest.max(layer::rank(tile.key));
             }
         }
     }
 
     /// Carries pixels one by one.
-    #[inline(never)]
     fn carry_pixels(&self, reach: i32, column: usize, row: usize, keys: &[Key; BLOCK], band: &mut Band) {
-        let (left, top) = ((column * TILE) as i32, (row * TILE) as i32);
-        let rim = RIM as i32;
-        let origin = (self.top * TILE) as i32 - rim;
-        let bounds = [(self.grid.columns * TILE) as u32 + 2 * RIM as u32, (self.rows * TILE) as u32 + 2 * RIM as u32];
-        let stride = stride(self.grid);
-        let mut at = [[0_u32; 2]; BLOCK];
-        for (place, (at, &key)) in at.iter_mut().zip(keys).enumerate() {
-            let [x, y] = layer::vector(key);
-            let (i, j) = ((place % TILE) as i32, (place / TILE) as i32);
-            *at = [(landed(left + i, x, reach) + rim) as u32, (landed(top + j, y, reach) - origin) as u32];
-        }
-        for ([x, y], &key) in at.into_iter().zip(keys) {
-            if x >= bounds[0] || y >= bounds[1] || key == EMPTY {
-                continue;
-            }
-            let place = &mut band.places[y as usize * stride + x as usize];
-            *place = (*place).min(key);
-            band.is_used[x as usize / TILE] = true;
-            let (c, r) = ((x as usize).wrapping_sub(RIM) / TILE, (y as usize).wrapping_sub(RIM) / TILE);
-            if c < self.grid.columns && r < self.rows {
-                band.covers[r * self.grid.columns + c].is_rough = true;
-            }
-        }
+        let from = [column * TILE + RIM, row * TILE + RIM].map(|at| at as i32);
+        let mut places = Places { keys: &mut band.places, stride: stride(self.grid), is_rough: &mut band.is_rough };
+        claims::carry(self.level, keys, [from[0], from[1] - (self.top * TILE) as i32], reach, &mut places);
     }
 
     /// What a tile is that is covered so.
     #[inline(never)]
     fn settle(&self, cover: &Cover, [across, down]: [usize; 2]) -> Tile {
         let whole = (across * down) as u32;
+        let is_surface = cover.farthest.saturating_sub(layer::rank(cover.nearest)) <= ONE_SURFACE;
+        let apart = if is_surface { SLOPE } else { SMOOTH };
         let is_smooth =
-            !cover.is_rough && 4 * cover.area >= 3 * whole && (0..2).all(|i| cover.high[i] - cover.low[i] <= SMOOTH);
+            !cover.is_rough && 4 * cover.area >= 3 * whole && (0..2).all(|i| cover.high[i] - cover.low[i] <= apart);
         if !is_smooth {
             return Tile { kind: Kind::Rough, ..Tile::default() };
         }
@@ -297,12 +305,9 @@ impl Filling {
         }
         let [from, until] = [columns.start, columns.end - 1].map(|x| (x + rim) as usize / TILE);
         band.is_used[from..=until].fill(true);
-        for line in lines {
-            let start = (line - first) as usize * stride(self.grid) + (columns.start + rim) as usize;
-            for place in &mut band.places[start..][..columns.len()] {
-                *place = (*place).min(tile.key);
-            }
-        }
+        let start = (lines.start - first) as usize * stride(self.grid) + (columns.start + rim) as usize;
+        let extent = [columns.len(), lines.len()];
+        claims::lay(self.level, tile.key, &mut band.places, stride(self.grid), start, extent);
     }
 
     /// Takes the keys of a rough tile from the band, and closes its cracks.
@@ -310,32 +315,23 @@ impl Filling {
     fn take(&self, places: &[Key], column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
         let [across, down] = self.grid.extent(column, self.top + row);
         let stride = stride(self.grid);
-        keys.fill(EMPTY);
-        let (mut holes, mut farthest) = (0, 0);
-        for j in 0..down {
-            let start = (row * TILE + j) * stride + column * TILE;
-            let [above, here, below]: [&[Key]; 3] =
-                std::array::from_fn(|line| &places[start + line * stride..][..TILE + 2 * RIM]);
-            for i in 0..across {
-                let pairs = [[here[i], here[i + 2]], [above[i + 1], below[i + 1]]];
-                let mut own = here[i + 1];
-                for [a, b] in pairs {
-                    if a != EMPTY && b != EMPTY && alike(a, b) {
-                        let nearer = a.min(b);
-                        if own == EMPTY || is_nearer(a.max(b), own) && !alike(nearer, own) {
-                            own = nearer;
-                        }
-                    }
-                }
-                keys[j * TILE + i] = own;
-                if own == EMPTY {
-                    holes += 1;
-                } else {
-                    farthest = farthest.max(own);
-                }
+        (tile.holes, tile.key) =
+            claims::close(self.level, &places[row * TILE * stride + column * TILE..], stride, keys);
+        if [across, down] == [TILE, TILE] {
+            return;
+        }
+        (tile.holes, tile.key) = (0, 0);
+        for (place, key) in keys.iter_mut().enumerate() {
+            if place % TILE >= across || place / TILE >= down {
+                *key = EMPTY;
+            } else if *key == EMPTY {
+                tile.holes += 1;
+            } else {
+                tile.key = tile.key.max(*key);
             }
         }
-        tile.holes = holes;
-        tile.key = if farthest == 0 { EMPTY } else { farthest };
+        if tile.key == 0 {
+            tile.key = EMPTY;
+        }
     }
 }

@@ -188,6 +188,15 @@ impl Layer {
         }
     }
 
+    /// The keys of a row of a tile.
+    #[inline(always)]
+    pub(super) fn line(&self, tile: usize, line: usize) -> [Key; TILE] {
+        match self.tiles[tile].kind {
+            Kind::Smooth => [self.tiles[tile].key; TILE],
+            Kind::Rough => *self.keys[tile][line * TILE..].first_chunk().expect("a tile has eight rows of eight"),
+        }
+    }
+
     /// The tiles of some rows.
     pub(super) fn row(&self, rows: Range<usize>) -> &[Tile] {
         &self.tiles[rows.start * self.grid.columns..rows.end * self.grid.columns]

@@ -115,17 +115,17 @@ impl CpuGenerator {
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
 
-        self.owners.land(&[Pass { layer: &self.field, reach: WHOLE, of: Carried::Own }], &self.bands)?;
+        self.owners.land(self.level, &[Pass { layer: &self.field, reach: WHOLE, of: Carried::Own }], &self.bands)?;
         let evidence = Evidence { field: &self.field, reach: WHOLE, shown: Some(previous), mark: ORPHAN };
-        let orphans = self.filler.fill(&mut self.owners, &evidence)?;
+        let orphans = self.filler.fill(self.level, &mut self.owners, &evidence)?;
 
         let passes = [
             Pass { layer: &self.field, reach: WHOLE - phase, of: Carried::Own },
             Pass { layer: &self.owners, reach: -phase, of: Carried::Borrowed },
         ];
-        self.places.land(&passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
+        self.places.land(self.level, &passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
         let evidence = Evidence::<P> { field: &self.field, reach: WHOLE - phase, shown: None, mark: HOLE };
-        self.filler.fill(&mut self.places, &evidence)?;
+        self.filler.fill(self.level, &mut self.places, &evidence)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
         let between = Between {
@@ -151,9 +151,9 @@ impl CpuGenerator {
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
-        self.places.land(&[Pass { layer: &self.field, reach: -phase, of: Carried::Own }], &self.bands)?;
+        self.places.land(self.level, &[Pass { layer: &self.field, reach: -phase, of: Carried::Own }], &self.bands)?;
         let evidence = Evidence::<P> { field: &self.field, reach: -phase, shown: None, mark: HOLE };
-        self.filler.fill(&mut self.places, &evidence)?;
+        self.filler.fill(self.level, &mut self.places, &evidence)?;
         sized(&mut self.hidden, grid.tiles(), 0)?;
         let rendered = render::beyond(self.level, current, &self.places, &self.field, phase, out, &mut self.hidden);
         if rendered.hidden > 0 {

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::colour::Colour;
 use super::foreign::is_foreign;
+use super::kernels::claims;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
 use super::layer::{self, EMPTY, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part};
 use super::overlay::Overlays;
@@ -118,24 +119,27 @@ impl<P: Colour> Between<'_, P> {
         };
         let (mut before, mut after) =
             (Positions { x: [0; BLOCK], y: [0; BLOCK] }, Positions { x: [0; BLOCK], y: [0; BLOCK] });
-        let (mut uncovered, mut questionable) = (0, 0_u64);
-        for (place, key) in keys.iter_mut().enumerate() {
-            let [i, j] = [place % TILE, place / TILE];
-            if i >= across || j >= down {
-                *key = layer::key(0, 0, [0; 2]);
-            } else if *key == EMPTY {
-                *key = self.places.borrowed[index][place];
-                questionable |= 1 << place;
-                uncovered += 1;
-            } else if layer::mark(*key) == ORPHAN {
-                questionable |= 1 << place;
-                uncovered += 1;
+        let (mut uncovered, mut questionable) = (0, 0);
+        if tile.kind == Kind::Rough {
+            if [across, down] != [TILE, TILE] {
+                // Beyond the edges there is nothing to ask.
+                let beyond = (0..BLOCK).filter(|place| place % TILE >= across || place / TILE >= down);
+                beyond.for_each(|place| keys[place] = layer::key(0, 0, [0; 2]));
             }
-            let spots = self.spots([corner[0] + i, corner[1] + j], *key);
-            (before.x[place], before.y[place]) = (spots.before[0], spots.before[1]);
-            (after.x[place], after.y[place]) = (spots.after[0], spots.after[1]);
-            questionable |= u64::from(!grid.holds(spots.before) | !grid.holds(spots.after)) << place;
+            if tile.holes > 0 {
+                let borrowed = &self.places.borrowed[index];
+                for (key, &borrowed) in keys.iter_mut().zip(borrowed).filter(|(key, _)| **key == EMPTY) {
+                    (*key, uncovered) = (borrowed, uncovered + 1);
+                }
+                questionable |= claims::having(self.level, &keys, HOLE);
+            }
+            let orphans = claims::having(self.level, &keys, ORPHAN);
+            uncovered += orphans.count_ones() as usize;
+            questionable |= orphans;
         }
+        let from = corner.map(|at| 64 * at as i32);
+        let size = [grid.width, grid.height];
+        questionable |= claims::spots(self.level, &keys, from, self.phase, size, &mut before, &mut after);
         let strict = Rule { careful: STRICT, ..*rule };
         let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block);
         each_bit(mask | questionable, |place| {

@@ -11,6 +11,7 @@
 //! Public for the benches; not part of what the library promises.
 
 mod bytes;
+pub(super) mod claims;
 mod halves;
 mod ranges;
 mod sampled;

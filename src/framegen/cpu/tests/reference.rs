@@ -12,7 +12,7 @@ use crate::framegen::cpu::fill::{Evidence, NEAR};
 use crate::framegen::cpu::foreign::{self, is_foreign};
 use crate::framegen::cpu::inpaint::Inpainter;
 use crate::framegen::cpu::kernels::{BLOCK, Landing, Level, Rule, Source, TILE, land};
-use crate::framegen::cpu::landing::SMOOTH as SMOOTH_LANDED;
+use crate::framegen::cpu::landing::{ONE_SURFACE, SLOPE, SMOOTH as SMOOTH_LANDED};
 use crate::framegen::cpu::layer::{
     self, EMPTY, Grid, HOLE, Key, Kind, LONGEST, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, landed, part,
 };
@@ -266,7 +266,10 @@ fn gathered(grid: Grid, claims: &[Claim]) -> Layer {
         let whole = pixels_of(grid, position).count();
         let [low, high] = range(keys.iter().copied());
         let is_covered = 4 * keys.len() >= 3 * whole;
-        if !is_rough[tile] && is_covered && (0..2).all(|c| high[c] - low[c] <= SMOOTH_LANDED) {
+        let ranks = || keys.iter().map(|&key| layer::rank(key));
+        let is_surface = is_covered && ranks().max().unwrap() - ranks().min().unwrap() <= ONE_SURFACE;
+        let apart = if is_surface { SLOPE } else { SMOOTH_LANDED };
+        if !is_rough[tile] && is_covered && (0..2).all(|c| high[c] - low[c] <= apart) {
             let front = *keys.iter().min().unwrap();
             let mean = [0, 1].map(|c| {
                 let sum: i64 = keys.iter().map(|&key| i64::from(layer::vector(key)[c])).sum();

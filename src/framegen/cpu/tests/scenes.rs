@@ -37,7 +37,8 @@ fn assert_exact_but(few: usize, scene: Scene<'_>, guidance: &Guidance, inside: i
 }
 
 /// Asserts that the middle is met with a mean difference of at most `bound` levels, and seven times better than by a
-/// mixture of the two anchors: where vectors differ by less than half a pixel, tiles of eight pixels share one.
+/// mixture of the two anchors: where vectors differ by less than three quarters of a pixel, tiles of eight pixels share
+/// one.
 fn assert_close(scene: Scene<'_>, guidance: &Guidance, bound: f64) {
     let (before, after) = (scene(0.0), scene(1.0));
     for t in [0.25, 0.5, 0.75] {

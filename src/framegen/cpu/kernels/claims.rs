@@ -1,0 +1,331 @@
+//! The claims of a tile's pixels, eight at a time.
+//!
+//! What a claim is, and what may be said of two, is in `layer`; here it is written so that compilers make vectors of it.
+
+use super::super::layer::{EMPTY, Key, is_nearer, landed, part, vector};
+use super::at_every_level;
+use super::sampled::{BLOCK, Positions, TILE};
+
+/// Rows of a picture that are being filled, with what is known of their tiles. Tiles begin at the place (1, 1), as one
+/// more row and column stand on each side.
+#[derive(Debug)]
+pub(in super::super) struct Places<'a> {
+    /// A key to a place, row by row.
+    pub(in super::super) keys: &'a mut [Key],
+    /// Places to a row.
+    pub(in super::super) stride: usize,
+    /// For each tile, and one more on each side, whether a pixel of its own landed on it.
+    pub(in super::super) is_rough: &'a mut [bool],
+}
+
+impl Places<'_> {
+    /// Lets `key` claim a place, if that is one of these.
+    #[inline(always)]
+    fn claim(&mut self, x: i32, y: i32, key: Key) {
+        if key == EMPTY || x as u32 as usize >= self.stride {
+            return;
+        }
+        // What is negative is far beyond.
+        if let Some(place) = self.keys.get_mut((y as u32 as usize).saturating_mul(self.stride) + x as usize) {
+            *place = (*place).min(key);
+            self.is_rough[self.tile(x as usize, y as usize)] = true;
+        }
+    }
+
+    /// The number of the tile that holds a place.
+    #[inline(always)]
+    fn tile(&self, x: usize, y: usize) -> usize {
+        y.div_ceil(TILE) * ((self.stride - 2) / TILE + 2) + x.div_ceil(TILE)
+    }
+}
+
+at_every_level! {
+    /// Carries the pixels of a tile by `reach` of their vectors, the first of them standing at the place `from`.
+    pub(in super::super) fn carry(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mut Places<'_>)
+        = scalar::carry | carry_in_vectors
+}
+
+at_every_level! {
+    /// Lays a claim on `extent` places from `start` on, where it is in front of what is there.
+    pub(in super::super) fn lay(key: Key, places: &mut [Key], stride: usize, start: usize, extent: [usize; 2])
+        = scalar::lay | lay_in_vectors
+}
+
+at_every_level! {
+    /// The keys of a tile whose first place is `places[stride + 1]`, with cracks closed: a place that has nothing, or only
+    /// what is behind, gets what stands on both sides of it, where that is one surface. Returns how many places nothing
+    /// claims, and the farthest claim, or [`EMPTY`].
+    pub(in super::super) fn close(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key)
+        = scalar::close | close_in_vectors
+}
+
+at_every_level! {
+    /// For each place of the inner 8 x 8 the nearest of the nine around it. Bit `8 j + i` of the result says that it is
+    /// in front of the place's own, and moves otherwise.
+    pub(in super::super) fn nearest_around(around: &Around, nearest: &mut [Key; BLOCK]) -> u64
+        = scalar::nearest_around | nearest_around_in_vectors
+}
+
+at_every_level! {
+    /// The least and the largest of each component of what moves by claims; the least above the largest where there are
+    /// none.
+    pub(in super::super) fn span(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] = scalar::span | span_in_vectors
+}
+
+at_every_level! {
+    /// Where the two anchors of a size show the pixels of a tile with these claims, the first of which is at `from`
+    /// (1/64 px), at `phase` of [`WHOLE`](super::super::layer::WHOLE). Bit `8 j + i` of the result says that one of them
+    /// does not.
+    pub(in super::super) fn spots(
+        keys: &[Key; BLOCK], from: [i32; 2], phase: i32, size: [usize; 2], before: &mut Positions, after: &mut Positions,
+    ) -> u64 = scalar::spots | spots_in_vectors
+}
+
+at_every_level! {
+    /// Which of these claims have a mark, [`EMPTY`] having the mark [`HOLE`](super::super::layer::HOLE): bit `8 j + i`.
+    pub(in super::super) fn having(keys: &[Key; BLOCK], mark: u8) -> u64 = scalar::having | having_in_vectors
+}
+
+/// The keys of a tile with one more on each side.
+pub(in super::super) type Around = [[Key; TILE + 2]; TILE + 2];
+
+const COMPONENT: u64 = (1 << 20) - 1;
+
+/// Whether two claims move alike, see [`alike`](super::super::layer::alike).
+#[inline(always)]
+fn move_alike(a: Key, b: Key) -> bool {
+    let is_near = |a: u64, b: u64| (a & COMPONENT).wrapping_sub(b & COMPONENT).wrapping_add(64) <= 128;
+    is_near(a >> 20, b >> 20) & is_near(a, b)
+}
+
+/// Lanes of a row of a tile.
+type Row<T> = [T; TILE];
+
+#[inline(always)]
+fn row(keys: &[Key]) -> &Row<Key> {
+    keys.first_chunk().expect("a row of eight")
+}
+
+#[inline(always)]
+fn carry_in_vectors(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mut Places<'_>) {
+    for j in 0..TILE {
+        let keys = row(&keys[j * TILE..]);
+        if keys.iter().fold(EMPTY, |all, &key| all & key) == EMPTY {
+            continue;
+        }
+        let x: Row<i32> = std::array::from_fn(|i| landed(from[0] + i as i32, vector(keys[i])[0], reach));
+        let y: Row<i32> = std::array::from_fn(|i| landed(from[1] + j as i32, vector(keys[i])[1], reach));
+        // Mostly they stay side by side; none of those is empty, as not all are.
+        let apart: Row<i32> = std::array::from_fn(|i| (x[i] - x[0] - i as i32) | (y[i] - y[0]));
+        let start = (y[0] as u32 as usize).saturating_mul(places.stride) + x[0] as u32 as usize;
+        let is_run = apart.iter().fold(0, |any, v| any | v) == 0
+            && x[0] as u32 as usize + TILE <= places.stride
+            && start + TILE <= places.keys.len()
+            && keys.iter().all(|&key| key != EMPTY);
+        if is_run {
+            let run: &mut Row<Key> = places.keys[start..].first_chunk_mut().expect("it fits");
+            *run = std::array::from_fn(|i| run[i].min(keys[i]));
+            let [first, last] = [x[0], x[0] + TILE as i32 - 1].map(|x| places.tile(x as usize, y[0] as usize));
+            places.is_rough[first] = true;
+            places.is_rough[last] = true;
+        } else {
+            for i in 0..TILE {
+                places.claim(x[i], y[i], keys[i]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn lay_in_vectors(key: Key, places: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
+    for line in 0..down {
+        let places = &mut places[start + line * stride..][..across];
+        match places.first_chunk_mut::<TILE>() {
+            Some(places) if across == TILE => *places = places.map(|place| place.min(key)),
+            _ => places.iter_mut().for_each(|place| *place = (*place).min(key)),
+        }
+    }
+}
+
+#[inline(always)]
+fn close_in_vectors(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key) {
+    let closed = |own: &Row<Key>, a: &Row<Key>, b: &Row<Key>| -> Row<Key> {
+        std::array::from_fn(|i| {
+            let (own, nearer, farther) = (own[i], a[i].min(b[i]), a[i].max(b[i]));
+            let is_surface = (farther != EMPTY) & move_alike(nearer, farther);
+            let is_behind = is_nearer(farther, own) & !move_alike(nearer, own);
+            if is_surface & ((own == EMPTY) | is_behind) { nearer } else { own }
+        })
+    };
+    let (mut holes, mut farthest) = ([0_u64; TILE], [0_u64; TILE]);
+    for j in 0..TILE {
+        let [above, here, below] = [0, 1, 2].map(|line| &places[(j + line) * stride..][..TILE + 2]);
+        let own = closed(row(&here[1..]), row(here), row(&here[2..]));
+        let own = closed(&own, row(&above[1..]), row(&below[1..]));
+        holes = std::array::from_fn(|i| holes[i] + u64::from(own[i] == EMPTY));
+        // One more than the key: nothing is 0 then, and nearest.
+        farthest = std::array::from_fn(|i| farthest[i].max(own[i].wrapping_add(1)));
+        keys[j * TILE..][..TILE].copy_from_slice(&own);
+    }
+    let farthest = farthest.into_iter().fold(0, u64::max);
+    (holes.iter().sum::<u64>() as u8, farthest.wrapping_sub(1))
+}
+
+#[inline(always)]
+fn nearest_around_in_vectors(around: &Around, nearest: &mut [Key; BLOCK]) -> u64 {
+    let across = around.map(|line| -> Row<Key> { std::array::from_fn(|i| line[i].min(line[i + 1]).min(line[i + 2])) });
+    let mut changes = [0; TILE];
+    for j in 0..TILE {
+        let own = row(&around[j + 1][1..]);
+        let first: Row<Key> = std::array::from_fn(|i| across[j][i].min(across[j + 1][i]).min(across[j + 2][i]));
+        nearest[j * TILE..][..TILE].copy_from_slice(&first);
+        changes = std::array::from_fn(|i| {
+            let is_other = (own[i] != EMPTY) & is_nearer(first[i], own[i]) & !move_alike(first[i], own[i]);
+            changes[i] | u64::from(is_other) << (j * TILE + i)
+        });
+    }
+    changes.into_iter().fold(0, |all, bits| all | bits)
+}
+
+#[inline(always)]
+fn span_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
+    let (mut low, mut high) = ([[i32::MAX; TILE]; 2], [[i32::MIN; TILE]; 2]);
+    for j in 0..TILE {
+        let keys = row(&keys[j * TILE..]);
+        for c in 0..2 {
+            low[c] =
+                std::array::from_fn(|i| if keys[i] == EMPTY { low[c][i] } else { low[c][i].min(vector(keys[i])[c]) });
+            high[c] =
+                std::array::from_fn(|i| if keys[i] == EMPTY { high[c][i] } else { high[c][i].max(vector(keys[i])[c]) });
+        }
+    }
+    [
+        low.map(|low| low.into_iter().fold(i32::MAX, i32::min)),
+        high.map(|high| high.into_iter().fold(i32::MIN, i32::max)),
+    ]
+}
+
+#[inline(always)]
+fn spots_in_vectors(
+    keys: &[Key; BLOCK],
+    from: [i32; 2],
+    phase: i32,
+    size: [usize; 2],
+    before: &mut Positions,
+    after: &mut Positions,
+) -> u64 {
+    // As unsigned numbers, what is negative is far beyond.
+    let is_beyond = |at: i32, len: usize| (at.wrapping_add(32) as u32) >= 64 * len as u32;
+    let mut beyond = [0; TILE];
+    for j in 0..TILE {
+        let keys = row(&keys[j * TILE..]);
+        let [x, y]: [Row<i32>; 2] = std::array::from_fn(|c| std::array::from_fn(|i| vector(keys[i])[c]));
+        let u: Row<i32> = std::array::from_fn(|i| from[0] + 64 * i as i32 + part(x[i], phase));
+        let v: Row<i32> = std::array::from_fn(|i| from[1] + 64 * j as i32 + part(y[i], phase));
+        before.x[j * TILE..][..TILE].copy_from_slice(&u);
+        before.y[j * TILE..][..TILE].copy_from_slice(&v);
+        let [s, t]: [Row<i32>; 2] = [std::array::from_fn(|i| u[i] - x[i]), std::array::from_fn(|i| v[i] - y[i])];
+        after.x[j * TILE..][..TILE].copy_from_slice(&s);
+        after.y[j * TILE..][..TILE].copy_from_slice(&t);
+        beyond = std::array::from_fn(|i| {
+            let is_one = is_beyond(u[i], size[0])
+                | is_beyond(v[i], size[1])
+                | is_beyond(s[i], size[0])
+                | is_beyond(t[i], size[1]);
+            beyond[i] | u64::from(is_one) << (j * TILE + i)
+        });
+    }
+    beyond.into_iter().fold(0, |all, bits| all | bits)
+}
+
+#[inline(always)]
+fn having_in_vectors(keys: &[Key; BLOCK], mark: u8) -> u64 {
+    let mut having = [0; TILE];
+    for j in 0..TILE {
+        let keys = row(&keys[j * TILE..]);
+        having =
+            std::array::from_fn(|i| having[i] | u64::from(keys[i] >> 40 & 0xff == u64::from(mark)) << (j * TILE + i));
+    }
+    having.into_iter().fold(0, |all, bits| all | bits)
+}
+
+/// The same, place by place.
+mod scalar {
+    use super::super::super::layer::{self, Grid, alike, is_nearer};
+    use super::{Around, BLOCK, EMPTY, Key, Places, Positions, TILE, landed, part, vector};
+
+    pub(super) fn carry(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mut Places<'_>) {
+        for (place, &key) in keys.iter().enumerate() {
+            let (i, j) = ((place % TILE) as i32, (place / TILE) as i32);
+            let [x, y] = vector(key);
+            places.claim(landed(from[0] + i, x, reach), landed(from[1] + j, y, reach), key);
+        }
+    }
+
+    pub(super) fn lay(key: Key, places: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
+        for line in 0..down {
+            for place in &mut places[start + line * stride..][..across] {
+                *place = (*place).min(key);
+            }
+        }
+    }
+
+    pub(super) fn close(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key) {
+        for (place, key) in keys.iter_mut().enumerate() {
+            let at = |i: usize, j: usize| places[(place / TILE + j) * stride + place % TILE + i];
+            *key = at(1, 1);
+            for [a, b] in [[at(0, 1), at(2, 1)], [at(1, 0), at(1, 2)]] {
+                let is_surface = a != EMPTY && b != EMPTY && alike(a, b);
+                if is_surface && (*key == EMPTY || is_nearer(a.max(b), *key) && !alike(a.min(b), *key)) {
+                    *key = a.min(b);
+                }
+            }
+        }
+        let claims = keys.iter().copied().filter(|&key| key != EMPTY);
+        ((BLOCK - claims.clone().count()) as u8, claims.max().unwrap_or(EMPTY))
+    }
+
+    pub(super) fn nearest_around(around: &Around, nearest: &mut [Key; BLOCK]) -> u64 {
+        let mut changes = 0;
+        for (place, nearest) in nearest.iter_mut().enumerate() {
+            let (i, j) = (place % TILE, place / TILE);
+            let own = around[j + 1][i + 1];
+            *nearest = around[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied()).fold(EMPTY, Key::min);
+            let is_other = own != EMPTY && is_nearer(*nearest, own) && !alike(*nearest, own);
+            changes |= u64::from(is_other) << place;
+        }
+        changes
+    }
+
+    pub(super) fn span(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
+        let vectors = keys.iter().filter(|&&key| key != EMPTY).map(|&key| vector(key));
+        vectors.fold([[i32::MAX; 2], [i32::MIN; 2]], |[low, high], vector| {
+            [[0, 1].map(|c| low[c].min(vector[c])), [0, 1].map(|c| high[c].max(vector[c]))]
+        })
+    }
+
+    pub(super) fn spots(
+        keys: &[Key; BLOCK],
+        from: [i32; 2],
+        phase: i32,
+        [width, height]: [usize; 2],
+        before: &mut Positions,
+        after: &mut Positions,
+    ) -> u64 {
+        let grid = Grid { width, height, ..Grid::default() };
+        let mut beyond = 0;
+        for (place, &key) in keys.iter().enumerate() {
+            let [x, y] = vector(key);
+            before.x[place] = from[0] + 64 * (place % TILE) as i32 + part(x, phase);
+            before.y[place] = from[1] + 64 * (place / TILE) as i32 + part(y, phase);
+            (after.x[place], after.y[place]) = (before.x[place] - x, before.y[place] - y);
+            let is_on = grid.holds([before.x[place], before.y[place]]) && grid.holds([after.x[place], after.y[place]]);
+            beyond |= u64::from(!is_on) << place;
+        }
+        beyond
+    }
+
+    pub(super) fn having(keys: &[Key; BLOCK], mark: u8) -> u64 {
+        keys.iter().enumerate().fold(0, |all, (place, &key)| all | u64::from(layer::mark(key) == mark) << place)
+    }
+}

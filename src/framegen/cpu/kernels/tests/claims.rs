@@ -1,0 +1,115 @@
+//! Claims of tiles.
+
+use super::super::super::layer::{self, EMPTY, HOLE, Key, LONGEST, ORPHAN, WHOLE};
+use super::super::claims::{self, Around, Places};
+use super::*;
+
+/// A claim of one of few surfaces, or any.
+fn claim(random: &mut Random) -> Key {
+    let near = |random: &mut Random, v: i32| v + random.below(5) as i32 * 32 - 64;
+    match random.below(10) {
+        0 => EMPTY,
+        1 => {
+            let component = |random: &mut Random| random.below(2 * LONGEST as u64 + 1) as i32 - LONGEST;
+            layer::key(
+                random.bits() as u16,
+                [0, 24, ORPHAN, HOLE][random.below(4) as usize],
+                [component(random), component(random)],
+            )
+        }
+        2..5 => layer::key(40_000 + random.below(65) as u16, 0, [near(random, 700), near(random, -90)]),
+        5 => layer::key(u16::MAX - random.below(40) as u16, ORPHAN, [near(random, -64), 0]),
+        _ => layer::key(20_000, 0, [64 * 3, near(random, 0)]),
+    }
+}
+
+/// A tile in which rows of one surface are common.
+fn tile(random: &mut Random) -> [Key; BLOCK] {
+    let mut keys = [EMPTY; BLOCK];
+    for line in keys.chunks_mut(TILE) {
+        let one = claim(random);
+        let is_mixed = random.below(2) == 0;
+        line.iter_mut().for_each(|key| *key = if is_mixed { claim(random) } else { one });
+    }
+    keys
+}
+
+#[test]
+fn all_levels_carry_claims_to_the_same_places() {
+    let mut random = Random(21);
+    for (columns, lines) in [(1_usize, 3_usize), (3, 10), (4, 18), (9, 7)] {
+        let stride = columns * TILE + 2;
+        let rough = (columns + 2) * (lines.div_ceil(TILE) + 1);
+        for _ in 0..200 {
+            let keys = tile(&mut random);
+            let from = [0, 1].map(|_| random.below(120) as i32 - 40);
+            let reach = random.below(2 * WHOLE as u64 + 1) as i32 - WHOLE;
+            let ground: Vec<Key> = (0..stride * lines).map(|_| claim(&mut random)).collect();
+            let laid = claim(&mut random);
+            let carried = |level| {
+                let (mut places, mut is_rough) = (ground.clone(), vec![false; rough]);
+                claims::carry(
+                    level,
+                    &keys,
+                    from,
+                    reach,
+                    &mut Places { keys: &mut places, stride, is_rough: &mut is_rough },
+                );
+                claims::lay(level, laid, &mut places, stride, stride + 1, [TILE - lines % 2, 2]);
+                (places, is_rough)
+            };
+            let truth = carried(Level::SCALAR);
+            assert!(Level::available().all(|level| carried(level) == truth), "from {from:?} by {reach}");
+        }
+    }
+}
+
+#[test]
+fn a_row_that_stays_together_lands_as_pixels_do() {
+    // From the very first place to the very last, and one beyond at each end.
+    let (columns, lines) = (2, 3);
+    let stride = columns * TILE + 2;
+    let key = layer::key(5, 0, [-64, 128]);
+    let mut keys = [EMPTY; BLOCK];
+    keys[..TILE].fill(key);
+    for level in Level::available() {
+        for (x, y) in (-1..12).flat_map(|x| (-1..4).map(move |y| (x, y))) {
+            let (mut places, mut is_rough) = (vec![EMPTY; stride * lines], vec![false; 3 * (columns + 2)]);
+            let mut room = Places { keys: &mut places, stride, is_rough: &mut is_rough };
+            claims::carry(level, &keys, [x + 1, y - 2], WHOLE, &mut room);
+            for (place, &found) in places.iter().enumerate() {
+                let [u, v] = [place % stride, place / stride].map(|at| at as i32);
+                assert_eq!(found == key, v == y && (x..x + TILE as i32).contains(&u), "{x}, {y}");
+            }
+            let touched = is_rough.iter().filter(|is_rough| **is_rough).count();
+            assert_eq!(touched > 0, places.contains(&key));
+        }
+    }
+}
+
+#[test]
+fn all_levels_find_the_same_in_tiles() {
+    let mut random = Random(22);
+    for _ in 0..2000 {
+        let keys = tile(&mut random);
+        let mut around: Around = [[EMPTY; TILE + 2]; TILE + 2];
+        around.iter_mut().for_each(|line| line.iter_mut().for_each(|key| *key = claim(&mut random)));
+        let size = [0, 1].map(|_| 1 + random.below(200) as usize);
+        let from = [0, 1].map(|_| 64 * random.below(200) as i32);
+        let phase = random.below(WHOLE as u64) as i32;
+        let found = |level| {
+            let mut nearest = [EMPTY; BLOCK];
+            let mut closed = [EMPTY; BLOCK];
+            let changes = claims::nearest_around(level, &around, &mut nearest);
+            let left = claims::close(level, around.as_flattened(), TILE + 2, &mut closed);
+            let empty = Positions { x: [0; BLOCK], y: [0; BLOCK] };
+            let (mut before, mut after) = (empty, empty);
+            let beyond = claims::spots(level, &keys, from, phase, size, &mut before, &mut after);
+            let spots = [before.x, before.y, after.x, after.y];
+            let marks = [0, 24, ORPHAN, HOLE].map(|mark| claims::having(level, &keys, mark));
+            (nearest, changes, closed, left, beyond, spots, marks, claims::span(level, &keys))
+        };
+        let truth = found(Level::SCALAR);
+        assert!(Level::available().all(|level| found(level) == truth));
+    }
+}
