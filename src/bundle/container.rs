@@ -106,7 +106,8 @@ impl Container {
             Self::Directory(root) => {
                 let file = File::open(root.join(name)).map_err(|error| missing_or_io(name, &error))?;
                 // Asked again of the open file: a pipe in its place would never end.
-                if !file.metadata().is_ok_and(|found| found.is_file() && found.len() == size) {
+                let found = file.metadata().map_err(|error| missing_or_io(name, &error))?;
+                if !found.is_file() || found.len() != size {
                     return Err(damaged(name, "the file changed while it was opened"));
                 }
                 read_stream(file, name, size, sink).map(Cow::Owned)

@@ -9,7 +9,7 @@ use ort::session::{IoBinding, Session};
 use ort::value::{Shape, TensorRefMut};
 
 use super::device::Backend;
-use super::failure::ort_failure;
+use super::failure::{make, ort_failure};
 use super::graph::TensorSpec;
 use super::lane::{BindingId, BufferId, Bytes, Lane, Region};
 use super::memory::Memory;
@@ -92,7 +92,7 @@ impl Backend for CpuBackend {
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>> {
-        let builder = self.session(dimensions).map_err(|e| ort_failure("prepare a session", &e))?;
+        let builder = make("prepare a session", || self.session(dimensions))?;
         Graph::commit(builder, what, model, inputs, outputs)
     }
 
@@ -134,8 +134,7 @@ impl Lane for CpuLane {
 
     fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId> {
         assert_eq!(tensors.len(), graph.tensors().len(), "one buffer for each input and output");
-        let what = |e: ort::Error| ort_failure("bind a tensor", &e);
-        let mut binding = graph.session().create_binding().map_err(what)?;
+        let mut binding = make("bind a tensor", || graph.session().create_binding())?;
         for (i, ((name, spec), buffer)) in graph.tensors().iter().zip(tensors).enumerate() {
             let memory = &self.memories[buffer.0];
             assert_eq!(memory.len(), spec.bytes(), "{}: the buffer fits the tensor", spec.name);
@@ -211,22 +210,23 @@ fn bind_one(
     spec: &TensorSpec,
     address: *mut u8,
 ) -> Result<()> {
-    let what = |e: ort::Error| ort_failure("bind a tensor", &e);
-    let host = MemoryInfo::new(AllocationDevice::CPU, 0, AllocatorType::Device, MemoryType::Default).map_err(what)?;
     let shape = Shape::new(spec.shape.iter().map(|&d| d as i64));
-    let value = match spec.element {
-        Precision::F32 => {
-            // SAFETY: the address is host memory of the tensor's size that outlives the binding.
-            unsafe { TensorRefMut::<f32>::from_raw(host, address.cast(), shape) }.map_err(what)?.into_dyn()
+    let value = make("bind a tensor", || {
+        let host = MemoryInfo::new(AllocationDevice::CPU, 0, AllocatorType::Device, MemoryType::Default)?;
+        match spec.element {
+            Precision::F32 => {
+                // SAFETY: the address is host memory of the tensor's size that outlives the binding.
+                unsafe { TensorRefMut::<f32>::from_raw(host, address.cast(), shape) }.map(TensorRefMut::into_dyn)
+            }
+            Precision::F16 => {
+                // SAFETY: as above.
+                unsafe { TensorRefMut::<half::f16>::from_raw(host, address.cast(), shape) }.map(TensorRefMut::into_dyn)
+            }
         }
-        Precision::F16 => {
-            // SAFETY: as above.
-            unsafe { TensorRefMut::<half::f16>::from_raw(host, address.cast(), shape) }.map_err(what)?.into_dyn()
-        }
-    };
+    })?;
     let bind = if input { ort::api().BindInput } else { ort::api().BindOutput };
     // SAFETY: name and value are valid for the call; the binding keeps its own reference to the value.
     let status = unsafe { bind(binding.ptr_mut(), name.as_ptr(), value.ptr()) };
     // SAFETY: the status is what the call above returned, used once.
-    unsafe { ort::Error::result_from_status(status) }.map_err(what)
+    unsafe { ort::Error::result_from_status(status) }.map_err(|e| ort_failure("bind a tensor", &e))
 }

@@ -8,7 +8,7 @@ use ort::session::Session;
 use ort::session::builder::SessionBuilder;
 use ort::value::{Outlet, TensorElementType, ValueType};
 
-use super::failure::ort_failure;
+use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, ErrorKind, Result};
 
@@ -56,8 +56,7 @@ impl Graph {
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Self>> {
         add_external(&mut builder, model)?;
-        let session =
-            builder.commit_from_memory(model.onnx).map_err(|e| ort_failure(&format!("load the {what}"), &e))?;
+        let session = make(&format!("load the {what}"), || builder.commit_from_memory(model.onnx))?;
         compare(what, "input", session.inputs(), &inputs)?;
         compare(what, "output", session.outputs(), &outputs)?;
         let count = inputs.len();

@@ -298,7 +298,7 @@ static void every_one(enum what what, unsigned long stride)
 }
 
 static void every_allocation_may_fail(void) { every_one(ALLOCATIONS, 5); }
-static void every_file_operation_may_fail(void) { every_one(FILES, 5); }
+static void every_file_operation_may_fail(void) { every_one(FILES, 3); }
 static void every_call_of_the_runtime_may_fail(void) { every_one(RUNTIME, 17); }
 
 int main(void)
