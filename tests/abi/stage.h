@@ -4,7 +4,9 @@
 
 #include "calls.h"
 
+#ifndef STATE_FILE
 #define STATE_FILE "calls-state.bin"
+#endif
 
 static void *objects[OBJECTS];
 static unsigned char *saved_state;

@@ -35,6 +35,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
         command.arg(&program).args(["run", target, "--", &format!("-max_total_time={FUZZ_SECONDS}")]);
         command.current_dir(&context.clone.root).env("CARGO_TARGET_DIR", context.clone.target.join("fuzz"));
         context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
+        context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
         let ended = log.run(&mut command)?;
         tally.check((!ended.success).then(|| format!("fuzz target {target} does not build, or an input broke it")));
     }
