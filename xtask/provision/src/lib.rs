@@ -30,7 +30,7 @@ pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime};
 pub use progress::{Console, Progress, Silent};
-pub use python::{python_env, python_path};
+pub use python::{install_package, python_env, python_path};
 
 use std::path::Path;
 

@@ -241,6 +241,20 @@ pub(crate) fn packages_of(environment: &Path) -> Result<PathBuf> {
     Ok(PathBuf::from(answer.stdout.trim()))
 }
 
+/// Installs this clone's package `cairn` into the folder `into`, as a user does, but without what it depends on: with the shared
+/// library `library` in it, or with none.
+///
+/// # Errors
+/// pip fails, for example because it cannot have setuptools, which builds the package.
+pub fn install_package(library: Option<&Path>, into: &Path) -> Result<()> {
+    let python = find()?;
+    let mut command = Command::new(&python.program);
+    command.args(["-m", "pip", "--disable-pip-version-check", "--no-input", "install", "--no-deps", "--target"]);
+    command.arg(into).arg(python_path()).env_remove("CAIRN_LIBRARY").envs(library.map(|file| ("CAIRN_LIBRARY", file)));
+    let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(&python.program, &e))?;
+    if outcome.status.success() { Ok(()) } else { Err(explain("the package cairn", &outcome)) }
+}
+
 /// The folder of this clone's Python package, to be set as `PYTHONPATH`.
 pub fn python_path() -> PathBuf {
     repository().join("bindings").join("python")

@@ -2,6 +2,7 @@
 //! oracle.
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use super::Context;
@@ -21,7 +22,37 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         let found = suite(context, log, folder)?;
         tally.add(if found.is_empty() { Tally::broken(format!("{folder} ran no test")) } else { found });
     }
+    let library = abi::library(context, log)?;
+    for carried in [Some(library.as_path()), None] {
+        tally.check(installed(context, log, &library, carried)?);
+    }
     Ok(tally)
+}
+
+/// Installs the package as its page says, and looks whether it carries the library and then finds that one by itself.
+fn installed(
+    context: &Context<'_>,
+    log: &mut Log,
+    library: &Path,
+    carried: Option<&Path>,
+) -> Result<Option<String>, String> {
+    let site = context.clone.target.join("xtask").join("package");
+    match fs::remove_dir_all(&site) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", site.display())),
+        _ => {}
+    }
+    provision::install_package(carried, &site).map_err(|e| e.to_string())?;
+    let inside = site.join("cairn").join(library.file_name().unwrap_or_default());
+    if carried.is_none() {
+        return Ok(inside.exists().then(|| format!("{} is there, and nobody asked for it", inside.display())));
+    }
+    let mut command = Command::new(context.python()?);
+    command
+        .args(["-c", "from cairn._library import library; print(library().path)"])
+        .current_dir(&context.clone.target);
+    let ended = log.run(command.env("PYTHONPATH", &site).env_remove("CAIRN_LIBRARY"))?;
+    let found = ended.success && ended.output.trim() == inside.to_string_lossy();
+    Ok((!found).then(|| format!("the installed package does not find its library: {}", ended.output.trim())))
 }
 
 fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, String> {
