@@ -6,11 +6,14 @@
 //! ```text
 //! luma     Y = 0.299 R + 0.587 G + 0.114 B in code values, halved by 2 x 2 means until a side is short
 //! patches  8 x 8 pixels every 4, or every 8 in large pictures; start: the best of the motions there and beside there
-//!          on the coarser level, and of none
+//!          on the coarser level, of that of the whole picture, and of none
 //! search   min over u of the sum of ((Y1(x + u) - mean) - (Y0(x) - mean))^2 by inverse-compositional steps
 //!          u -= H^-1 b, H = sum of g g^T once per patch, g the centred gradient of Y0
 //! grid     min over u of the sum of (u - u_p)^T H_p (u - u_p) / (residual + noise), and of differences of neighbours,
 //!          weighted by likeness of their luma and of their motion
+//! whole    the motion that most of the grid agrees on, as of a plane before a moving camera
+//! again    but on the finest level: search from the smooth motion, from that of the neighbours drawn on in a line and
+//!          from the whole picture's, where they differ from what was found; grid and whole anew
 //! pixels   bilinear between patches on a smooth sheet; at edges of motion, of the motions around, that which explains
 //!          best the 5 x 5 pixels around each
 //! ```
@@ -26,6 +29,7 @@
 
 mod dense;
 mod grid;
+mod model;
 mod patch;
 mod pyramid;
 mod trust;
@@ -187,8 +191,13 @@ impl Extractor {
 
         // The way back is only for checking: half the size will do for large pictures.
         let finest = self.previous.finest_close();
-        self.backward.follow(self.level, &pyramid, &self.previous, 0)?;
-        self.forward.follow(self.level, &self.previous, &pyramid, finest)?;
+        let Self { level, previous, backward, forward, .. } = &mut *self;
+        let (level, previous) = (*level, &*previous);
+        let (back, forth) = rayon::join(
+            || backward.follow(level, &pyramid, previous, 0),
+            || forward.follow(level, previous, &pyramid, finest),
+        );
+        back.and(forth)?;
         let searched = Instant::now();
 
         self.backward.spread(self.level, &pyramid, &self.previous, 0)?;
@@ -254,9 +263,15 @@ impl Direction {
             let (from_plane, to_plane) = (&from.levels()[level], &to.levels()[level]);
             std::mem::swap(&mut self.coarse, &mut self.fine);
             let coarse = (level + 1 < from.levels().len()).then_some(&self.coarse);
-            let is_large = from_plane.luma.len() > LARGE || (level == finest && from.levels()[0].luma.len() > LARGE);
+            let is_large = from_plane.luma.len() > LARGE / 4 && from.levels()[0].luma.len() > LARGE;
             self.fine.search(simd, from_plane, to_plane, coarse, if is_large { grid::APART } else { grid::CLOSE })?;
             self.fine.smooth(simd)?;
+            if level > 0 {
+                self.fine.fit()?;
+                self.fine.search_again(simd, from_plane, to_plane);
+                self.fine.smooth(simd)?;
+                self.fine.fit()?;
+            }
         }
         Ok(())
     }

@@ -4,10 +4,11 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, dispatch, f32x8};
 use rayon::prelude::*;
 
-use super::patch::{Found, SIDE, Template};
+use super::model::{Model, Sample};
+use super::patch::{Found, NEAR, SIDE, Template};
 use super::pyramid::Plane;
 use super::reserve;
-use crate::Result;
+use crate::{Error, ErrorKind, Result};
 
 /// Pixels from one patch to the next,
 pub(super) const CLOSE: usize = 4;
@@ -26,6 +27,12 @@ const FLOW_SCALE: f32 = 1.0;
 /// By how much, in pixels to a pixel of the stride, a cell's motion may differ from that between two others on a smooth
 /// sheet.
 const ROUGH: f32 = 0.5;
+/// Information by which a patch counts half for the motion of the whole picture.
+const KNOWN: f32 = 4.0;
+/// Motion by which two neighbours differ at most where it is drawn on in a line, in pixels.
+const STRAIGHT: f32 = 2.0;
+/// Cells that the motion of the whole picture is taken from at most.
+const SAMPLES: usize = 400;
 /// Cells that are worked on at once.
 const LANES: usize = 8;
 /// Cells that are worth a task of their own in the smoothing.
@@ -46,6 +53,9 @@ pub(super) struct Grid {
     facts: Padded<7>,
     /// Whether the motion of a cell is other than that between the cells on either side of it.
     pub(super) rough: Vec<bool>,
+    /// The motion of the whole picture.
+    model: Option<Model>,
+    samples: Vec<Sample>,
 }
 
 /// `N` values for each cell, each a plane of its own, with a cell of none all around.
@@ -114,23 +124,87 @@ impl Grid {
         Ok(())
     }
 
-    /// Motions to try for cell (i, j) of the next finer level: of the cell it lies in, of those beside it, and none.
+    /// Searches again from the smooth motion of each patch and of those around it, wherever that is another than was
+    /// found: what is right spreads from patch to patch, also along a slope of motion.
+    pub(super) fn search_again(&mut self, level: Level, from: &Plane, to: &Plane) {
+        // Taken for the time of the work: the rest is read meanwhile.
+        let mut found = std::mem::take(&mut self.found);
+        let this = &*self;
+        found.par_chunks_mut(this.across).enumerate().for_each(|(j, row)| {
+            dispatch!(level, simd => search_row_again(simd, from, to, this, j, row));
+        });
+        self.found = found;
+    }
+
+    /// Motions to try anew for cell (i, j): its own, that of the whole picture, and those of its neighbours, drawn on in
+    /// a line from the neighbours behind them.
     #[inline(always)]
-    fn starts(&self, i: usize, j: usize, stride: usize) -> [[f32; 2]; 6] {
+    fn starts_again(&self, i: usize, j: usize) -> [[f32; 2]; 6] {
+        let own = self.flow.at(i, j);
+        let drawn_on = |next: Option<(usize, usize)>, behind: Option<(usize, usize)>| {
+            let Some((i, j)) = next.filter(|(i, j)| *i < self.across && *j < self.down) else { return own };
+            let next = self.flow.at(i, j);
+            let Some((i, j)) = behind.filter(|(i, j)| *i < self.across && *j < self.down) else { return next };
+            let slope = [0, 1].map(|axis| next[axis] - self.flow.at(i, j)[axis]);
+            let is_straight = slope[0].abs().max(slope[1].abs()) < STRAIGHT;
+            if is_straight { [next[0] + slope[0], next[1] + slope[1]] } else { next }
+        };
+        let left = |by: usize| i.checked_sub(by).map(|i| (i, j));
+        let above = |by: usize| j.checked_sub(by).map(|j| (i, j));
+        [
+            own,
+            self.model.map_or(own, |model| model.at(self.middle(i, j))),
+            drawn_on(left(1), left(2)),
+            drawn_on(Some((i + 1, j)), Some((i + 2, j))),
+            drawn_on(above(1), above(2)),
+            drawn_on(Some((i, j + 1)), Some((i, j + 2))),
+        ]
+    }
+
+    /// The middle of cell (i, j), in pixels.
+    #[inline(always)]
+    fn middle(&self, i: usize, j: usize) -> [f32; 2] {
+        [(i as f32 + 0.5) * self.stride as f32, (j as f32 + 0.5) * self.stride as f32]
+    }
+
+    /// Finds the motion of the whole picture, from the smooth motion of cells spread over it.
+    pub(super) fn fit(&mut self) -> Result<()> {
+        let fits = |step: &usize| self.across.div_ceil(*step) * self.down.div_ceil(*step) <= SAMPLES;
+        let step = (1..).find(fits).unwrap_or(1);
+        self.samples.clear();
+        self.samples.try_reserve(SAMPLES).map_err(|_| Error::new(ErrorKind::OutOfMemory, "no room for samples"))?;
+        for j in (0..self.down).step_by(step) {
+            for i in (0..self.across).step_by(step) {
+                let found = &self.found[j * self.across + i];
+                let information = (found.hessian[0] + found.hessian[2]) / (found.residual + NOISE);
+                let weight = information / (information + KNOWN);
+                self.samples.push(Sample { place: self.middle(i, j), flow: self.flow.at(i, j), weight });
+            }
+        }
+        self.model = Model::fit(&self.samples, [self.across, self.down].map(|cells| (cells * self.stride) as f64));
+        Ok(())
+    }
+
+    /// Motions to try for cell (i, j) of the next finer level: of the cell it lies in, of the whole picture, of the cells
+    /// beside it, and none.
+    #[inline(always)]
+    fn starts(&self, i: usize, j: usize, stride: usize) -> [[f32; 2]; 7] {
         let (last_x, last_y) = (self.across - 1, self.down - 1);
         let at = |x: usize, y: usize| {
             let [u, v] = self.flow.at(x.min(last_x), y.min(last_y));
             [2.0 * u, 2.0 * v]
         };
+        let middle = [i, j].map(|k| (k as f32 + 0.5) * stride as f32);
+        let whole = self.model.map_or([0.0; 2], |model| model.doubled().at(middle));
         if stride == 2 * self.stride {
             // Cell upon cell.
             let (left, above) = (at(i.saturating_sub(1), j), at(i, j.saturating_sub(1)));
-            return [at(i, j), left, at(i + 1, j), above, at(i, j + 1), [0.0; 2]];
+            return [at(i, j), whole, left, at(i + 1, j), above, at(i, j + 1), [0.0; 2]];
         }
         // The cells around its centre.
         let pair = |i: usize| [i / 2, if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 + 1 }];
         let ([x, beside], [y, above]) = (pair(i), pair(j));
-        [at(x, y), at(beside, y), at(x, above), at(beside, above), [0.0; 2], [0.0; 2]]
+        [at(x, y), whole, at(beside, y), at(x, above), at(beside, above), [0.0; 2], [0.0; 2]]
     }
 
     /// Smooths the motion: patches that fix theirs well keep it, the others take their neighbours'. Jacobi rounds of
@@ -231,6 +305,20 @@ fn search_row<S: Simd>(
             Some(coarse) => template.search(simd, to, &coarse.starts(i, j, stride)),
             None => template.search(simd, to, &[[0.0; 2]]),
         };
+    }
+}
+
+#[inline(always)]
+fn search_row_again<S: Simd>(simd: S, from: &Plane, to: &Plane, grid: &Grid, j: usize, row: &mut [Found]) {
+    let margin = (SIDE - grid.stride) as i32 / 2;
+    for (i, found) in row.iter_mut().enumerate() {
+        let starts = grid.starts_again(i, j);
+        let [u, v] = found.flow;
+        if starts.iter().all(|start| (start[0] - u).abs().max((start[1] - v).abs()) < NEAR) {
+            continue;
+        }
+        let origin = [i, j].map(|k| (k * grid.stride) as i32 - margin);
+        *found = Template::new(simd, from, origin).search(simd, to, &starts);
     }
 }
 

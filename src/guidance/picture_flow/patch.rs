@@ -15,7 +15,7 @@ const MOST_STEPS: usize = 8;
 /// A step shorter than this, in pixels, is the last and needs no trial.
 const SETTLED: f32 = 0.02;
 /// A start nearer than this to one that was tried, in pixels, is left to the steps.
-const NEAR: f32 = 0.3;
+pub(super) const NEAR: f32 = 0.3;
 /// By how much another start must be better than what the coarser level says, in squared code values: rounding to 8 bits
 /// alone must not decide it, or a plain sky would rest while all else turns.
 const MARGIN: f32 = 1.0;

@@ -84,6 +84,28 @@ fn a_rotation_is_found() {
 }
 
 #[test]
+fn long_motion_is_found_where_texture_repeats() {
+    // A camera turns fast while it walks: up to 28 pixels over a pattern that is alike every 14.
+    let stripes = |x: f32, y: f32| 0.5 * texture(x, y) + 64.0 + 30.0 * (0.45 * x + 0.02 * y).sin() * (0.4 * y).sin();
+    let before = |x: f32, y: f32| [160.0 + 1.1 * (x - 160.0) + 12.0, 90.0 + 1.1 * (y - 90.0) + 3.0];
+    let current = picture(320, 180, |x, y| {
+        let [px, py] = before(x, y);
+        stripes(px, py)
+    });
+    let out = flow(&picture(320, 180, stripes), &current);
+    let mut wrong = 0;
+    for y in 0..180 {
+        for x in 0..320 {
+            let [px, py] = before(x as f32, y as f32);
+            let [u, v] = vector(&out, x, y);
+            wrong += u32::from((u - px + x as f32).hypot(v - py + y as f32) > 1.0);
+        }
+    }
+    // Some of it leads out of the picture.
+    assert!(wrong < 320 * 180 / 10, "{wrong} of 57600 pixels are off");
+}
+
+#[test]
 fn a_change_of_brightness_is_no_motion() {
     let previous = picture(128, 96, |x, y| 0.8 * texture(x, y));
     let current = picture(128, 96, |x, y| 25.0 + 0.76 * texture(x + 3.0, y - 2.0));

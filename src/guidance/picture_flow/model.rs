@@ -1,0 +1,167 @@
+//! One motion for the whole picture: what most of it does.
+//!
+//! The motion of a plane before a camera that moves and turns, to first order in time (Longuet-Higgins and Prazdny 1980):
+//!
+//! ```text
+//! u = a0 + a1 x + a2 y + a6 x^2 + a7 x y
+//! v = a3 + a4 x + a5 y + a6 x y + a7 y^2
+//! ```
+//!
+//! A camera that only turns moves everything so. It is no more than another motion to try: where texture repeats, or
+//! motion is long, a patch finds its own only from a start that is near it.
+
+/// Numbers of a model.
+const N: usize = 8;
+/// By how much a motion may differ from the model before it counts little, in pixels: from round to round.
+const SCALES: [f64; 5] = [f64::INFINITY, 2.0, 1.0, 0.5, 0.5];
+/// Part of the mean diagonal that is added to it, so that a picture with little in it still gives a model.
+const RIDGE: f64 = 1e-5;
+
+/// A motion at each place of a picture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Model {
+    numbers: [f64; N],
+    /// Half the picture's size in pixels: the place where x and y are 0.
+    middle: [f64; 2],
+    /// What a pixel is in x and y.
+    unit: f64,
+}
+
+/// What is known of the motion at one place.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sample {
+    /// In pixels.
+    pub(super) place: [f32; 2],
+    /// In pixels.
+    pub(super) flow: [f32; 2],
+    pub(super) weight: f32,
+}
+
+impl Model {
+    /// The model that most of `samples` agree on, in a picture of `size` pixels. Least squares, again and again, each
+    /// sample counting the less the farther it was off. None where the samples say nothing.
+    pub(super) fn fit(samples: &[Sample], size: [f64; 2]) -> Option<Self> {
+        let middle = size.map(|s| 0.5 * s);
+        let mut model = Self { numbers: [0.0; N], middle, unit: 2.0 / size[0].max(size[1]) };
+        for scale in SCALES {
+            let (mut matrix, mut right) = ([[0.0; N]; N], [0.0; N]);
+            for sample in samples {
+                let [u, v] = sample.flow.map(f64::from);
+                let [model_u, model_v] = model.exact(sample.place);
+                let off = ((u - model_u).powi(2) + (v - model_v).powi(2)) / (scale * scale);
+                let weight = f64::from(sample.weight) / ((1.0 + off) * (1.0 + off));
+                let [x, y] = model.relative(sample.place);
+                let across = [(0, 1.0), (1, x), (2, y), (6, x * x), (7, x * y)];
+                let down = [(3, 1.0), (4, x), (5, y), (6, x * y), (7, y * y)];
+                for (row, value) in [(across, u), (down, v)] {
+                    for (n, (i, a)) in row.into_iter().enumerate() {
+                        for &(j, b) in &row[n..] {
+                            matrix[i][j] += weight * a * b;
+                        }
+                        right[i] += weight * a * value;
+                    }
+                }
+            }
+            model.numbers = solve(matrix, right)?;
+        }
+        Some(model)
+    }
+
+    /// The motion at a place in pixels.
+    pub(super) fn at(&self, place: [f32; 2]) -> [f32; 2] {
+        self.exact(place).map(|v| v as f32)
+    }
+
+    /// The same motion in a picture of twice the size.
+    pub(super) fn doubled(&self) -> Self {
+        Self { numbers: self.numbers.map(|a| 2.0 * a), middle: self.middle.map(|m| 2.0 * m), unit: 0.5 * self.unit }
+    }
+
+    fn relative(&self, place: [f32; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (f64::from(place[axis]) - self.middle[axis]) * self.unit)
+    }
+
+    fn exact(&self, place: [f32; 2]) -> [f64; 2] {
+        let ([x, y], a) = (self.relative(place), &self.numbers);
+        let bend = a[6] * x + a[7] * y;
+        [a[0] + a[1] * x + a[2] * y + bend * x, a[3] + a[4] * x + a[5] * y + bend * y]
+    }
+}
+
+/// Solves a positive definite system of which `matrix` holds the upper half; none where nothing is in it.
+fn solve(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
+    let ridge = RIDGE / N as f64 * (0..N).map(|i| matrix[i][i]).sum::<f64>();
+    for i in 0..N {
+        matrix[i][i] += ridge;
+        // Not a number fails this too.
+        let is_known = matrix[i][i] > 0.0;
+        if !is_known {
+            return None;
+        }
+        for j in i + 1..N {
+            let part = matrix[i][j] / matrix[i][i];
+            for k in j..N {
+                matrix[j][k] -= part * matrix[i][k];
+            }
+            right[j] -= part * right[i];
+        }
+    }
+    for i in (0..N).rev() {
+        let known: f64 = (i + 1..N).map(|j| matrix[i][j] * right[j]).sum();
+        right[i] = (right[i] - known) / matrix[i][i];
+    }
+    right.iter().all(|v| v.is_finite()).then_some(right)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera that turns to the right and up and rolls, above a plane: u and v by its own formula.
+    fn turning([x, y]: [f32; 2]) -> [f32; 2] {
+        let (x, y) = ((x - 80.0) / 80.0, (y - 45.0) / 80.0);
+        [12.0 + 2.0 * x - 1.5 * y + 5.0 * x * x - 3.0 * x * y, -4.0 + 1.5 * x + 3.0 * y + 5.0 * x * y - 3.0 * y * y]
+    }
+
+    fn samples(flow: impl Fn(usize, [f32; 2]) -> [f32; 2]) -> Vec<Sample> {
+        let places = (0..200).map(|k| [(k % 20) as f32 * 8.0 + 4.0, (k / 20) as f32 * 9.0 + 4.5]);
+        places.enumerate().map(|(k, place)| Sample { place, flow: flow(k, place), weight: 1.0 }).collect()
+    }
+
+    fn worst(model: &Model, truth: impl Fn([f32; 2]) -> [f32; 2]) -> f32 {
+        let off = |sample: &Sample| {
+            let ([u, v], [tu, tv]) = (model.at(sample.place), truth(sample.place));
+            (u - tu).hypot(v - tv)
+        };
+        samples(|_, place| place).iter().map(off).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn a_turning_camera_is_found_though_a_quarter_moves_otherwise() {
+        let model = Model::fit(&samples(|_, place| turning(place)), [160.0, 90.0]).unwrap();
+        assert!(worst(&model, turning) < 0.01);
+        let held = |k: usize| (7..17).contains(&(k % 20)) && k / 20 >= 5;
+        let other = samples(|k, place| if held(k) { [-9.0, 7.0] } else { turning(place) });
+        let model = Model::fit(&other, [160.0, 90.0]).unwrap();
+        assert!(worst(&model, turning) < 0.1, "off by {} px", worst(&model, turning));
+        // Twice the size: the same motion.
+        let doubled = model.doubled();
+        for place in [[3.0, 5.0], [120.0, 80.0]] {
+            let (one, two) = (model.at(place), doubled.at(place.map(|p| 2.0 * p)));
+            assert!((2.0 * one[0] - two[0]).abs() < 1e-4 && (2.0 * one[1] - two[1]).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn rest_is_exactly_rest_and_nothing_known_is_no_model() {
+        let model = Model::fit(&samples(|_, _| [0.0; 2]), [160.0, 90.0]).unwrap();
+        assert_eq!(model.at([17.0, 80.0]), [0.0; 2]);
+        assert!(Model::fit(&[], [160.0, 90.0]).is_none());
+        assert!(Model::fit(&[Sample { weight: 0.0, ..Sample::default() }], [160.0, 90.0]).is_none());
+        assert!(Model::fit(&samples(|_, _| [f32::NAN; 2]), [160.0, 90.0]).is_none());
+        // One place says little, yet something.
+        let one = [Sample { place: [80.0, 45.0], flow: [3.0, 1.0], weight: 1.0 }];
+        let [u, v] = Model::fit(&one, [160.0, 90.0]).unwrap().at([80.0, 45.0]);
+        assert!((u - 3.0).abs() < 0.01 && (v - 1.0).abs() < 0.01, "{u} {v}");
+    }
+}
