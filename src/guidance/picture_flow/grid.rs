@@ -17,9 +17,9 @@ pub(super) const APART: usize = 8;
 /// Rounds of the smoothing.
 const ROUNDS: usize = 12;
 /// Weight of a neighbour's motion against the information in a patch, per squared pixel.
-const LAMBDA: f32 = 1.0;
+const LAMBDA: f32 = 0.3;
 /// Variance of a pixel that matches, in squared code values.
-const NOISE: f32 = 4.0;
+const NOISE: f32 = 1.0;
 /// Luma by which neighbours differ before they count as different things, in code values.
 const LUMA_SCALE: f32 = 12.0;
 /// Motion by which neighbours differ before they count as different things, in pixels.

@@ -98,10 +98,11 @@ fn solve(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
         if !is_known {
             return None;
         }
-        for j in i + 1..N {
-            let part = matrix[i][j] / matrix[i][i];
-            for k in j..N {
-                matrix[j][k] -= part * matrix[i][k];
+        let pivot = matrix[i];
+        for (j, row) in matrix.iter_mut().enumerate().skip(i + 1) {
+            let part = pivot[j] / pivot[i];
+            for (value, above) in row.iter_mut().zip(pivot).skip(j) {
+                *value -= part * above;
             }
             right[j] -= part * right[i];
         }
