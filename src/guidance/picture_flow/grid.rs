@@ -21,7 +21,7 @@ const LAMBDA: f32 = 0.3;
 /// Variance of a pixel that matches, in squared code values.
 const NOISE: f32 = 1.0;
 /// Luma by which neighbours differ before they count as different things, in code values.
-const LUMA_SCALE: f32 = 12.0;
+const LUMA_SCALE: f32 = 25.0;
 /// Motion by which neighbours differ before they count as different things, in pixels.
 const FLOW_SCALE: f32 = 1.0;
 /// By how much, in pixels to a pixel of the stride, a cell's motion may differ from that between two others on a smooth
