@@ -8,7 +8,7 @@ mod portable;
 
 use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
 use super::scalar::{self, taps};
-use super::weights::{CUBIC, ONE, PHASES};
+use super::weights::{BEFORE, ONE, PHASES, SINC, TAPS};
 use super::{Level, Set, Source, at_every_level};
 
 type Pixel = [u8; 4];
@@ -17,8 +17,8 @@ impl Sampled for Pixel {
     #[inline]
     fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self {
         let (taps, [across, down]) = taps(&source, at, [0; 4]);
-        let weighted = |values: [[i32; 4]; 4], weights: [i16; 4]| -> [i32; 4] {
-            std::array::from_fn(|c| (0..4).map(|tap| values[tap][c] * i32::from(weights[tap])).sum())
+        let weighted = |values: [[i32; 4]; TAPS], weights: [i16; TAPS]| -> [i32; 4] {
+            std::array::from_fn(|c| (0..TAPS).map(|tap| values[tap][c] * i32::from(weights[tap])).sum())
         };
         let rows = taps.map(|row| weighted(row.map(|pixel| pixel.map(i32::from)), across));
         weighted(rows, down).map(|sum| ((sum + (1 << 13)) >> 14).clamp(0, 255) as u8)
@@ -137,16 +137,16 @@ fn lumas_in_vectors(row: &[Pixel], lumas: &mut [u8]) {
 }
 
 /// Rows of a picture that a tile is made from, and columns.
-const TAPS: usize = TILE + 3;
+const SPAN: usize = TILE + TAPS - 1;
 /// Pixels of each of those rows that can be read: a whole vector.
 const PATCH_WIDTH: usize = 16;
 /// Bytes of a row of a tile.
 const ROW: usize = 4 * TILE;
 
 /// Room for a patch that reaches over the edge.
-type Room = [[Pixel; PATCH_WIDTH]; TAPS];
+type Room = [[Pixel; PATCH_WIDTH]; SPAN];
 
-/// Eleven rows of a picture around a tile, each with sixteen pixels to read, and the phases of its position.
+/// Thirteen rows of a picture around a tile, each with sixteen pixels to read, and the phases of its position.
 #[derive(Clone, Copy)]
 struct Patch<'a> {
     pixels: &'a [Pixel],
@@ -158,18 +158,18 @@ impl<'a> Patch<'a> {
     /// The patch for the tile at a position.
     #[inline(always)]
     fn new(source: &Source<'a, Pixel>, at: [i32; 2], room: &'a mut Option<Room>) -> Self {
-        let ([x, y], phases) = (at.map(|v| (v >> 6) - 1), at.map(|v| (v & 63) as usize));
-        let is_inside = x >= 0 && y >= 0 && x as usize + TAPS <= source.width && y as usize + TAPS <= source.height;
+        let ([x, y], phases) = (at.map(|v| (v >> 6) - BEFORE), at.map(|v| (v & 63) as usize));
+        let is_inside = x >= 0 && y >= 0 && x as usize + SPAN <= source.width && y as usize + SPAN <= source.height;
         if is_inside {
             let start = y as usize * source.width + x as usize;
             // Rows are read beyond their end, into the next one; below the picture's last there is none.
-            let end = start + (TAPS - 1) * source.width + PATCH_WIDTH;
+            let end = start + (SPAN - 1) * source.width + PATCH_WIDTH;
             if let Some(pixels) = source.pixels.get(start..end) {
                 fetch_ahead(pixels, source.width);
                 return Self { pixels, stride: source.width, phases };
             }
         }
-        let room = room.insert([[[0; 4]; PATCH_WIDTH]; TAPS]);
+        let room = room.insert([[[0; 4]; PATCH_WIDTH]; SPAN]);
         source.clamped([x, y], room);
         Self { pixels: room.as_flattened(), stride: PATCH_WIDTH, phases }
     }
@@ -187,12 +187,12 @@ impl<'a> Patch<'a> {
     }
 }
 
-/// Asks for what the tiles to the right of a patch will read: eleven rows are more than processors foresee by
+/// Asks for what the tiles to the right of a patch will read: thirteen rows are more than processors foresee by
 /// themselves.
 #[inline(always)]
 fn fetch_ahead(patch: &[Pixel], stride: usize) {
     #[cfg(target_arch = "x86_64")]
-    for row in 0..TAPS {
+    for row in 0..SPAN {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         let ahead = patch.as_ptr().wrapping_add(row * stride + AHEAD);
         // SAFETY: a hint, which reads nothing and may name any address.
@@ -206,14 +206,14 @@ fn fetch_ahead(patch: &[Pixel], stride: usize) {
 #[cfg(target_arch = "x86_64")]
 const AHEAD: usize = 6 * TILE;
 
-/// Minus the weights, as signed bytes: so the 128 fits.
-static NEGATIVE: [[i8; 4]; PHASES] = {
-    let mut table = [[0; 4]; PHASES];
+/// Minus the weights, as signed bytes: so the 128 fits. Two more are nothing.
+static NEGATIVE: [[i8; EIGHT]; PHASES] = {
+    let mut table = [[0; EIGHT]; PHASES];
     let mut phase = 0;
     while phase < PHASES {
         let mut tap = 0;
-        while tap < 4 {
-            table[phase][tap] = -CUBIC[phase][tap] as i8;
+        while tap < TAPS {
+            table[phase][tap] = -SINC[phase][tap] as i8;
             tap += 1;
         }
         phase += 1;
@@ -221,34 +221,41 @@ static NEGATIVE: [[i8; 4]; PHASES] = {
     table
 };
 
-/// Added to minus the sum of four weighted bytes, this leaves minus the sum that the same bytes less 128 would give,
+/// Added to minus the sum of six weighted bytes, this leaves minus the sum that the same bytes less 128 would give,
 /// which fits 16 bits; and as weights add up to 128, the 64 are the half that rounds the final sum.
 const BIAS: i16 = 128 * ONE - 64;
 
-/// Where the 4 x 4 pixels around each position of a block begin in the picture, or [`BEYOND`] where some are outside.
+/// Pixels that are read of a row: two more than make a sample.
+const EIGHT: usize = 8;
+
+/// Where the pixels around each position of a block begin in the picture, or [`BEYOND`] where some are outside.
 #[inline(always)]
 fn starts(source: &Source<'_, Pixel>, at: &Positions) -> [u32; BLOCK] {
     let [width, height] = [source.width, source.height].map(|len| len as u32);
     std::array::from_fn(|i| {
         // As unsigned numbers, what is negative is far beyond.
-        let [x, y] = [at.x[i], at.y[i]].map(|v| ((v >> 6) - 1) as u32);
-        let is_inside = (x < width.saturating_sub(3)) & (y < height.saturating_sub(3));
+        let [x, y] = [at.x[i], at.y[i]].map(|v| ((v >> 6) - BEFORE) as u32);
+        let last = TAPS as u32 - 1;
+        let is_inside = (x < width.saturating_sub(last)) & (y < height.saturating_sub(last));
         if is_inside { y.wrapping_mul(width).wrapping_add(x) } else { BEYOND }
     })
 }
 
 const BEYOND: u32 = u32::MAX;
 
-/// The rows of the 4 x 4 pixels from `start` on; none where that says nothing.
+/// The rows of the pixels from `start` on; none where that says nothing. Rows are read beyond their end, into the next
+/// one; below the picture's last there is none.
 #[inline(always)]
-fn rows<'a>(source: &Source<'a, Pixel>, start: u32) -> Option<[&'a [Pixel; 4]; 4]> {
+fn rows<'a>(source: &Source<'a, Pixel>, start: u32) -> Option<[&'a [Pixel; EIGHT]; TAPS]> {
     let row = |j: usize| source.pixels.get(start as usize + j * source.width..).and_then(|row| row.first_chunk());
-    Some([row(0)?, row(1)?, row(2)?, row(3)?])
+    Some([row(0)?, row(1)?, row(2)?, row(3)?, row(4)?, row(5)?])
 }
 
-/// The 4 x 4 pixels around a position, wherever it is.
+/// The pixels around a position, wherever it is.
 #[cold]
 #[inline(never)]
-fn clamped(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[Pixel; 4]; 4] {
-    taps(source, at, [0; 4]).0
+fn clamped(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[Pixel; EIGHT]; TAPS] {
+    let mut rows = [[[0; 4]; EIGHT]; TAPS];
+    source.clamped(at.map(|v| (v >> 6) - BEFORE), &mut rows);
+    rows
 }

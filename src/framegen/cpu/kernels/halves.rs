@@ -7,6 +7,7 @@ use half::f16;
 use super::ranges::widened;
 use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, luma};
 use super::scalar::{self, taps};
+use super::weights::TAPS;
 use super::{Level, Source, at_every_level};
 
 type Pixel = [f16; 4];
@@ -17,10 +18,12 @@ impl Sampled for Pixel {
         let [across, down] = weights.map(|weights| weights.map(|w| f32::from(w) / 128.0));
         let taps = taps.map(|row| row.map(|pixel| pixel.map(finite)));
         std::array::from_fn(|c| {
-            let weighted = |p: [f32; 4], w: [f32; 4]| ((p[0] * w[0] + p[1] * w[1]) + p[2] * w[2]) + p[3] * w[3];
+            let weighted =
+                |p: [f32; TAPS], w: [f32; TAPS]| (1..TAPS).fold(p[0] * w[0], |sum, tap| sum + p[tap] * w[tap]);
             let columns = std::array::from_fn(|i| weighted(taps.map(|row| row[i][c]), down));
-            let all = taps.as_flattened().iter().map(|pixel| pixel[c]);
-            let (least, largest) = (all.clone().fold(f32::INFINITY, f32::min), all.fold(f32::NEG_INFINITY, f32::max));
+            let inner = taps[1..TAPS - 1].iter().flat_map(|row| &row[1..TAPS - 1]).map(|pixel| pixel[c]);
+            let (least, largest) =
+                (inner.clone().fold(f32::INFINITY, f32::min), inner.fold(f32::NEG_INFINITY, f32::max));
             // Adding 0 leaves one kind of zero.
             f16::from_f32(weighted(columns, across).clamp(least, largest) + 0.0)
         })

@@ -52,15 +52,15 @@ pub struct Block<P> {
 ///
 /// # Samples
 ///
-/// A sample is the cubic of Keys with a = -3/4 over the 4 x 4 pixels around a position, with the weights of its 1/64 px
-/// as whole numbers that add up to 128 (`wx`, `wy`). At whole positions it is the pixel itself.
+/// A sample is the windowed sinc of Lanczos with three lobes over the 6 x 6 pixels around a position, with the weights
+/// of its 1/64 px as whole numbers that add up to 128 (`wx`, `wy`). At whole positions it is the pixel itself.
 ///
 /// - Bytes: `clamp((sum_j wy[j] * sum_i wx[i] * p[j][i] + 2^13) >> 14, 0, 255)`, in whole numbers.
-/// - Half floats, in single precision and this order: columns `c[i] = ((p[0][i] * wy[0] + p[1][i] * wy[1]) + p[2][i] *
-///   wy[2]) + p[3][i] * wy[3]`, then `((c[0] * wx[0] + c[1] * wx[1]) + c[2] * wx[2]) + c[3] * wx[3]`, the weights
-///   divided by 128; kept between the least and the largest of the sixteen, so that highlights get no halo, and rounded
-///   to the nearest half float. What is no number counts as 0 and the infinite as 65504 of its sign, so that nothing
-///   spreads beyond its 4 x 4.
+/// - Half floats, in single precision and this order: columns `c[i] = (((((p[0][i] * wy[0] + p[1][i] * wy[1]) + p[2][i] *
+///   wy[2]) + p[3][i] * wy[3]) + p[4][i] * wy[4]) + p[5][i] * wy[5]`, then the same of these with `wx`, the weights
+///   divided by 128; kept between the least and the largest of the inner 4 x 4, so that highlights get no halo, and
+///   rounded to the nearest half float. What is no number counts as 0 and the infinite as 65504 of its sign, so that
+///   nothing spreads beyond its 6 x 6.
 ///
 /// # Merging
 ///

@@ -2,7 +2,7 @@
 
 use super::Source;
 use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
-use super::weights::CUBIC;
+use super::weights::{BEFORE, SINC, TAPS};
 
 /// See [`Sampled::tile`].
 pub(super) fn tile<P: Sampled>(
@@ -78,10 +78,10 @@ fn moved(at: [i32; 2], i: usize, j: usize) -> [i32; 2] {
     [at[0].saturating_add(64 * i as i32), at[1].saturating_add(64 * j as i32)]
 }
 
-/// The 4 x 4 pixels around a position, and their weights across and down.
+/// The pixels around a position, and their weights across and down.
 #[inline(always)]
-pub(super) fn taps<P: Copy>(source: &Source<'_, P>, at: [i32; 2], zero: P) -> ([[P; 4]; 4], [[i16; 4]; 2]) {
-    let mut taps = [[zero; 4]; 4];
-    source.clamped(at.map(|v| (v >> 6) - 1), &mut taps);
-    (taps, at.map(|v| CUBIC[(v & 63) as usize]))
+pub(super) fn taps<P: Copy>(source: &Source<'_, P>, at: [i32; 2], zero: P) -> ([[P; TAPS]; TAPS], [[i16; TAPS]; 2]) {
+    let mut taps = [[zero; TAPS]; TAPS];
+    source.clamped(at.map(|v| (v >> 6) - BEFORE), &mut taps);
+    (taps, at.map(|v| SINC[(v & 63) as usize]))
 }

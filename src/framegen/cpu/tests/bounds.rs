@@ -131,7 +131,7 @@ fn half_floats_that_are_no_numbers_stay_where_they_are() {
         let out = made(Some(bad));
         for (i, (a, b)) in out.pixels().iter().zip(clean.pixels()).enumerate() {
             let (x, y) = (i as u32 % width, i as u32 / width);
-            // Cubics reach two pixels far, and what lies over the picture is looked for in threes.
+            // Samples reach three pixels far, and what lies over the picture is looked for in threes.
             let is_near = x.abs_diff(23) <= 6 && y.abs_diff(20) <= 3;
             assert!(is_near || a == b, "{bad} at ({x}, {y})");
             assert!(a.iter().all(|v| v.is_finite()), "{bad} at ({x}, {y})");

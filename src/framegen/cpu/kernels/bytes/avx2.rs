@@ -6,8 +6,10 @@ use std::arch::x86_64::*;
 use bytemuck::{must_cast, must_cast_ref};
 
 use super::{
-    BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, Rule, Source, TAPS, TILE, clamped, rows, starts,
+    BEFORE, BIAS, BLOCK, Block, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE, clamped, rows,
+    starts,
 };
+use crate::framegen::cpu::kernels::weights::PAIRS;
 
 /// See [`super::Sampled::tile`].
 #[target_feature(enable = "avx2")]
@@ -69,34 +71,41 @@ pub(super) fn pixels(
 /// See [`super::Sampled::pixels_of_one`].
 #[target_feature(enable = "avx2")]
 pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
-    // Within a row of four pixels: the bytes of each channel behind each other.
-    let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15));
-    let (ones, bias) = (_mm256_set1_epi16(1), _mm256_set1_epi32(BIAS.into()));
+    // Within a row of eight pixels: of the first four and of the others the bytes of each channel behind each other, the
+    // second and the third before the first and the fourth.
+    let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(4, 8, 0, 12, 5, 9, 1, 13, 6, 10, 2, 14, 7, 11, 3, 15));
+    let ones = _mm256_set1_epi16(1);
+    let bias = _mm256_setr_epi32(BIAS.into(), BIAS.into(), BIAS.into(), BIAS.into(), 0, 0, 0, 0);
     let starts = starts(&source, at);
     for (i, four) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
         let sums: [__m128i; 4] = std::array::from_fn(|lane| {
             let at = [at.x[4 * i + lane], at.y[4 * i + lane]];
-            let taps: [__m256i; 2] = match rows(&source, starts[4 * i + lane]) {
-                Some([a, b, c, d]) => [[a, b], [c, d]].map(|[upper, lower]| {
-                    _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*upper)), must_cast(*lower), 1)
-                }),
+            let bytes: [__m256i; TAPS] = match rows(&source, starts[4 * i + lane]) {
+                Some(rows) => rows.map(|row| must_cast(*row)),
                 None => must_cast(clamped(&source, at)),
             };
             let [fx, fy] = at.map(|v| (v & 63) as usize);
-            let across = _mm256_set1_epi32(must_cast(NEGATIVE[fx]));
-            let [upper, lower] = taps.map(|rows| {
-                let pairs = _mm256_maddubs_epi16(_mm256_shuffle_epi8(rows, by_channel), across);
+            let [a, b, c, d, e, f, ..] = NEGATIVE[fx];
+            let (first, last) =
+                (i32::from_le_bytes([b, c, a, d].map(|w| w as u8)), i32::from_le_bytes([f, 0, e, 0].map(|w| w as u8)));
+            let across = _mm256_setr_epi32(first, first, first, first, last, last, last, last);
+            // What the first four taps have, and what the others have.
+            let [a, b, c, d, e, f] = bytes.map(|row| {
+                let pairs = _mm256_maddubs_epi16(_mm256_shuffle_epi8(row, by_channel), across);
                 _mm256_add_epi32(_mm256_madd_epi16(pairs, ones), bias)
             });
-            // The rows 0 and 2, and the rows 1 and 3.
-            let rows = _mm256_packs_epi32(upper, lower);
-            let (even, odd) = (_mm256_castsi256_si128(rows), _mm256_extracti128_si256(rows, 1));
-            let down = _mm_set1_epi64x(must_cast(CUBIC[fy].map(|w| -w)));
-            let (first, second) = (_mm_shuffle_epi32(down, 0b00_00_00_00), _mm_shuffle_epi32(down, 0b01_01_01_01));
-            _mm_add_epi32(
-                _mm_madd_epi16(_mm_unpacklo_epi16(even, odd), first),
-                _mm_madd_epi16(_mm_unpackhi_epi16(even, odd), second),
-            )
+            let (even, odd) = (_mm256_packs_epi32(a, c), _mm256_packs_epi32(b, d));
+            let down = SINC[fy].map(|w| -w);
+            let weighted =
+                |rows, tap: usize| _mm256_madd_epi16(rows, _mm256_set1_epi32(must_cast([down[tap], down[tap + 1]])));
+            let sum = _mm256_add_epi32(
+                _mm256_add_epi32(
+                    weighted(_mm256_unpacklo_epi16(even, odd), 0),
+                    weighted(_mm256_unpackhi_epi16(even, odd), 2),
+                ),
+                weighted(_mm256_unpacklo_epi16(_mm256_packs_epi32(e, e), _mm256_packs_epi32(f, f)), 4),
+            );
+            _mm_add_epi32(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1))
         });
         let [a, b, c, d] = sums.map(|sum| _mm_srai_epi32(sum, 14));
         let levels = _mm_packs_epi16(_mm_packs_epi32(a, b), _mm_packs_epi32(c, d));
@@ -109,35 +118,34 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
 #[inline]
 fn sampled(patch: &Patch<'_>) -> [__m256i; TILE] {
     if patch.is_whole() {
-        return std::array::from_fn(|j| must_cast(*patch.row::<TILE>(j + 1, 1)));
+        return std::array::from_fn(|j| must_cast(*patch.row::<TILE>(j + BEFORE as usize, BEFORE as usize)));
     }
-    let [a, b, c, d] = NEGATIVE[patch.phases[0]].map(|w| i16::from(w as u8));
-    let (first, second) = (_mm256_set1_epi16(a | b << 8), _mm256_set1_epi16(c | d << 8));
+    let across = NEGATIVE[patch.phases[0]].map(|w| i16::from(w as u8));
+    let across = PAIRS.map(|[p, q]| _mm256_set1_epi16(across[p] | across[q] << 8));
     let bias = _mm256_set1_epi16(BIAS);
-    let mut rows = [[_mm256_setzero_si256(); 2]; TAPS];
+    let mut rows = [[_mm256_setzero_si256(); 2]; SPAN];
     for (j, row) in rows.iter_mut().enumerate() {
-        let [p, q, r, s]: [__m256i; 4] = [0, 1, 2, 3].map(|from| must_cast(*patch.row::<TILE>(j, from)));
-        let sum = |pq, rs| {
-            let pairs = _mm256_add_epi16(_mm256_maddubs_epi16(pq, first), _mm256_maddubs_epi16(rs, second));
-            _mm256_add_epi16(pairs, bias)
-        };
-        *row = [
-            sum(_mm256_unpacklo_epi8(p, q), _mm256_unpacklo_epi8(r, s)),
-            sum(_mm256_unpackhi_epi8(p, q), _mm256_unpackhi_epi8(r, s)),
-        ];
+        let taps: [__m256i; TAPS] = std::array::from_fn(|from| must_cast(*patch.row::<TILE>(j, from)));
+        *row = [bias; 2];
+        for ([p, q], across) in PAIRS.into_iter().zip(across) {
+            let pairs = [_mm256_unpacklo_epi8(taps[p], taps[q]), _mm256_unpackhi_epi8(taps[p], taps[q])];
+            *row = [0, 1].map(|h| _mm256_add_epi16(row[h], _mm256_maddubs_epi16(pairs[h], across)));
+        }
     }
-    let [a, b, c, d] = CUBIC[patch.phases[1]].map(|w| -w);
-    let (first, second) = (_mm256_set1_epi32(must_cast([a, b])), _mm256_set1_epi32(must_cast([c, d])));
+    let down = SINC[patch.phases[1]].map(|w| -w);
+    let down = [0, 2, 4].map(|tap| _mm256_set1_epi32(must_cast([down[tap], down[tap + 1]])));
     let mut levels = [_mm256_setzero_si256(); TILE];
     for (j, levels) in levels.iter_mut().enumerate() {
         let half = |h: usize| {
-            let [a, b, c, d] = [0, 1, 2, 3].map(|tap| rows[j + tap][h]);
-            let sum = |ab, cd| {
-                _mm256_srai_epi32(_mm256_add_epi32(_mm256_madd_epi16(ab, first), _mm256_madd_epi16(cd, second)), 14)
+            let [a, b, c, d, e, f] = std::array::from_fn(|tap| rows[j + tap][h]);
+            let sum = |ab, cd, ef| {
+                let [ab, cd, ef] =
+                    [_mm256_madd_epi16(ab, down[0]), _mm256_madd_epi16(cd, down[1]), _mm256_madd_epi16(ef, down[2])];
+                _mm256_srai_epi32(_mm256_add_epi32(_mm256_add_epi32(ab, cd), ef), 14)
             };
             _mm256_packs_epi32(
-                sum(_mm256_unpacklo_epi16(a, b), _mm256_unpacklo_epi16(c, d)),
-                sum(_mm256_unpackhi_epi16(a, b), _mm256_unpackhi_epi16(c, d)),
+                sum(_mm256_unpacklo_epi16(a, b), _mm256_unpacklo_epi16(c, d), _mm256_unpacklo_epi16(e, f)),
+                sum(_mm256_unpackhi_epi16(a, b), _mm256_unpackhi_epi16(c, d), _mm256_unpackhi_epi16(e, f)),
             )
         };
         *levels = _mm256_xor_si256(_mm256_packs_epi16(half(0), half(1)), _mm256_set1_epi8(-128));

@@ -5,11 +5,15 @@ use std::arch::x86_64::*;
 use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
 
 use super::{
-    AHEAD, BIAS, BLOCK, Block, CUBIC, NEGATIVE, Patch, Pixel, Positions, Rule, Source, TAPS, TILE, clamped, starts,
+    AHEAD, BEFORE, BIAS, BLOCK, Block, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
+    clamped, starts,
 };
+use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
 
 /// Pixels of a vector.
 const PIXELS: usize = 16;
+/// The row and the column of a patch where the tile itself begins.
+const OWN: usize = BEFORE as usize;
 
 /// See [`super::Sampled::tile`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
@@ -77,34 +81,45 @@ pub(super) fn pixels(
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
     let (taps, levels): (__m512i, __m512i) = (must_cast(TAPS_BY_CHANNEL), must_cast(LEVELS_BY_PIXEL));
-    let bias = _mm512_set1_epi32(BIAS.into());
+    let bias = _mm512_set1_epi64(BIAS.into());
     let starts = starts(&source, at);
     for (i, out) in must_cast_mut::<_, [[Pixel; PIXELS]; 4]>(out).iter_mut().enumerate() {
-        // Minus the weighted rows of each pixel, a lane to a channel and a number to a row; and minus their weights.
-        let mut rows = [_mm512_setzero_si512(); PIXELS];
-        let mut down = [0; PIXELS];
+        // Minus the weighted rows of each pixel, two rows together: a lane to a channel, and in it for each row what its
+        // first four taps have and what the others have. And minus the weights of the rows.
+        let mut rows = [[_mm512_setzero_si512(); TAPS / 2]; PIXELS];
+        let mut phases = [0; PIXELS];
         for pixel in 0..PIXELS {
             let at = [at.x[PIXELS * i + pixel], at.y[PIXELS * i + pixel]];
             let [fx, fy] = at.map(|v| (v & 63) as usize);
-            let bytes = match super::rows(&source, starts[PIXELS * i + pixel]) {
-                Some([a, b, c, d]) => {
-                    let [upper, lower] = [[a, b], [c, d]].map(|[upper, lower]| {
-                        _mm256_inserti128_si256(_mm256_castsi128_si256(must_cast(*upper)), must_cast(*lower), 1)
-                    });
-                    _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1)
-                }
-                None => must_cast(clamped(&source, at)),
+            let two = |upper, lower| {
+                _mm512_inserti64x4(_mm512_castsi256_si512(must_cast::<[Pixel; 8], _>(upper)), must_cast(lower), 1)
             };
-            let across = _mm512_set1_epi32(must_cast(NEGATIVE[fx]));
-            rows[pixel] = _mm512_dpbusd_epi32(bias, _mm512_permutexvar_epi8(taps, bytes), across);
-            down[pixel] = DOWN[fy];
+            let bytes = match super::rows(&source, starts[PIXELS * i + pixel]) {
+                Some([a, b, c, d, e, f]) => [two(*a, *b), two(*c, *d), two(*e, *f)],
+                None => {
+                    let [a, b, c, d, e, f] = clamped(&source, at);
+                    [two(a, b), two(c, d), two(e, f)]
+                }
+            };
+            let across = _mm512_set1_epi64(must_cast(NEGATIVE[fx]));
+            rows[pixel] = bytes.map(|bytes| _mm512_dpbusd_epi32(bias, _mm512_permutexvar_epi8(taps, bytes), across));
+            phases[pixel] = fy;
         }
         // Two pixels, their sums where the even numbers are and again where the odd ones are.
         let mut sums = [_mm512_setzero_si512(); PIXELS / 2];
         for (pair, sums) in sums.iter_mut().enumerate() {
-            let rows = _mm512_packs_epi32(rows[2 * pair], rows[2 * pair + 1]);
-            let down = _mm512_broadcast_i32x4(must_cast([down[2 * pair], down[2 * pair + 1]]));
-            let halves = _mm512_madd_epi16(rows, down);
+            let ([p, q], [fp, fq]) = ([rows[2 * pair], rows[2 * pair + 1]], [phases[2 * pair], phases[2 * pair + 1]]);
+            let four = |rows: [__m512i; 3], phase: usize| {
+                let down = _mm512_broadcast_i32x4(must_cast(DOWN[phase]));
+                _mm512_madd_epi16(_mm512_packs_epi32(rows[0], rows[1]), down)
+            };
+            let (of_p, of_q) = (four(p, fp), four(q, fq));
+            let down = _mm512_broadcast_i32x4(must_cast([DOWN_LAST[fp], DOWN_LAST[fq]]));
+            let last = _mm512_madd_epi16(_mm512_packs_epi32(p[2], q[2]), down);
+            let halves = _mm512_add_epi32(
+                _mm512_add_epi32(_mm512_unpacklo_epi64(of_p, of_q), _mm512_unpackhi_epi64(of_p, of_q)),
+                last,
+            );
             *sums = _mm512_add_epi32(halves, _mm512_shuffle_epi32(halves, 0b10_11_00_01));
         }
         let [a, b, c, d, e, f, g, h] = sums;
@@ -116,28 +131,35 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
     }
 }
 
-/// Minus the weights down, as one number.
-static DOWN: [u64; 64] = {
-    let mut table = [0; 64];
-    let mut phase = 0;
-    while phase < 64 {
-        let mut tap = 4;
-        while tap > 0 {
-            tap -= 1;
-            table[phase] = table[phase] << 16 | (-CUBIC[phase][tap]) as u16 as u64;
-        }
-        phase += 1;
+/// Minus the weights down of the first four rows, each twice.
+static DOWN: [[i16; 8]; PHASES] = {
+    let mut table = [[0; 8]; PHASES];
+    let mut i = 0;
+    while i < 8 * PHASES {
+        table[i / 8][i % 8] = -SINC[i / 8][i % 8 / 2];
+        i += 1;
     }
     table
 };
 
-/// From 4 x 4 pixels: a lane to a channel, in it a number to a row, in that a byte to a tap.
+/// The same of the last two.
+static DOWN_LAST: [[i16; 4]; PHASES] = {
+    let mut table = [[0; 4]; PHASES];
+    let mut i = 0;
+    while i < 4 * PHASES {
+        table[i / 4][i % 4] = -SINC[i / 4][4 + i % 4 / 2];
+        i += 1;
+    }
+    table
+};
+
+/// From two rows of eight pixels: a lane to a channel, in it two numbers to a row, in these a byte to a tap.
 static TAPS_BY_CHANNEL: [u8; 64] = {
     let mut order = [0; 64];
     let mut i = 0;
     while i < 64 {
-        let (channel, row, tap) = (i / 16, i / 4 % 4, i % 4);
-        order[i] = (16 * row + 4 * tap + channel) as u8;
+        let (channel, row, tap) = (i / 16, i / 8 % 2, i % 8);
+        order[i] = (32 * row + 4 * tap + channel) as u8;
         i += 1;
     }
     order
@@ -157,15 +179,17 @@ static LEVELS_BY_PIXEL: [u8; 64] = {
     order
 };
 
-/// The bytes of a row that meet a pixel's first tap and its second, in turn.
-static PAIRS: [u8; 64] = {
-    let mut pairs = [0; 64];
+/// The bytes of a row that meet the taps of a pair, in turn.
+static BYTES_OF_PAIRS: [[u8; 64]; TAPS / 2] = {
+    let mut bytes = [[0; 64]; TAPS / 2];
     let mut i = 0;
-    while i < 64 {
-        pairs[i] = (i / 2 + i % 2 * 4) as u8;
+    while i < 64 * bytes.len() {
+        let (pair, byte) = (i / 64, i % 64);
+        // Those beyond the tile are not used.
+        bytes[pair][byte] = ((byte / 2 + 4 * PAIRS[pair][byte % 2]) % 64) as u8;
         i += 1;
     }
-    pairs
+    bytes
 };
 
 /// The tile as levels, two rows to a vector.
@@ -174,7 +198,7 @@ static PAIRS: [u8; 64] = {
 fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
     if patch.is_whole() {
         return std::array::from_fn(|pair| {
-            let [upper, lower] = [1, 2].map(|j| must_cast(*patch.row::<TILE>(2 * pair + j, 1)));
+            let [upper, lower] = [0, 1].map(|j| must_cast(*patch.row::<TILE>(2 * pair + j + OWN, OWN)));
             _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1)
         });
     }
@@ -184,42 +208,41 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
         let levels = _mm512_xor_si512(_mm512_packs_epi16(upper, lower), _mm512_set1_epi8(-128));
         _mm512_permutexvar_epi64(in_order, levels)
     };
-    let [a, b, c, d] = NEGATIVE[patch.phases[0]].map(|w| i16::from(w as u8));
-    let (first, second) = (_mm512_set1_epi16(a | b << 8), _mm512_set1_epi16(c | d << 8));
-    let first_pairs: __m512i = must_cast(PAIRS);
-    let second_pairs = _mm512_add_epi8(first_pairs, _mm512_set1_epi8(8));
+    let weights = NEGATIVE[patch.phases[0]].map(|w| i16::from(w as u8));
+    let weights = PAIRS.map(|[p, q]| _mm512_set1_epi16(weights[p] | weights[q] << 8));
+    let bytes_of_pairs: [__m512i; TAPS / 2] = must_cast(BYTES_OF_PAIRS);
     let bias = _mm512_set1_epi16(BIAS);
     // Minus what a row has at the tile's columns, and the bias.
     let across = |j: usize| {
         let bytes: __m512i = must_cast(*patch.row::<PIXELS>(j, 0));
-        let pairs = _mm512_add_epi16(
-            _mm512_maddubs_epi16(_mm512_permutexvar_epi8(first_pairs, bytes), first),
-            _mm512_maddubs_epi16(_mm512_permutexvar_epi8(second_pairs, bytes), second),
-        );
-        _mm512_add_epi16(pairs, bias)
+        let pair = |i: usize| _mm512_maddubs_epi16(_mm512_permutexvar_epi8(bytes_of_pairs[i], bytes), weights[i]);
+        _mm512_add_epi16(_mm512_add_epi16(pair(0), pair(1)), _mm512_add_epi16(pair(2), bias))
     };
     if patch.phases[1] == 0 {
         // Nothing to weight down: 128 times a row over 2^14 is the row over 2^7.
         let row = |j: usize| _mm512_srai_epi16(_mm512_sub_epi16(_mm512_setzero_si512(), across(j)), 7);
-        return std::array::from_fn(|pair| packed(row(2 * pair + 1), row(2 * pair + 2)));
+        return std::array::from_fn(|pair| packed(row(2 * pair + OWN), row(2 * pair + 1 + OWN)));
     }
-    let mut rows = [_mm512_setzero_si512(); TAPS];
+    let mut rows = [_mm512_setzero_si512(); SPAN];
     for (j, row) in rows.iter_mut().enumerate() {
         *row = if patch.phases[0] == 0 {
-            let levels = _mm512_cvtepu8_epi16(must_cast(*patch.row::<TILE>(j, 1)));
+            let levels = _mm512_cvtepu8_epi16(must_cast(*patch.row::<TILE>(j, OWN)));
             _mm512_sub_epi16(bias, _mm512_slli_epi16(levels, 7))
         } else {
             across(j)
         };
     }
-    let [a, b, c, d] = CUBIC[patch.phases[1]].map(|w| -w);
-    let (first, second) = (_mm512_set1_epi32(must_cast([a, b])), _mm512_set1_epi32(must_cast([c, d])));
+    let down = SINC[patch.phases[1]].map(|w| -w);
+    let down = [0, 2, 4].map(|tap| _mm512_set1_epi32(must_cast([down[tap], down[tap + 1]])));
     let row = |j: usize| {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|tap| rows[j + tap]);
-        let sum = |ab, cd| _mm512_srai_epi32(_mm512_dpwssd_epi32(_mm512_madd_epi16(ab, first), cd, second), 14);
+        let [a, b, c, d, e, f] = std::array::from_fn(|tap| rows[j + tap]);
+        let sum = |ab, cd, ef| {
+            let four = _mm512_dpwssd_epi32(_mm512_madd_epi16(ab, down[0]), cd, down[1]);
+            _mm512_srai_epi32(_mm512_dpwssd_epi32(four, ef, down[2]), 14)
+        };
         _mm512_packs_epi32(
-            sum(_mm512_unpacklo_epi16(a, b), _mm512_unpacklo_epi16(c, d)),
-            sum(_mm512_unpackhi_epi16(a, b), _mm512_unpackhi_epi16(c, d)),
+            sum(_mm512_unpacklo_epi16(a, b), _mm512_unpacklo_epi16(c, d), _mm512_unpacklo_epi16(e, f)),
+            sum(_mm512_unpackhi_epi16(a, b), _mm512_unpackhi_epi16(c, d), _mm512_unpackhi_epi16(e, f)),
         )
     };
     std::array::from_fn(|pair| packed(row(2 * pair), row(2 * pair + 1)))

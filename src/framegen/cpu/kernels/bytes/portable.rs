@@ -1,6 +1,6 @@
 //! The form over arrays: a row of eight pixels is one vector of 32 channels.
 
-use super::{BIAS, CUBIC, NEGATIVE, Patch, Pixel, ROW, Rule, Sampled, Source, TAPS, TILE};
+use super::{BEFORE, BIAS, NEGATIVE, Patch, Pixel, ROW, Rule, SINC, SPAN, Sampled, Source, TAPS, TILE};
 
 /// See [`Sampled::tile`].
 pub(super) fn tile(
@@ -38,19 +38,19 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
 /// The tile, row by row.
 fn sampled(patch: &Patch<'_>) -> [[u8; ROW]; TILE] {
     if patch.is_whole() {
-        return std::array::from_fn(|j| *bytes(patch.row(j + 1, 1)));
+        return std::array::from_fn(|j| *bytes(patch.row(j + BEFORE as usize, BEFORE as usize)));
     }
-    let [across, down] = [NEGATIVE[patch.phases[0]].map(i16::from), CUBIC[patch.phases[1]]];
-    let rows: [[i16; ROW]; TAPS] = std::array::from_fn(|j| {
-        let taps: [&[u8; ROW]; 4] = std::array::from_fn(|i| bytes(patch.row(j, i)));
+    let (across, down) = (NEGATIVE[patch.phases[0]].map(i16::from), SINC[patch.phases[1]]);
+    let rows: [[i16; ROW]; SPAN] = std::array::from_fn(|j| {
+        let taps: [&[u8; ROW]; TAPS] = std::array::from_fn(|i| bytes(patch.row(j, i)));
         std::array::from_fn(|i| {
             let weighted = |tap: usize| i16::from(taps[tap][i]).wrapping_mul(across[tap]);
-            (0..4).fold(BIAS, |sum, tap| sum.wrapping_add(weighted(tap)))
+            (0..TAPS).fold(BIAS, |sum, tap| sum.wrapping_add(weighted(tap)))
         })
     });
     std::array::from_fn(|j| {
         std::array::from_fn(|i| {
-            let sum: i32 = (0..4).map(|tap| i32::from(rows[j + tap][i]) * -i32::from(down[tap])).sum();
+            let sum: i32 = (0..TAPS).map(|tap| i32::from(rows[j + tap][i]) * -i32::from(down[tap])).sum();
             ((sum >> 14).clamp(-128, 127) + 128) as u8
         })
     })

@@ -4,11 +4,11 @@ use half::f16;
 
 use super::super::ranges::widened;
 use super::super::sampled::TILE;
-use super::super::weights::CUBIC;
+use super::super::weights::{BEFORE, SINC, TAPS};
 use super::{BLOCK, Block, Pixel, Positions, Rule, Source, taps};
 
 /// Rows of a picture that a tile is made from, and columns.
-const TAPS: usize = TILE + 3;
+const SPAN: usize = TILE + TAPS - 1;
 /// Channels of a row of a tile.
 const ROW: usize = 4 * TILE;
 
@@ -74,14 +74,14 @@ pub(super) fn pixels(
 pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
     for (j, out) in out.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         // A row of eight pixels: their columns and the weights of these, tap by tap.
-        let mut sums = [[0.0; ROW]; 4];
+        let mut sums = [[0.0; ROW]; TAPS];
         let (mut low, mut high, mut across) = (sums, sums, sums);
         for x in 0..TILE {
             let at = [at.x[TILE * j + x], at.y[TILE * j + x]];
             let rows = around(&source, at);
             let [weights, down] = weights(at);
             let of_pixel = columns(&rows, down);
-            for tap in 0..4 {
+            for tap in 0..TAPS {
                 for c in 0..4 {
                     sums[tap][4 * x + c] = of_pixel.0[4 * tap + c];
                     low[tap][4 * x + c] = of_pixel.1[4 * tap + c];
@@ -92,23 +92,21 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
         }
         let mut values = [0.0; ROW];
         for (i, value) in values.iter_mut().enumerate() {
-            let [s, l, h, w] =
-                [&sums, &low, &high, &across].map(|taps| [taps[0][i], taps[1][i], taps[2][i], taps[3][i]]);
-            *value = cubic(s, l, h, w);
+            let [s, l, h, w] = [&sums, &low, &high, &across].map(|taps| std::array::from_fn(|tap| taps[tap][i]));
+            *value = sample(s, l, h, w);
         }
         *out = narrowed(&values);
     }
 }
 
-/// The 4 x 4 pixels around a position, as singles.
+/// The pixels around a position, as singles.
 #[inline(always)]
-fn around(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 16]; 4] {
-    let mut rows = [[0.0; 16]; 4];
-    if let Some([a, b, c, d]) = inside(source, at) {
-        widen(a.as_flattened(), &mut rows[0]);
-        widen(b.as_flattened(), &mut rows[1]);
-        widen(c.as_flattened(), &mut rows[2]);
-        widen(d.as_flattened(), &mut rows[3]);
+fn around(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 4 * TAPS]; TAPS] {
+    let mut rows = [[0.0; 4 * TAPS]; TAPS];
+    if let Some(pixels) = inside(source, at) {
+        for (row, pixels) in rows.iter_mut().zip(pixels) {
+            widen(pixels.as_flattened(), row);
+        }
         rows
     } else {
         around_edge(source, at)
@@ -117,67 +115,71 @@ fn around(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 16]; 4] {
 
 #[cold]
 #[inline(never)]
-fn around_edge(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 16]; 4] {
-    let mut rows = [[0.0; 16]; 4];
+fn around_edge(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 4 * TAPS]; TAPS] {
+    let mut rows = [[0.0; 4 * TAPS]; TAPS];
     for (row, taps) in rows.iter_mut().zip(&taps(source, at, [f16::ZERO; 4]).0) {
         widen(taps.as_flattened(), row);
     }
     rows
 }
 
-/// The rows of the 4 x 4 pixels around a position, where all of them are in the picture.
+/// The rows of the pixels around a position, where all of them are in the picture.
 #[inline(always)]
-fn inside<'a>(source: &Source<'a, Pixel>, at: [i32; 2]) -> Option<[&'a [Pixel; 4]; 4]> {
-    let [x, y] = at.map(|v| usize::try_from((v >> 6) - 1).ok());
+fn inside<'a>(source: &Source<'a, Pixel>, at: [i32; 2]) -> Option<[&'a [Pixel; TAPS]; TAPS]> {
+    let [x, y] = at.map(|v| usize::try_from((v >> 6) - BEFORE).ok());
     let (x, y) = (x?, y?);
     let row = |j: usize| {
         let row = source.pixels.get((y + j) * source.width..)?.get(..source.width)?;
         row.get(x..).and_then(|rest| rest.first_chunk())
     };
-    Some([row(0)?, row(1)?, row(2)?, row(3)?])
+    Some([row(0)?, row(1)?, row(2)?, row(3)?, row(4)?, row(5)?])
 }
 
 /// The tile at a position, rounded to half floats, row by row.
 #[inline(always)]
 fn sampled(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [[f32; ROW]; TILE]) {
-    let mut taps = [[[f16::ZERO; 4]; TAPS]; TAPS];
-    source.clamped(at.map(|v| (v >> 6) - 1), &mut taps);
+    let mut taps = [[[f16::ZERO; 4]; SPAN]; SPAN];
+    source.clamped(at.map(|v| (v >> 6) - BEFORE), &mut taps);
     let [across, down] = weights(at);
-    let mut rows = [[0.0; 4 * TAPS]; TAPS];
+    let mut rows = [[0.0; 4 * SPAN]; SPAN];
     for (row, taps) in rows.iter_mut().zip(&taps) {
         widen(taps.as_flattened(), row);
     }
     for (j, out) in out.iter_mut().enumerate() {
-        let (sums, low, high) = columns(rows[j..].first_chunk().expect("a tile has eleven rows"), down);
+        let (sums, low, high) = columns(rows[j..].first_chunk().expect("a tile has thirteen rows"), down);
         for (i, out) in out.iter_mut().enumerate() {
-            let [s, l, h] =
-                [&sums, &low, &high].map(|columns| [columns[i], columns[i + 4], columns[i + 8], columns[i + 12]]);
-            *out = widened(nearest(cubic(s, l, h, across)));
+            let [s, l, h] = [&sums, &low, &high].map(|columns| std::array::from_fn(|tap| columns[i + 4 * tap]));
+            *out = widened(nearest(sample(s, l, h, across)));
         }
     }
 }
 
-/// The weighted sums of four rows, their least and their largest.
+/// The weighted sums of six rows, and the least and the largest of the four in the middle.
 #[inline(always)]
-fn columns<const N: usize>(rows: &[[f32; N]; 4], down: [f32; 4]) -> ([f32; N], [f32; N], [f32; N]) {
-    let [p, q, r, s] = rows;
+fn columns<const N: usize>(rows: &[[f32; N]; TAPS], down: [f32; TAPS]) -> ([f32; N], [f32; N], [f32; N]) {
+    let [p, q, r, s, t, u] = rows;
     let (mut sums, mut low, mut high) = ([0.0; N], [0.0; N], [0.0; N]);
     for i in 0..N {
-        sums[i] = ((p[i] * down[0] + q[i] * down[1]) + r[i] * down[2]) + s[i] * down[3];
-        low[i] = smaller(smaller(p[i], q[i]), smaller(r[i], s[i]));
-        high[i] = larger(larger(p[i], q[i]), larger(r[i], s[i]));
+        sums[i] = weighted([p[i], q[i], r[i], s[i], t[i], u[i]], down);
+        low[i] = smaller(smaller(q[i], r[i]), smaller(s[i], t[i]));
+        high[i] = larger(larger(q[i], r[i]), larger(s[i], t[i]));
     }
     (sums, low, high)
 }
 
-/// The weighted sum of four columns, kept between their least and their largest.
+/// The weighted sum of six columns, kept between the least and the largest of the four in the middle.
 #[inline(always)]
-fn cubic(sums: [f32; 4], low: [f32; 4], high: [f32; 4], across: [f32; 4]) -> f32 {
-    let sum = ((sums[0] * across[0] + sums[1] * across[1]) + sums[2] * across[2]) + sums[3] * across[3];
-    let low = smaller(smaller(low[0], low[1]), smaller(low[2], low[3]));
-    let high = larger(larger(high[0], high[1]), larger(high[2], high[3]));
+fn sample(sums: [f32; TAPS], low: [f32; TAPS], high: [f32; TAPS], across: [f32; TAPS]) -> f32 {
+    let low = smaller(smaller(low[1], low[2]), smaller(low[3], low[4]));
+    let high = larger(larger(high[1], high[2]), larger(high[3], high[4]));
     // Adding 0 leaves one kind of zero.
-    smaller(larger(sum, low), high) + 0.0
+    smaller(larger(weighted(sums, across), low), high) + 0.0
+}
+
+/// In the order of the taps.
+#[inline(always)]
+fn weighted(p: [f32; TAPS], w: [f32; TAPS]) -> f32 {
+    ((((p[0] * w[0] + p[1] * w[1]) + p[2] * w[2]) + p[3] * w[3]) + p[4] * w[4]) + p[5] * w[5]
 }
 
 /// A row of pixels from two, not yet rounded, and the bits of those to report.
@@ -208,10 +210,10 @@ fn merged(before: &[f32; ROW], after: &[f32; ROW], rule: &Rule) -> ([f32; ROW], 
 
 /// The weights of a position, across and down, as parts of 1.
 #[inline(always)]
-fn weights(at: [i32; 2]) -> [[f32; 4]; 2] {
-    let mut weights = [[0.0; 4]; 2];
+fn weights(at: [i32; 2]) -> [[f32; TAPS]; 2] {
+    let mut weights = [[0.0; TAPS]; 2];
     for (weights, v) in weights.iter_mut().zip(at) {
-        for (single, &weight) in weights.iter_mut().zip(&CUBIC[(v & 63) as usize]) {
+        for (single, &weight) in weights.iter_mut().zip(&SINC[(v & 63) as usize]) {
             *single = f32::from(weight) / 128.0;
         }
     }
