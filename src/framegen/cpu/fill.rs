@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::colour::Colour;
 use super::kernels::{self, BLOCK, Source, TILE, claims};
 use super::layer::{self, EMPTY, Grid, Key, Layer, alike, is_nearer, key, part};
+use super::leaving::Leaving;
 use super::sized;
 use crate::Result;
 
@@ -40,6 +41,8 @@ pub(super) struct Evidence<'a, P> {
     pub(super) reach: i32,
     /// The anchor that shows what is looked for, where one does.
     pub(super) shown: Option<Source<'a, P>>,
+    /// What leaves the picture, where that was looked for.
+    pub(super) leaving: Option<&'a Leaving>,
     /// What borrowed claims are marked with.
     pub(super) mark: u8,
 }
@@ -164,6 +167,14 @@ fn fill_tile<P: Colour>(
     sides.look::<false, true>();
     for (key, (_, found)) in keys.iter_mut().zip(sides.best) {
         *key = if found == EMPTY { EMPTY } else { layer::marked(found, evidence.mark) };
+    }
+    if let Some(leaving) = evidence.leaving {
+        for (place, key) in keys.iter_mut().enumerate().filter(|&(place, _)| own[place] == EMPTY) {
+            let [x, y] = [column * TILE + place % TILE, row * TILE + place / TILE];
+            if x < grid.width && y < grid.height {
+                *key = leaving.claim(x, y).unwrap_or(*key);
+            }
+        }
     }
     let found = keys.iter().filter(|&&key| key != EMPTY).count();
     found == usize::from(layer.tiles[tile].holes)

@@ -39,6 +39,11 @@ pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>)
 pub(super) fn is_foreign<P: Colour>(colour: P, current: Source<'_, P>, at: [i32; 2], margin: f32) -> bool {
     let grid = Grid { width: current.width, height: current.height, ..Grid::default() };
     let Some([x, y]) = grid.nearest(at) else { return false };
+    let levels = colour.in_levels();
+    let here = current.pixels[y * grid.width + x].in_levels();
+    if (0..4).all(|c| (levels[c] - here[c]).abs() <= margin) {
+        return false;
+    }
     let (mut low, mut high) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
     for v in y.saturating_sub(AROUND)..(y + AROUND + 1).min(grid.height) {
         let row = &current.pixels[v * grid.width..][x.saturating_sub(AROUND)..(x + AROUND + 1).min(grid.width)];
@@ -48,7 +53,6 @@ pub(super) fn is_foreign<P: Colour>(colour: P, current: Source<'_, P>, at: [i32;
             high = std::array::from_fn(|c| high[c].max(levels[c]));
         }
     }
-    let levels = colour.in_levels();
     (0..4).any(|c| levels[c] < low[c] - margin || levels[c] > high[c] + margin)
 }
 

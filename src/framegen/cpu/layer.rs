@@ -197,6 +197,30 @@ impl Layer {
         }
     }
 
+    /// Takes a pixel away from its owner.
+    pub(super) fn free(&mut self, x: usize, y: usize) {
+        let (number, place) = self.grid.place(x, y);
+        let extent = self.grid.extent(number % self.grid.columns, number / self.grid.columns);
+        let (tile, keys) = (&mut self.tiles[number], &mut self.keys[number]);
+        if tile.kind == Kind::Smooth {
+            keys.fill(EMPTY);
+            keys.chunks_mut(TILE).take(extent[1]).for_each(|row| row[..extent[0]].fill(tile.key));
+            (tile.kind, tile.holes) = (Kind::Rough, 0);
+        }
+        if keys[place] != EMPTY {
+            keys[place] = EMPTY;
+            tile.holes += 1;
+        }
+    }
+
+    /// What claims a pixel: its owner, or what it borrows.
+    #[inline(always)]
+    pub(super) fn claim(&self, x: usize, y: usize) -> Key {
+        let owner = self.owner(x, y);
+        let (tile, place) = self.grid.place(x, y);
+        if owner == EMPTY { self.borrowed[tile][place] } else { owner }
+    }
+
     /// The tiles of some rows.
     pub(super) fn row(&self, rows: Range<usize>) -> &[Tile] {
         &self.tiles[rows.start * self.grid.columns..rows.end * self.grid.columns]

@@ -8,10 +8,12 @@
 //!    elsewhere every pixel has its own, with a rank that says who is in front.
 //! 3. `landing`: the vectors go to phase 0, where they tell which pixels of the previous anchor have an owner in the
 //!    current one. The rest is what only the previous anchor shows; `fill` gives it the motion of the surface beside it.
+//!    `leaving`: what passed over an edge in front of all else moves at least so far.
 //! 4. `landing` once more: both go to phase t. Tiles are carried whole where that is smooth, pixel by pixel where
 //!    surfaces meet, the nearest first; cracks are closed, and places nothing lands on are filled.
-//! 5. `render`: both anchors are sampled by a bicubic at the displaced places. Where they agree, the nearer in time is
-//!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture.
+//! 5. `render`: both anchors are sampled by six pixels to a side at the displaced places. Where they agree, the nearer in time is
+//!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture. A pixel beside
+//!    what is in front goes with that if so the anchors agree better.
 //!    `overlay`: what stands still in front of a moving world stays where it is. `foreign`: what only the previous anchor
 //!    knows of is left out.
 //! 6. `inpaint`: what neither shows takes the colours around it.
@@ -31,6 +33,7 @@ mod inpaint;
 pub mod kernels;
 mod landing;
 mod layer;
+mod leaving;
 mod overlay;
 mod render;
 #[cfg(test)]
@@ -45,6 +48,7 @@ use inpaint::Inpainter;
 use kernels::{Level, Source};
 use landing::{Bands, Carried, Pass};
 use layer::{HOLE, Layer, ORPHAN, WHOLE};
+use leaving::Leaving;
 use render::Between;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
@@ -62,6 +66,7 @@ pub struct CpuGenerator {
     owners: Layer,
     places: Layer,
     bands: Bands,
+    leaving: Leaving,
     filler: Filler,
     inpainter: Inpainter,
     hidden: Vec<u64>,
@@ -88,6 +93,7 @@ impl CpuGenerator {
             owners: Layer::default(),
             places: Layer::default(),
             bands: Bands::default(),
+            leaving: Leaving::default(),
             filler: Filler::default(),
             inpainter: Inpainter::default(),
             hidden: Vec::new(),
@@ -116,7 +122,10 @@ impl CpuGenerator {
         self.inpainter.reserve(grid)?;
 
         self.owners.land(self.level, &[Pass { layer: &self.field, reach: WHOLE, of: Carried::Own }], &self.bands)?;
-        let evidence = Evidence { field: &self.field, reach: WHOLE, shown: Some(previous), mark: ORPHAN };
+        let margin = foreign::margin(previous, current);
+        self.leaving.find(&mut self.owners, previous, current, margin)?;
+        let (shown, leaving) = (Some(previous), Some(&self.leaving));
+        let evidence = Evidence { field: &self.field, reach: WHOLE, shown, leaving, mark: ORPHAN };
         let orphans = self.filler.fill(self.level, &mut self.owners, &evidence)?;
 
         let passes = [
@@ -124,7 +133,8 @@ impl CpuGenerator {
             Pass { layer: &self.owners, reach: -phase, of: Carried::Borrowed },
         ];
         self.places.land(self.level, &passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
-        let evidence = Evidence::<P> { field: &self.field, reach: WHOLE - phase, shown: None, mark: HOLE };
+        let evidence =
+            Evidence::<P> { field: &self.field, reach: WHOLE - phase, shown: None, leaving: None, mark: HOLE };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
@@ -136,7 +146,7 @@ impl CpuGenerator {
             field: &self.field,
             owners: &self.owners,
             phase,
-            margin: foreign::margin(previous, current),
+            margin,
         };
         let rendered = between.render(out, &mut self.hidden);
         if rendered.hidden > 0 {
@@ -152,7 +162,7 @@ impl CpuGenerator {
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
         self.places.land(self.level, &[Pass { layer: &self.field, reach: -phase, of: Carried::Own }], &self.bands)?;
-        let evidence = Evidence::<P> { field: &self.field, reach: -phase, shown: None, mark: HOLE };
+        let evidence = Evidence::<P> { field: &self.field, reach: -phase, shown: None, leaving: None, mark: HOLE };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
         sized(&mut self.hidden, grid.tiles(), 0)?;
         let rendered = render::beyond(self.level, current, &self.places, &self.field, phase, out, &mut self.hidden);

@@ -8,7 +8,7 @@ use super::colour::Colour;
 use super::foreign::is_foreign;
 use super::kernels::claims;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::layer::{self, EMPTY, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part};
+use super::layer::{self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part};
 use super::overlay::Overlays;
 use crate::Raster;
 
@@ -18,6 +18,11 @@ pub(super) const AGREE: u8 = 1;
 pub(super) const CAREFUL: u8 = 24;
 /// The same where surfaces meet.
 pub(super) const STRICT: u8 = 4;
+
+/// Levels within which a pixel beside something in front is that thing's.
+pub(super) const RIM: f32 = 45.0;
+/// The levels that count where an anchor does not show what a pixel claims to be.
+pub(super) const UNSEEN: f32 = 20.0;
 
 /// What a picture between two anchors is made of.
 pub(super) struct Between<'a, P> {
@@ -141,13 +146,23 @@ impl<P: Colour> Between<'_, P> {
         let size = [grid.width, grid.height];
         questionable |= claims::spots(self.level, &keys, from, self.phase, size, &mut before, &mut after);
         let strict = Rule { careful: STRICT, ..*rule };
-        let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block);
-        each_bit(mask | questionable, |place| {
+        let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block) | questionable;
+        let mut fronts = [EMPTY; BLOCK];
+        let has_front = if mask == 0 { 0 } else { self.fronts(column, row, &mut fronts) };
+        each_bit(mask, |place| {
             let [i, j] = [place % TILE, place / TILE];
             if i >= across || j >= down {
                 return;
             }
             let at = [corner[0] + i, corner[1] + j];
+            if has_front >> place & 1 == 1 {
+                let is_seen = self.is_seen(keys[place], self.spots(at, keys[place]));
+                let own = if is_seen { apart(block.before[place], block.after[place]) } else { UNSEEN };
+                if let Some(pixel) = self.rim(self.spots(at, fronts[place]), own, rule) {
+                    block.merged[place] = pixel;
+                    return;
+                }
+            }
             let is_doubtful =
                 questionable >> place & 1 == 1 || P::merge(block.before[place], block.after[place], rule).1;
             match self.decide(at, keys[place], self.spots(at, keys[place]), is_doubtful) {
@@ -173,6 +188,52 @@ impl<P: Colour> Between<'_, P> {
         Spots { before, after: std::array::from_fn(|c| before[c] - vector[c]) }
     }
 
+    /// For each pixel of a tile the nearest of the nine claims around it, and which of these are in front of its own.
+    #[inline(never)]
+    fn fronts(&self, column: usize, row: usize, fronts: &mut [Key; BLOCK]) -> u64 {
+        let Grid { width, height, columns, .. } = self.places.grid;
+        let mut around = [[EMPTY; TILE + 2]; TILE + 2];
+        for (j, line) in around.iter_mut().enumerate() {
+            let Some(y) = (row * TILE + j).checked_sub(1).filter(|&y| y < height) else { continue };
+            let tile = y / TILE * columns + column;
+            let claim = |x: usize| self.places.claim(x, y);
+            line[1..=TILE].copy_from_slice(&self.places.line(tile, y % TILE));
+            if self.places.tiles[tile].holes > 0 || (column + 1) * TILE > width {
+                for (i, key) in line[1..=TILE].iter_mut().enumerate() {
+                    let x = column * TILE + i;
+                    *key = if x < width { claim(x) } else { EMPTY };
+                }
+            }
+            if column > 0 {
+                line[0] = claim(column * TILE - 1);
+            }
+            if (column + 1) * TILE < width {
+                line[TILE + 1] = claim((column + 1) * TILE);
+            }
+        }
+        claims::nearest_around(self.level, &around, fronts)
+    }
+
+    /// The colour at a place beside something in front, as it is if it moves with that: if so the anchors agree, and
+    /// better than `own`, the levels by which they differ otherwise. The rim of a surface is mixed with what is behind.
+    #[inline(never)]
+    fn rim(&self, spots: Spots, own: f32, rule: &Rule) -> Option<P> {
+        let grid = self.places.grid;
+        if !grid.holds(spots.before) || !grid.holds(spots.after) {
+            return None;
+        }
+        let (before, after) = (P::sample(self.previous, spots.before), P::sample(self.current, spots.after));
+        let apart = apart(before, after);
+        (apart <= RIM && apart < own).then(|| P::merge(before, after, rule).0)
+    }
+
+    /// Whether both anchors show what a pixel claims to be.
+    fn is_seen(&self, key: Key, spots: Spots) -> bool {
+        let grid = self.places.grid;
+        grid.nearest(spots.before).is_some_and(|[x, y]| alike(self.owners.claim(x, y), key))
+            && grid.nearest(spots.after).is_some_and(|[x, y]| alike(self.field.owner(x, y), key))
+    }
+
     /// Whether both anchors show all of a smooth tile: it lies in tiles that are smooth as well and move alike.
     #[inline(always)]
     fn is_clear(&self, key: Key, spots: Spots) -> bool {
@@ -196,8 +257,8 @@ impl<P: Colour> Between<'_, P> {
         let (from, to) = (grid.nearest(spots.before), grid.nearest(spots.after));
         let mark = layer::mark(key);
         let mut is_before = from.is_some_and(|[x, y]| {
-            let owner = self.owners.owner(x, y);
-            owner == EMPTY || alike(owner, key) || mark == ORPHAN
+            let owner = self.owners.claim(x, y);
+            mark == ORPHAN || alike(owner, key) || layer::mark(owner) == ORPHAN && !is_nearer(owner, key)
         });
         let mut is_after = to.is_some_and(|[x, y]| {
             let shown = self.field.owner(x, y);
@@ -313,6 +374,12 @@ pub(super) fn beyond<P: Colour>(
         unseen.fetch_add(lost, Ordering::Relaxed);
     });
     Rendered { uncovered: uncovered.into_inner(), hidden: unseen.into_inner() }
+}
+
+/// How far two colours are apart: the levels of the channel that differs most.
+pub(super) fn apart<P: Colour>(a: P, b: P) -> f32 {
+    let (a, b) = (a.in_levels(), b.in_levels());
+    (0..3).fold(0.0, |most: f32, c| most.max((a[c] - b[c]).abs()))
 }
 
 /// Calls `visit` for each bit that is set, lowest first.

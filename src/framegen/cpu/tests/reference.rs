@@ -16,8 +16,9 @@ use crate::framegen::cpu::landing::{ONE_SURFACE, SLOPE, SMOOTH as SMOOTH_LANDED}
 use crate::framegen::cpu::layer::{
     self, EMPTY, Grid, HOLE, Key, Kind, LONGEST, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, landed, part,
 };
+use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
-use crate::framegen::cpu::render::{AGREE, CAREFUL, STRICT};
+use crate::framegen::cpu::render::{AGREE, CAREFUL, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
 use crate::framegen::cpu::source;
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
@@ -30,14 +31,17 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
     let field = moved_by(pair.guidance(), Some((previous, current, &inside)));
 
     let mut owners = settled(&field, &claims_of(&field), WHOLE);
-    let evidence = Evidence { field: &field, reach: WHOLE, shown: Some(previous), mark: ORPHAN };
+    let mut leaving = Leaving::default();
+    leaving.find(&mut owners, previous, current, foreign::margin(previous, current)).unwrap();
+    let evidence =
+        Evidence { field: &field, reach: WHOLE, shown: Some(previous), leaving: Some(&leaving), mark: ORPHAN };
     fill(&mut owners, &evidence);
 
     // Both go to phase t: what the current anchor shows, and what only the previous one does.
     let mut moving: Vec<_> = claims_of(&field).into_iter().map(|claim| claim.carried(WHOLE - phase)).collect();
     moving.extend(borrowed_of(&owners).into_iter().map(|claim| claim.carried(-phase)));
     let mut places = gathered(field.grid, &moving);
-    fill(&mut places, &Evidence::<P> { field: &field, reach: WHOLE - phase, shown: None, mark: HOLE });
+    fill(&mut places, &Evidence::<P> { field: &field, reach: WHOLE - phase, shown: None, leaving: None, mark: HOLE });
 
     render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase })
 }
@@ -47,7 +51,7 @@ pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P
     let current = source(anchor.picture());
     let field = moved_by::<P>(anchor.guidance(), None);
     let mut places = settled(&field, &claims_of(&field), -phase);
-    fill(&mut places, &Evidence::<P> { field: &field, reach: -phase, shown: None, mark: HOLE });
+    fill(&mut places, &Evidence::<P> { field: &field, reach: -phase, shown: None, leaving: None, mark: HOLE });
 
     let grid = field.grid;
     let mut out = anchor.picture().clone();
@@ -318,7 +322,8 @@ fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
             // Of equals the first.
             let best = candidates.reduce(|best, other| if other.0 < best.0 { other } else { best });
             let key = best.map_or_else(|| farthest_around(layer, position), |(_, key)| key);
-            layer.borrowed[tile][grid.place(x, y).1] = layer::marked(key, evidence.mark);
+            let leaves = evidence.leaving.and_then(|leaving| leaving.claim(x, y));
+            layer.borrowed[tile][grid.place(x, y).1] = leaves.unwrap_or(layer::marked(key, evidence.mark));
         }
     }
 }
@@ -401,11 +406,26 @@ impl<P: Colour> Shown<'_, P> {
         if !is_doubtful && (is_close || self.is_clear(tile)) {
             return Some(merged);
         }
+        // Beside something in front, it is that thing's if so the anchors agree better.
+        let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height))
+            .flat_map(|y| (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| [x, y]));
+        let front = around.map(|[x, y]| self.places.claim(x, y)).min().unwrap();
+        let [front_before, front_after] = self.spots(at, front);
+        let is_beside = is_nearer(front, key) && !alike(front, key) && !self.is_clear(tile);
+        if is_beside && grid.holds(front_before) && grid.holds(front_after) {
+            let (a, b) = (P::sample(self.previous, front_before), P::sample(self.current, front_after));
+            let is_seen = from.is_some_and(|[x, y]| alike(self.owners.claim(x, y), key))
+                && to.is_some_and(|[x, y]| alike(self.field.owner(x, y), key));
+            let own = if is_seen { apart(of_previous, of_current) } else { UNSEEN };
+            if apart(a, b) <= RIM_BETWEEN && apart(a, b) < own {
+                return Some(P::merge(a, b, &rule).0);
+            }
+        }
 
         let mark = layer::mark(key);
         let mut is_before = from.is_some_and(|[x, y]| {
-            let owner = self.owners.owner(x, y);
-            owner == EMPTY || alike(owner, key) || mark == ORPHAN
+            let owner = self.owners.claim(x, y);
+            mark == ORPHAN || alike(owner, key) || layer::mark(owner) == ORPHAN && !is_nearer(owner, key)
         });
         let mut is_after = to.is_some_and(|[x, y]| {
             let shown = self.field.owner(x, y);

@@ -1,0 +1,249 @@
+//! What leaves the picture in front of all else.
+//!
+//! Something near that an edge of the previous anchor cuts off may be gone from the current one, which then has no
+//! motion for it: what it covered seems to be there all the time. Its colours tell that it is not (see [`is_foreign`]),
+//! and that it is gone tells how far it has moved at least: over the edge with all that reached into the picture.
+
+use rayon::prelude::*;
+
+use super::colour::Colour;
+use super::foreign::is_foreign;
+use super::kernels::Source;
+use super::layer::{self, EMPTY, Key, LONGEST, Layer, ORPHAN};
+use super::sized;
+use crate::Result;
+
+/// At most this many pixels of something that leaves may look like what it covers, one after the other.
+const GAP: usize = 6;
+/// At least one in this many of its pixels does not.
+const TELLING: usize = 3;
+/// Levels of luma within which a pixel that nothing claims goes on with what is before it.
+const ALIKE: f32 = 16.0;
+/// Something that leaves covers at least this many pixels of some line.
+const LEAST: usize = 3;
+/// Fewer lines than this may lie between two lines of it without a sign of it.
+const APART: usize = 8;
+/// It is looked for up to this part of a line from its ends.
+const FARTHEST: usize = 8;
+/// Ranks by which it is in front of what it covers: half the distance.
+const NEARER: u16 = 2048;
+
+/// The pixels at one end of a line that something covers which leaves over that end.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    len: usize,
+    claim: Key,
+}
+
+const NONE: Run = Run { len: 0, claim: EMPTY };
+
+/// What leaves; keeps its memory.
+#[derive(Debug, Default)]
+pub(super) struct Leaving {
+    size: [usize; 2],
+    /// Over the left and the right end of each row, then over the upper and the lower end of each column.
+    runs: Vec<[Run; 2]>,
+}
+
+impl Leaving {
+    /// Makes room for pictures of a size.
+    pub(super) fn reserve(&mut self, size: [usize; 2]) -> Result<()> {
+        self.size = size;
+        sized(&mut self.runs, size[0] + size[1], [NONE; 2])
+    }
+
+    /// Looks along the edges of the previous anchor, and takes the places of what leaves over them away from their
+    /// `owners`. For `margin` see [`foreign::margin`](super::foreign::margin).
+    pub(super) fn find<P: Colour>(
+        &mut self,
+        owners: &mut Layer,
+        previous: Source<'_, P>,
+        current: Source<'_, P>,
+        margin: f32,
+    ) -> Result<()> {
+        let size = [previous.width, previous.height];
+        self.reserve(size)?;
+        let edge = Edge { owners, previous, current, margin };
+        let (rows, columns) = self.runs.split_at_mut(size[1]);
+        for (axis, lines) in [&mut *rows, &mut *columns].into_iter().enumerate() {
+            lines.par_iter_mut().with_min_len(64).enumerate().for_each(|(line, runs)| {
+                *runs = [false, true].map(|is_far| edge.run(line, axis, is_far));
+            });
+        }
+        for (axis, lines) in [rows, columns].into_iter().enumerate() {
+            for end in 0..2 {
+                join(lines, end, axis);
+                for (line, runs) in lines.iter().enumerate() {
+                    for step in 0..runs[end].len {
+                        let [x, y] = place(size, line, axis, end == 1, step);
+                        owners.free(x, y);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The claim of what leaves at a place, if anything does.
+    pub(super) fn claim(&self, x: usize, y: usize) -> Option<Key> {
+        let [width, height] = self.size;
+        let ends = [(&self.runs[y], [x, width - 1 - x]), (&self.runs[height + x], [y, height - 1 - y])];
+        ends.into_iter().find_map(|(runs, steps)| (0..2).find(|&i| steps[i] < runs[i].len).map(|i| runs[i].claim))
+    }
+}
+
+/// The place `step` steps from an end of a row (axis 0) or a column (axis 1).
+fn place(size: [usize; 2], line: usize, axis: usize, is_far: bool, step: usize) -> [usize; 2] {
+    let along = if is_far { size[axis] - 1 - step } else { step };
+    if axis == 0 { [along, line] } else { [line, along] }
+}
+
+/// What leaves over neighbouring lines is one thing, and moves as far as the line needs of which it covers most.
+fn join(lines: &mut [[Run; 2]], end: usize, axis: usize) {
+    let mut start = 0;
+    while start < lines.len() {
+        let mut longest = lines[start][end].len;
+        if longest == 0 {
+            start += 1;
+            continue;
+        }
+        let mut until = start + 1;
+        let mut line = until;
+        while line < lines.len() && line - until < APART {
+            let after = lines[line][end];
+            if after.len > 0 {
+                let before = lines[until - 1][end];
+                let between = if before.len < after.len { before } else { after };
+                lines[until..line].iter_mut().for_each(|ends| ends[end] = between);
+                until = line + 1;
+                longest = longest.max(after.len);
+            }
+            line += 1;
+        }
+        let over = 64 * longest as i32;
+        for run in lines[start..until].iter_mut().map(|ends| &mut ends[end]) {
+            let mut vector = layer::vector(run.claim);
+            vector[axis] = if end == 1 { vector[axis].min(-over) } else { vector[axis].max(over) };
+            let claim = layer::key(layer::rank(run.claim), ORPHAN, vector);
+            *run = if longest < LEAST { NONE } else { Run { claim, ..*run } };
+        }
+        start = until;
+    }
+}
+
+/// The previous anchor, where its edges are looked at.
+struct Edge<'a, P> {
+    owners: &'a Layer,
+    previous: Source<'a, P>,
+    current: Source<'a, P>,
+    margin: f32,
+}
+
+impl<P: Colour> Edge<'_, P> {
+    /// What leaves over one end of a line; it claims to move with what it covers.
+    fn run(&self, line: usize, axis: usize, is_far: bool) -> Run {
+        let size = [self.previous.width, self.previous.height];
+        let (mut len, mut signs, mut gap, mut last, mut behind) = (0, 0, 0, 0.0, EMPTY);
+        for step in 0..(size[axis] / FARTHEST).min(LONGEST as usize / 64) {
+            let [x, y] = place(size, line, axis, is_far, step);
+            let (owner, shown) = (self.owners.owner(x, y), self.previous.pixels[y * size[0] + x]);
+            if owner == EMPTY {
+                if len == step && step > 0 && (shown.luma() - last).abs() <= ALIKE {
+                    (len, last) = (step + 1, shown.luma());
+                }
+                continue;
+            }
+            let vector = layer::vector(owner);
+            // What it covers must not come in itself.
+            let outwards = if is_far { -vector[axis] } else { vector[axis] };
+            if outwards < -32 {
+                break;
+            }
+            let there = [64 * x as i32 - vector[0], 64 * y as i32 - vector[1]];
+            if is_foreign(shown, self.current, there, self.margin) {
+                (len, gap, last, behind) = (step + 1, 0, shown.luma(), owner);
+                signs += 1;
+            } else {
+                gap += 1;
+                if gap > GAP {
+                    break;
+                }
+            }
+        }
+        if signs * TELLING < len || len == 0 {
+            return NONE;
+        }
+        Run { len, claim: layer::key(layer::rank(behind).saturating_sub(NEARER), ORPHAN, layer::vector(behind)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layer::{Grid, is_nearer};
+    use super::*;
+
+    const SIZE: [usize; 2] = [64, 24];
+    const GROUND: [u8; 4] = [90, 100, 110, 255];
+    const FRONT: [u8; 4] = [220, 40, 200, 255];
+
+    /// What leaves a still ground that `is_covered` in the previous anchor alone, and who owns the places then.
+    fn found(is_covered: impl Fn(usize, usize) -> bool) -> (Leaving, Layer) {
+        let [width, height] = SIZE;
+        let pixel = |i: usize| if is_covered(i % width, i / width) { FRONT } else { GROUND };
+        let previous: Vec<_> = (0..width * height).map(pixel).collect();
+        let current = vec![GROUND; width * height];
+        let mut owners = Layer::default();
+        owners.reserve(Grid::new((width as u32, height as u32))).unwrap();
+        owners.tiles.iter_mut().for_each(|tile| tile.key = layer::key(5000, 0, [0; 2]));
+        let mut leaving = Leaving::default();
+        let [previous, current] = [&previous, &current].map(|pixels| Source { pixels, width, height });
+        leaving.find(&mut owners, previous, current, 24.0).unwrap();
+        (leaving, owners)
+    }
+
+    #[test]
+    fn what_is_gone_has_moved_over_the_edge_with_all_of_it() {
+        // Five pixels wide, but three of them in one line and none in another.
+        let (leaving, owners) = found(|x, y| match y {
+            4..8 | 10..16 => x >= 59,
+            8 => x >= 61,
+            _ => false,
+        });
+        for y in 0..24 {
+            let len = match y {
+                4..8 | 10..16 => 5,
+                8 | 9 => 3,
+                _ => 0,
+            };
+            for x in 0..64 {
+                let claim = leaving.claim(x, y);
+                assert_eq!(claim.is_some(), x >= 64 - len, "({x}, {y})");
+                assert_eq!(owners.owner(x, y) == EMPTY, claim.is_some(), "({x}, {y})");
+                if let Some(claim) = claim {
+                    assert_eq!((layer::vector(claim), layer::mark(claim)), ([-5 * 64, 0], ORPHAN));
+                    assert!(is_nearer(claim, layer::key(5000, 0, [0; 2])));
+                }
+            }
+        }
+        let holes: usize = owners.tiles.iter().map(|tile| usize::from(tile.holes)).sum();
+        assert_eq!(holes, 10 * 5 + 2 * 3);
+    }
+
+    #[test]
+    fn it_leaves_over_the_edge_that_cuts_it_off() {
+        let (leaving, _) = found(|x, y| y < 3 && (20..30).contains(&x));
+        assert_eq!(leaving.claim(25, 1).map(layer::vector), Some([0, 3 * 64]));
+        let (leaving, _) = found(|x, y| y >= 21 && (20..30).contains(&x));
+        assert_eq!(leaving.claim(25, 22).map(layer::vector), Some([0, -3 * 64]));
+        let (leaving, _) = found(|x, y| x < 4 && (5..9).contains(&y));
+        assert_eq!(leaving.claim(3, 7).map(layer::vector), Some([4 * 64, 0]));
+    }
+
+    #[test]
+    fn what_no_edge_cuts_off_and_what_is_narrow_stays() {
+        for owners in [found(|x, y| (40..50).contains(&x) && (6..12).contains(&y)).1, found(|x, y| x >= 62 && y == 7).1]
+        {
+            assert!((0..24).all(|y| (0..64).all(|x| owners.owner(x, y) != EMPTY)));
+        }
+    }
+}
