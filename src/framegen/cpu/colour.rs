@@ -21,7 +21,8 @@ pub(super) trait Colour: Sampled {
 impl Colour for [u8; 4] {
     #[inline(always)]
     fn in_levels(self) -> [f32; 4] {
-        self.map(f32::from)
+        let [r, g, b, a] = self;
+        [f32::from(r), f32::from(g), f32::from(b), f32::from(a)]
     }
 
     fn from_levels(levels: [f32; 4]) -> Self {

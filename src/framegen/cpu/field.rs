@@ -7,7 +7,9 @@ use rayon::prelude::*;
 use super::bars::Inside;
 use super::colour::Colour;
 use super::kernels::claims;
-use super::kernels::{BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, depth_ranges, land, motion_ranges};
+use super::kernels::{
+    BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, at_every_level, depth_ranges, land, motion_ranges,
+};
 use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, key};
 use super::sized;
 use crate::Result;
@@ -324,10 +326,48 @@ impl<P: Colour> Edges<'_, P> {
         current: Source<'_, P>,
         keys: &mut [Key; BLOCK],
     ) {
-        for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-            let at = [column * TILE + place % TILE, row * TILE + place / TILE];
-            *key = layer::marked(*key, match_of(previous, current, at, *key));
+        let width = current.width;
+        for (j, keys) in keys.chunks_mut(TILE).enumerate() {
+            let (x, y) = (column * TILE, row * TILE + j);
+            let vector = layer::vector(keys[0]);
+            let [u, v] = [64 * x as i32 + vector[0], 64 * y as i32 + vector[1]].map(|at| (at >> 6) as usize);
+            // Of one motion and inside, as most are; what is negative is far beyond.
+            let is_run = keys.iter().all(|&key| key != EMPTY && layer::vector(key) == vector)
+                && u.saturating_add(TILE) < width
+                && v.saturating_add(1) < previous.height;
+            if is_run {
+                let there = &previous.pixels[v * width + u..];
+                let mut apart = [0; TILE];
+                let here = &current.pixels[y * width + x..][..TILE];
+                matches_of_run(self.level, here, &there[..=TILE], &there[width..][..=TILE], &mut apart);
+                keys.iter_mut().zip(apart).for_each(|(key, apart)| *key = layer::marked(*key, apart));
+                continue;
+            }
+            for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+                *key = layer::marked(*key, match_of(previous, current, [x + i, y], *key));
+            }
         }
+    }
+}
+
+at_every_level! {
+    /// [`match_of`] for eight pixels beside each other (`here`) that come from between two rows of nine.
+    fn matches_of_run<P: Colour>(here: &[P], above: &[P], below: &[P], matches: &mut [u8; TILE])
+        = matches_side_by_side | matches_side_by_side
+}
+
+#[inline(always)]
+fn matches_side_by_side<P: Colour>(here: &[P], above: &[P], below: &[P], matches: &mut [u8; TILE]) {
+    let mut lumas = [[0.0; 2 * TILE]; 2];
+    for (lumas, row) in lumas.iter_mut().zip([above, below]) {
+        lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma());
+    }
+    let [above, below] = lumas;
+    for (i, (found, pixel)) in matches.iter_mut().zip(here).enumerate() {
+        let low = above[i].min(above[i + 1]).min(below[i]).min(below[i + 1]);
+        let high = above[i].max(above[i + 1]).max(below[i]).max(below[i + 1]);
+        let luma = pixel.luma();
+        *found = ((low - luma).max(luma - high).max(0.0) as u8).min(WORST_MATCH);
     }
 }
 

@@ -220,7 +220,9 @@ impl<P: Colour> Sides<'_, '_, P> {
                 }
                 passed = if step == 0 {
                     let at = if ACROSS { [along, line] } else { [line, along] };
-                    self.outside::<ACROSS, BACK>([self.corner[0] + at[0], self.corner[1] + at[1]])
+                    let run = (0..len).map(|step| place(if BACK { len - 1 - step } else { step }));
+                    let far = run.take_while(|&place| self.own[place] == EMPTY).map(|place| self.farthest(place)).max();
+                    self.outside::<ACROSS, BACK>([self.corner[0] + at[0], self.corner[1] + at[1]], far.unwrap_or(NEAR))
                 } else {
                     passed.map(|(key, away)| (key, away + 1))
                 };
@@ -228,22 +230,27 @@ impl<P: Colour> Sides<'_, '_, P> {
                 let at = if ACROSS { [along, line] } else { [line, along] };
                 let at = [self.corner[0] + at[0], self.corner[1] + at[1]];
                 let from = moved::<ACROSS, BACK>(at, away);
-                let cost = self.evidence.cost(grid, at, key, away, from);
                 let best = &mut self.best[place(along)];
-                if best.1 == EMPTY || cost < best.0 {
+                if let Some(cost) = self.evidence.cost_below(best.0, grid, at, key, away, from) {
                     *best = (cost, key);
                 }
             }
         }
     }
 
-    /// The nearest claim before a place, and how far away it is.
+    /// How far away a candidate can be that is better than the best so far.
     #[inline(always)]
-    fn outside<const ACROSS: bool, const BACK: bool>(&self, at: [usize; 2]) -> Option<(Key, usize)> {
+    fn farthest(&self, place: usize) -> usize {
+        if self.evidence.shown.is_some() { NEAR.min((self.best[place].0 >> 16) as usize) } else { NEAR }
+    }
+
+    /// The nearest claim before a place, and how far away it is: up to `far`.
+    #[inline(always)]
+    fn outside<const ACROSS: bool, const BACK: bool>(&self, at: [usize; 2], far: usize) -> Option<(Key, usize)> {
         let Grid { width, height, .. } = self.layer.grid;
         let (along, side) = if ACROSS { (at[0], width) } else { (at[1], height) };
         let room = if BACK { side - 1 - along } else { along };
-        (1..=room.min(NEAR)).find_map(|away| {
+        (1..=room.min(far)).find_map(|away| {
             let [x, y] = moved::<ACROSS, BACK>(at, away);
             let key = self.layer.owner(x, y);
             (key != EMPTY).then_some((key, away))
@@ -265,21 +272,59 @@ fn moved<const ACROSS: bool, const BACK: bool>([x, y]: [usize; 2], away: usize) 
 impl<P: Colour> Evidence<'_, P> {
     /// How bad a candidate is: whether the current anchor contradicts it first; then, for what an anchor shows, how
     /// unlike it is and how far away it was found, for what none does, how near its surface is.
-    pub(super) fn cost(&self, grid: Grid, [x, y]: [usize; 2], key: Key, step: usize, from: [usize; 2]) -> u64 {
-        let [vx, vy] = layer::vector(key);
-        let there = [64 * x as i32 - part(vx, self.reach), 64 * y as i32 - part(vy, self.reach)];
-        // It must be hidden in the current anchor, or have left it: else it would have claimed this place.
-        let is_contradicted = grid.nearest(there).is_some_and(|[u, v]| {
-            let shown = self.field.owner(u, v);
-            alike(shown, key) || is_nearer(key, shown)
-        });
-        let unlike = self.shown.map_or(0, |shown| {
+    #[cfg(test)]
+    pub(super) fn cost(&self, grid: Grid, at: [usize; 2], key: Key, step: usize, from: [usize; 2]) -> u64 {
+        let order = self.order(key, step, self.unlike(grid, at, from));
+        u64::from(self.is_contradicted(grid, at, key)) << 40 | order
+    }
+
+    /// The same where it is less than `best`, found with no more looks than that takes.
+    #[inline(always)]
+    fn cost_below(
+        &self,
+        best: u64,
+        grid: Grid,
+        at: [usize; 2],
+        key: Key,
+        step: usize,
+        from: [usize; 2],
+    ) -> Option<u64> {
+        if self.order(key, step, 0) >= best {
+            return None;
+        }
+        let order = self.order(key, step, self.unlike(grid, at, from));
+        if order >= best {
+            return None;
+        }
+        let cost = u64::from(self.is_contradicted(grid, at, key)) << 40 | order;
+        (cost < best).then_some(cost)
+    }
+
+    /// Levels between the lumas of the place and of that where the candidate was found.
+    #[inline(always)]
+    fn unlike(&self, grid: Grid, [x, y]: [usize; 2], from: [usize; 2]) -> u64 {
+        self.shown.map_or(0, |shown| {
             let (here, there) = (shown.pixels[y * grid.width + x], shown.pixels[from[1] * grid.width + from[0]]);
             (here.luma() - there.luma()).abs().min(255.0) as u64
-        });
+        })
+    }
+
+    #[inline(always)]
+    fn order(&self, key: Key, step: usize, unlike: u64) -> u64 {
         let (nearness, away) =
             (u64::from(u16::MAX - layer::rank(key)), (unlike + step as u64).min(u64::from(u16::MAX)));
-        let order = if self.shown.is_some() { away << 16 | nearness } else { nearness << 16 | away };
-        u64::from(is_contradicted) << 40 | order
+        if self.shown.is_some() { away << 16 | nearness } else { nearness << 16 | away }
+    }
+
+    /// Whether a candidate for a place would have claimed it: it is neither hidden in the current anchor nor has it left
+    /// that.
+    #[inline(always)]
+    fn is_contradicted(&self, grid: Grid, [x, y]: [usize; 2], key: Key) -> bool {
+        let [vx, vy] = layer::vector(key);
+        let there = [64 * x as i32 - part(vx, self.reach), 64 * y as i32 - part(vy, self.reach)];
+        grid.nearest(there).is_some_and(|[u, v]| {
+            let shown = self.field.owner(u, v);
+            alike(shown, key) || is_nearer(key, shown)
+        })
     }
 }

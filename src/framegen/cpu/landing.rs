@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::kernels::claims::{self, Places};
 use super::kernels::{BLOCK, Level, TILE};
-use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, Tile, key, landed};
+use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile, key, landed};
 use super::{reserve, sized};
 use crate::Result;
 
@@ -17,12 +17,6 @@ const BAND: usize = 8;
 const RIM: usize = 1;
 /// A place that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
 pub(super) const SMOOTH: i32 = 48;
-/// The same where they can be one that slopes: between vectors given for whole tiles, the mean of those that meet is
-/// nearer to the truth than a step is.
-pub(super) const SLOPE: i32 = 256;
-/// Surfaces whose ranks differ by no more than this can be one that slopes: an octave of distance.
-pub(super) const ONE_SURFACE: u16 = 2048;
-
 /// A layer to carry and how far: by `reach` of its vectors, see [`WHOLE`](layer::WHOLE).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pass<'a> {
@@ -265,6 +259,7 @@ impl Filling {
     fn settle(&self, cover: &Cover, [across, down]: [usize; 2]) -> Tile {
         let whole = (across * down) as u32;
         let is_surface = cover.farthest.saturating_sub(layer::rank(cover.nearest)) <= ONE_SURFACE;
+        // Between vectors given for whole tiles, the mean of those that meet is nearer to the truth than a step is.
         let apart = if is_surface { SLOPE } else { SMOOTH };
         let is_smooth =
             !cover.is_rough && 4 * cover.area >= 3 * whole && (0..2).all(|i| cover.high[i] - cover.low[i] <= apart);

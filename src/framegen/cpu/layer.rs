@@ -66,6 +66,18 @@ pub(super) fn is_nearer(a: Key, b: Key) -> bool {
     rank(a).saturating_add(SAME_RANK) < rank(b)
 }
 
+/// Vectors of one surface that slopes differ by no more than this from tile to tile, in 1/64 px.
+pub(super) const SLOPE: i32 = 256;
+/// Surfaces whose ranks differ by no more than this can be one that slopes: an octave of distance.
+pub(super) const ONE_SURFACE: u16 = 2048;
+
+/// Whether the claims of two tiles can be parts of one surface that slopes.
+#[inline(always)]
+pub(super) fn slopes(a: Key, b: Key) -> bool {
+    let ([ax, ay], [bx, by]) = (vector(a), vector(b));
+    (ax - bx).abs() <= SLOPE && (ay - by).abs() <= SLOPE && rank(a).abs_diff(rank(b)) <= ONE_SURFACE
+}
+
 /// Reaches and phases are in parts of this: the whole way between two anchors.
 pub(super) const WHOLE: i32 = 1 << 12;
 /// Vectors are kept within this, in 1/64 px, so that a reach of them can be computed in 32 bits.

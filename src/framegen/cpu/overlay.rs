@@ -74,18 +74,22 @@ fn contrast(patch: &[[f32; 3]; 3]) -> f32 {
 }
 
 /// The lumas from (x, y) on; the edge pixels go on beyond the edges.
+#[inline(always)]
 fn lumas<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[f32; N]; N] {
+    let mut lumas = [[0.0; N]; N];
     if x >= 0 && y >= 0 && x as usize + N <= source.width && y as usize + N <= source.height {
-        return std::array::from_fn(|j| {
+        for (j, lumas) in lumas.iter_mut().enumerate() {
             let row = &source.pixels[(y as usize + j) * source.width + x as usize..][..N];
-            std::array::from_fn(|i| row[i].luma())
-        });
+            lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma());
+        }
+        return lumas;
     }
     let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
-    std::array::from_fn(|j| {
-        let row = &source.pixels[on_axis(y + j as i32, source.height) * source.width..][..source.width];
-        std::array::from_fn(|i| row[on_axis(x + i as i32, source.width)].luma())
-    })
+    for (j, lumas) in (0..).zip(&mut lumas) {
+        let row = &source.pixels[on_axis(y + j, source.height) * source.width..][..source.width];
+        (0..).zip(lumas).for_each(|(i, luma)| *luma = row[on_axis(x + i, source.width)].luma());
+    }
+    lumas
 }
 
 /// How far `patch`, centred on (x, y) in one picture, is from the place in `there` that `vector` leads to, read
@@ -94,18 +98,29 @@ fn difference<P: Colour>(patch: &[[f32; 3]; 3], there: Source<'_, P>, x: i32, y:
     let [u, v] = [64 * (x - 1) + vector[0], 64 * (y - 1) + vector[1]];
     let [fx, fy] = [u, v].map(|at| (at & 63) as f32 / 64.0);
     let lumas: [[f32; 4]; 4] = lumas(there, u >> 6, v >> 6);
-    let between = std::array::from_fn(|j| {
-        std::array::from_fn(|i| {
-            let across = |line: &[f32; 4]| line[i] + (line[i + 1] - line[i]) * fx;
-            let (above, below) = (across(&lumas[j]), across(&lumas[j + 1]));
-            above + (below - above) * fy
-        })
-    });
+    let mut across = [[0.0; 3]; 4];
+    for (across, line) in across.iter_mut().zip(&lumas) {
+        for i in 0..3 {
+            across[i] = line[i] + (line[i + 1] - line[i]) * fx;
+        }
+    }
+    let mut between = [[0.0; 3]; 3];
+    for j in 0..3 {
+        for i in 0..3 {
+            between[j][i] = across[j][i] + (across[j + 1][i] - across[j][i]) * fy;
+        }
+    }
     Difference::new(&apart(patch, &between), there, x, y)
 }
 
 fn apart(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> [[f32; 3]; 3] {
-    std::array::from_fn(|j| std::array::from_fn(|i| (b[j][i] - a[j][i]).abs()))
+    let mut apart = [[0.0; 3]; 3];
+    for j in 0..3 {
+        for i in 0..3 {
+            apart[j][i] = (b[j][i] - a[j][i]).abs();
+        }
+    }
+    apart
 }
 
 impl Difference {

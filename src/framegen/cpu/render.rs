@@ -8,7 +8,7 @@ use super::colour::Colour;
 use super::foreign::is_foreign;
 use super::kernels::claims;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::layer::{self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part};
+use super::layer::{self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part, slopes};
 use super::overlay::Overlays;
 use crate::Raster;
 
@@ -243,7 +243,7 @@ impl<P: Colour> Between<'_, P> {
             let (Some(first), Some(last)) = (grid.nearest(spot), grid.nearest(last)) else { return false };
             (first[1] / TILE..=last[1] / TILE).all(|row| {
                 let tiles = &layer.row(row..row + 1)[first[0] / TILE..=last[0] / TILE];
-                tiles.iter().all(|tile| tile.kind == Kind::Smooth && alike(tile.key, key))
+                tiles.iter().all(|tile| tile.kind == Kind::Smooth && (alike(tile.key, key) || slopes(tile.key, key)))
             })
         };
         is_seen(self.owners, spots.before) && is_seen(self.field, spots.after)

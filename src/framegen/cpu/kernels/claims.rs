@@ -106,26 +106,40 @@ fn row(keys: &[Key]) -> &Row<Key> {
     keys.first_chunk().expect("a row of eight")
 }
 
+// Plain loops: closures of `from_fn` are at times left as functions of their own, which have no vectors.
+
 #[inline(always)]
 fn carry_in_vectors(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mut Places<'_>) {
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
-        if keys.iter().fold(EMPTY, |all, &key| all & key) == EMPTY {
+        let (mut x, mut y) = ([0; TILE], [0; TILE]);
+        let (mut common, mut is_any_empty) = (EMPTY, false);
+        for i in 0..TILE {
+            let [vx, vy] = vector(keys[i]);
+            x[i] = landed(from[0] + i as i32, vx, reach);
+            y[i] = landed(from[1] + j as i32, vy, reach);
+            common &= keys[i];
+            is_any_empty |= keys[i] == EMPTY;
+        }
+        if common == EMPTY {
             continue;
         }
-        let x: Row<i32> = std::array::from_fn(|i| landed(from[0] + i as i32, vector(keys[i])[0], reach));
-        let y: Row<i32> = std::array::from_fn(|i| landed(from[1] + j as i32, vector(keys[i])[1], reach));
-        // Mostly they stay side by side; none of those is empty, as not all are.
-        let apart: Row<i32> = std::array::from_fn(|i| (x[i] - x[0] - i as i32) | (y[i] - y[0]));
+        let mut apart = 0;
+        for i in 0..TILE {
+            apart |= (x[i] - x[0] - i as i32) | (y[i] - y[0]);
+        }
+        // Mostly they stay side by side.
         let start = (y[0] as u32 as usize).saturating_mul(places.stride) + x[0] as u32 as usize;
-        let is_run = apart.iter().fold(0, |any, v| any | v) == 0
+        let is_run = apart == 0
+            && !is_any_empty
             && x[0] as u32 as usize + TILE <= places.stride
-            && start + TILE <= places.keys.len()
-            && keys.iter().all(|&key| key != EMPTY);
+            && start + TILE <= places.keys.len();
         if is_run {
             let run: &mut Row<Key> = places.keys[start..].first_chunk_mut().expect("it fits");
-            *run = std::array::from_fn(|i| run[i].min(keys[i]));
-            let [first, last] = [x[0], x[0] + TILE as i32 - 1].map(|x| places.tile(x as usize, y[0] as usize));
+            for i in 0..TILE {
+                run[i] = run[i].min(keys[i]);
+            }
+            let [first, last] = [x[0], x[7]].map(|x| places.tile(x as usize, y[0] as usize));
             places.is_rough[first] = true;
             places.is_rough[last] = true;
         } else {
@@ -139,32 +153,39 @@ fn carry_in_vectors(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mu
 #[inline(always)]
 fn lay_in_vectors(key: Key, places: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
     for line in 0..down {
-        let places = &mut places[start + line * stride..][..across];
-        match places.first_chunk_mut::<TILE>() {
-            Some(places) if across == TILE => *places = places.map(|place| place.min(key)),
-            _ => places.iter_mut().for_each(|place| *place = (*place).min(key)),
+        for place in &mut places[start + line * stride..][..across] {
+            *place = (*place).min(key);
         }
     }
 }
 
+/// What stands at places between others, see [`close`].
+#[inline(always)]
+fn closed(own: &Row<Key>, a: &Row<Key>, b: &Row<Key>) -> Row<Key> {
+    let mut found = *own;
+    for i in 0..TILE {
+        let (own, nearer, farther) = (own[i], a[i].min(b[i]), a[i].max(b[i]));
+        let is_surface = (farther != EMPTY) & move_alike(nearer, farther);
+        let is_behind = is_nearer(farther, own) & !move_alike(nearer, own);
+        found[i] = if is_surface & ((own == EMPTY) | is_behind) { nearer } else { own };
+    }
+    found
+}
+
 #[inline(always)]
 fn close_in_vectors(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key) {
-    let closed = |own: &Row<Key>, a: &Row<Key>, b: &Row<Key>| -> Row<Key> {
-        std::array::from_fn(|i| {
-            let (own, nearer, farther) = (own[i], a[i].min(b[i]), a[i].max(b[i]));
-            let is_surface = (farther != EMPTY) & move_alike(nearer, farther);
-            let is_behind = is_nearer(farther, own) & !move_alike(nearer, own);
-            if is_surface & ((own == EMPTY) | is_behind) { nearer } else { own }
-        })
-    };
     let (mut holes, mut farthest) = ([0_u64; TILE], [0_u64; TILE]);
     for j in 0..TILE {
-        let [above, here, below] = [0, 1, 2].map(|line| &places[(j + line) * stride..][..TILE + 2]);
+        let above = &places[j * stride..][..TILE + 2];
+        let here = &places[(j + 1) * stride..][..TILE + 2];
+        let below = &places[(j + 2) * stride..][..TILE + 2];
         let own = closed(row(&here[1..]), row(here), row(&here[2..]));
         let own = closed(&own, row(&above[1..]), row(&below[1..]));
-        holes = std::array::from_fn(|i| holes[i] + u64::from(own[i] == EMPTY));
-        // One more than the key: nothing is 0 then, and nearest.
-        farthest = std::array::from_fn(|i| farthest[i].max(own[i].wrapping_add(1)));
+        for i in 0..TILE {
+            holes[i] += u64::from(own[i] == EMPTY);
+            // One more than the key: nothing is 0 then, and nearest.
+            farthest[i] = farthest[i].max(own[i].wrapping_add(1));
+        }
         keys[j * TILE..][..TILE].copy_from_slice(&own);
     }
     let farthest = farthest.into_iter().fold(0, u64::max);
@@ -173,16 +194,21 @@ fn close_in_vectors(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (
 
 #[inline(always)]
 fn nearest_around_in_vectors(around: &Around, nearest: &mut [Key; BLOCK]) -> u64 {
-    let across = around.map(|line| -> Row<Key> { std::array::from_fn(|i| line[i].min(line[i + 1]).min(line[i + 2])) });
+    let mut across = [[EMPTY; TILE]; TILE + 2];
+    for j in 0..TILE + 2 {
+        for i in 0..TILE {
+            across[j][i] = around[j][i].min(around[j][i + 1]).min(around[j][i + 2]);
+        }
+    }
     let mut changes = [0; TILE];
     for j in 0..TILE {
         let own = row(&around[j + 1][1..]);
-        let first: Row<Key> = std::array::from_fn(|i| across[j][i].min(across[j + 1][i]).min(across[j + 2][i]));
-        nearest[j * TILE..][..TILE].copy_from_slice(&first);
-        changes = std::array::from_fn(|i| {
-            let is_other = (own[i] != EMPTY) & is_nearer(first[i], own[i]) & !move_alike(first[i], own[i]);
-            changes[i] | u64::from(is_other) << (j * TILE + i)
-        });
+        for i in 0..TILE {
+            let first = across[j][i].min(across[j + 1][i]).min(across[j + 2][i]);
+            let is_other = (own[i] != EMPTY) & is_nearer(first, own[i]) & !move_alike(first, own[i]);
+            nearest[j * TILE + i] = first;
+            changes[i] |= u64::from(is_other) << (j * TILE + i);
+        }
     }
     changes.into_iter().fold(0, |all, bits| all | bits)
 }
@@ -192,17 +218,18 @@ fn span_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
     let (mut low, mut high) = ([[i32::MAX; TILE]; 2], [[i32::MIN; TILE]; 2]);
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
-        for c in 0..2 {
-            low[c] =
-                std::array::from_fn(|i| if keys[i] == EMPTY { low[c][i] } else { low[c][i].min(vector(keys[i])[c]) });
-            high[c] =
-                std::array::from_fn(|i| if keys[i] == EMPTY { high[c][i] } else { high[c][i].max(vector(keys[i])[c]) });
+        for i in 0..TILE {
+            let [x, y] = vector(keys[i]);
+            let is_empty = keys[i] == EMPTY;
+            low[0][i] = low[0][i].min(if is_empty { i32::MAX } else { x });
+            low[1][i] = low[1][i].min(if is_empty { i32::MAX } else { y });
+            high[0][i] = high[0][i].max(if is_empty { i32::MIN } else { x });
+            high[1][i] = high[1][i].max(if is_empty { i32::MIN } else { y });
         }
     }
-    [
-        low.map(|low| low.into_iter().fold(i32::MAX, i32::min)),
-        high.map(|high| high.into_iter().fold(i32::MIN, i32::max)),
-    ]
+    let least = |row: Row<i32>| row.into_iter().fold(i32::MAX, i32::min);
+    let largest = |row: Row<i32>| row.into_iter().fold(i32::MIN, i32::max);
+    [[least(low[0]), least(low[1])], [largest(high[0]), largest(high[1])]]
 }
 
 #[inline(always)]
@@ -214,26 +241,28 @@ fn spots_in_vectors(
     before: &mut Positions,
     after: &mut Positions,
 ) -> u64 {
-    // As unsigned numbers, what is negative is far beyond.
-    let is_beyond = |at: i32, len: usize| (at.wrapping_add(32) as u32) >= 64 * len as u32;
+    let [width, height] = size.map(|len| 64 * len as u32);
     let mut beyond = [0; TILE];
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
-        let [x, y]: [Row<i32>; 2] = std::array::from_fn(|c| std::array::from_fn(|i| vector(keys[i])[c]));
-        let u: Row<i32> = std::array::from_fn(|i| from[0] + 64 * i as i32 + part(x[i], phase));
-        let v: Row<i32> = std::array::from_fn(|i| from[1] + 64 * j as i32 + part(y[i], phase));
+        let (mut u, mut v, mut s, mut t) = ([0; TILE], [0; TILE], [0; TILE], [0; TILE]);
+        for i in 0..TILE {
+            let [x, y] = vector(keys[i]);
+            u[i] = from[0] + 64 * i as i32 + part(x, phase);
+            v[i] = from[1] + 64 * j as i32 + part(y, phase);
+            s[i] = u[i] - x;
+            t[i] = v[i] - y;
+            // As unsigned numbers, what is negative is far beyond.
+            let is_beyond = ((u[i] + 32) as u32 >= width)
+                | ((v[i] + 32) as u32 >= height)
+                | ((s[i] + 32) as u32 >= width)
+                | ((t[i] + 32) as u32 >= height);
+            beyond[i] |= u64::from(is_beyond) << (j * TILE + i);
+        }
         before.x[j * TILE..][..TILE].copy_from_slice(&u);
         before.y[j * TILE..][..TILE].copy_from_slice(&v);
-        let [s, t]: [Row<i32>; 2] = [std::array::from_fn(|i| u[i] - x[i]), std::array::from_fn(|i| v[i] - y[i])];
         after.x[j * TILE..][..TILE].copy_from_slice(&s);
         after.y[j * TILE..][..TILE].copy_from_slice(&t);
-        beyond = std::array::from_fn(|i| {
-            let is_one = is_beyond(u[i], size[0])
-                | is_beyond(v[i], size[1])
-                | is_beyond(s[i], size[0])
-                | is_beyond(t[i], size[1]);
-            beyond[i] | u64::from(is_one) << (j * TILE + i)
-        });
     }
     beyond.into_iter().fold(0, |all, bits| all | bits)
 }
@@ -242,9 +271,10 @@ fn spots_in_vectors(
 fn having_in_vectors(keys: &[Key; BLOCK], mark: u8) -> u64 {
     let mut having = [0; TILE];
     for j in 0..TILE {
-        let keys = row(&keys[j * TILE..]);
-        having =
-            std::array::from_fn(|i| having[i] | u64::from(keys[i] >> 40 & 0xff == u64::from(mark)) << (j * TILE + i));
+        for i in 0..TILE {
+            let is_having = keys[j * TILE + i] >> 40 & 0xff == u64::from(mark);
+            having[i] |= u64::from(is_having) << (j * TILE + i);
+        }
     }
     having.into_iter().fold(0, |all, bits| all | bits)
 }

@@ -25,10 +25,10 @@ pub use sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
 
 /// An instruction set that kernels are written for. That a value exists proves that this processor has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Level(Set);
+pub struct Level(pub(in crate::framegen::cpu) Set);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-enum Set {
+pub(in crate::framegen::cpu) enum Set {
     Scalar,
     Portable,
     #[cfg(target_arch = "x86_64")]
@@ -126,7 +126,7 @@ macro_rules! at_every_level {
         }
     };
 }
-use at_every_level;
+pub(in crate::framegen::cpu) use at_every_level;
 
 /// Pixels of a picture, row by row without padding, to read from.
 #[derive(Debug, Clone, Copy)]

@@ -12,9 +12,10 @@ use crate::framegen::cpu::fill::{Evidence, NEAR};
 use crate::framegen::cpu::foreign::{self, is_foreign};
 use crate::framegen::cpu::inpaint::Inpainter;
 use crate::framegen::cpu::kernels::{BLOCK, Landing, Level, Rule, Source, TILE, land};
-use crate::framegen::cpu::landing::{ONE_SURFACE, SLOPE, SMOOTH as SMOOTH_LANDED};
+use crate::framegen::cpu::landing::SMOOTH as SMOOTH_LANDED;
 use crate::framegen::cpu::layer::{
-    self, EMPTY, Grid, HOLE, Key, Kind, LONGEST, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, landed, part,
+    self, EMPTY, Grid, HOLE, Key, Kind, LONGEST, Layer, ONE_SURFACE, ORPHAN, SLOPE, Tile, WHOLE, alike, is_nearer,
+    landed, part, slopes,
 };
 use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
@@ -466,7 +467,7 @@ impl<P: Colour> Shown<'_, P> {
                 let is_seen = |layer: &Layer, spot| {
                     grid.nearest(spot).is_some_and(|[x, y]| {
                         let shown = layer.tiles[grid.place(x, y).0];
-                        shown.kind == Kind::Smooth && alike(shown.key, key)
+                        shown.kind == Kind::Smooth && (alike(shown.key, key) || slopes(shown.key, key))
                     })
                 };
                 let [before, after] = self.spots(pixel, key);
