@@ -167,10 +167,18 @@ impl Given<'_> {
         let mut landing = Landing::default();
         let mut motion = [[f16::ZERO; 2]; TILE];
         let mut depth = [0.0; TILE];
+        let (vectors, depths) = (self.guidance.motion(), self.guidance.depth());
+        let is_by_pixel = vectors.tile() == 1 && depths.tile() == 1;
         for j in 0..down {
             let y = corner[1] + j;
-            self.read(corner[0], y, &mut motion[..across], &mut depth[..across]);
-            land(self.level, &motion[..across], &depth[..across], [0, 0], 0, self.limit, &mut landing);
+            if is_by_pixel {
+                let run = y * self.grid.width + corner[0]..y * self.grid.width + corner[0] + across;
+                let (motion, depth) = (&vectors.vectors()[run.clone()], &depths.depth()[run]);
+                land(self.level, motion, depth, [0, 0], 0, self.limit, &mut landing);
+            } else {
+                self.read(corner[0], y, &mut motion[..across], &mut depth[..across]);
+                land(self.level, &motion[..across], &depth[..across], [0, 0], 0, self.limit, &mut landing);
+            }
             keys[j * TILE..][..across].copy_from_slice(&landing.keys[..across]);
             if of_bars > 0 {
                 let inside = self.inside.expect("bars were found");

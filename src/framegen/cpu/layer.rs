@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::kernels::{BLOCK, TILE};
+use super::kernels::{BLOCK, TILE, fetch};
 use super::sized;
 use crate::Result;
 
@@ -197,6 +197,17 @@ impl Layer {
         match self.tiles[tile].kind {
             Kind::Smooth => self.tiles[tile].key,
             Kind::Rough => self.keys[tile][place],
+        }
+    }
+
+    /// Asks for what claims the pixel nearest to a position (1/64 px), if there is one.
+    #[inline(always)]
+    pub(super) fn fetch(&self, [x, y]: [i32; 2]) {
+        let (x, y) = ((x + 32) >> 6, (y + 32) >> 6);
+        if (x as u32 as usize) < self.grid.width && (y as u32 as usize) < self.grid.height {
+            let (tile, place) = self.grid.place(x as usize, y as usize);
+            fetch(&self.tiles[tile]);
+            fetch(&self.keys[tile][place]);
         }
     }
 

@@ -145,6 +145,11 @@ impl<P: Colour> Between<'_, P> {
         let from = corner.map(|at| 64 * at as i32);
         let size = [grid.width, grid.height];
         questionable |= claims::spots(self.level, &keys, from, self.phase, size, &mut before, &mut after);
+        // What decides will be asked for while the pixels are sampled.
+        for place in (0..BLOCK).step_by(TILE).flat_map(|first| [first, first + TILE - 1]) {
+            self.owners.fetch([before.x[place], before.y[place]]);
+            self.field.fetch([after.x[place], after.y[place]]);
+        }
         let strict = Rule { careful: STRICT, ..*rule };
         let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block) | questionable;
         let mut fronts = [EMPTY; BLOCK];

@@ -32,6 +32,27 @@ impl Places<'_> {
         }
     }
 
+    /// The same for eight places.
+    #[inline(always)]
+    fn claim_each(&mut self, x: &Row<i32>, y: &Row<i32>, keys: &Row<Key>) {
+        let lines = (self.keys.len() / self.stride) as u32;
+        let (stride, columns) = (self.stride as u32, ((self.stride - 2) / TILE + 2) as u32);
+        let (mut place, mut tile) = ([0; TILE], [0; TILE]);
+        for i in 0..TILE {
+            // As unsigned numbers, what is negative is far beyond.
+            let (u, v) = (x[i] as u32, y[i] as u32);
+            let is_here = (u < stride) & (v < lines) & (keys[i] != EMPTY);
+            place[i] = if is_here { v.wrapping_mul(stride).wrapping_add(u) } else { u32::MAX };
+            tile[i] = (v.wrapping_add(7) >> 3).wrapping_mul(columns).wrapping_add(u.wrapping_add(7) >> 3);
+        }
+        for i in 0..TILE {
+            if let Some(place) = self.keys.get_mut(place[i] as usize) {
+                *place = (*place).min(keys[i]);
+                self.is_rough[tile[i] as usize] = true;
+            }
+        }
+    }
+
     /// The number of the tile that holds a place.
     #[inline(always)]
     fn tile(&self, x: usize, y: usize) -> usize {
@@ -143,9 +164,7 @@ fn carry_in_vectors(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mu
             places.is_rough[first] = true;
             places.is_rough[last] = true;
         } else {
-            for i in 0..TILE {
-                places.claim(x[i], y[i], keys[i]);
-            }
+            places.claim_each(&x, &y, keys);
         }
     }
 }

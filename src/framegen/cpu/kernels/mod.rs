@@ -128,6 +128,19 @@ macro_rules! at_every_level {
 }
 pub(in crate::framegen::cpu) use at_every_level;
 
+/// Asks for what will be read soon.
+#[inline(always)]
+pub(super) fn fetch<T>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a hint, which reads nothing.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
+}
+
 /// Pixels of a picture, row by row without padding, to read from.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a, P> {
