@@ -1,5 +1,6 @@
 //! Draws the scenes: single pictures, contact sheets, and clips with their ground truth.
 
+use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -7,7 +8,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use cairn::Picture;
-use cairn::world::ControlScript;
+use cairn::world::{ControlScript, Key, WorldTime};
 use clap::{Args, Parser, Subcommand};
 use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, MAX_RATE, Quality, Scene};
 
@@ -68,7 +69,13 @@ struct ClipArguments {
     /// Write 8-bit RGB pictures one after the other to this file; `-` is standard output.
     #[arg(long)]
     raw: Option<PathBuf>,
+    /// Write the controls of every latent step to this file, a line each: `dx dy scroll` and the codes of the keys held.
+    #[arg(long)]
+    controls: Option<PathBuf>,
 }
+
+/// Latent steps in a second of world time, in a list of controls.
+const LATENTS_PER_SECOND: u32 = 15;
 
 fn size(text: &str) -> Result<(u32, u32), String> {
     let parse = |t: &str| t.parse::<u32>().ok().filter(|n| (1..=8192).contains(n));
@@ -148,6 +155,9 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
     if !(0.0..=3600.0).contains(&a.seconds) {
         return Err("--seconds must be from 0 to 3600".into());
     }
+    if let Some(path) = &a.controls {
+        fs::write(path, controls(&script, a.seconds)?).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
     let scene = Scene::new(a.scene, a.seed);
     let options = ClipOptions {
         width: a.size.0,
@@ -186,6 +196,22 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
     Ok(())
 }
 
+/// What each latent step of the first `seconds` gets of a script.
+fn controls(script: &ControlScript, seconds: f64) -> Outcome<String> {
+    let mut lines = String::new();
+    for q in 0..(seconds * f64::from(LATENTS_PER_SECOND)).round() as u64 {
+        let span = (WorldTime::new(q, LATENTS_PER_SECOND), WorldTime::new(q + 1, LATENTS_PER_SECOND));
+        let input = script.span(span.0, span.1)?;
+        let [dx, dy] = input.mouse();
+        write!(lines, "{dx} {dy} {}", input.scroll())?;
+        for key in (0..=u8::MAX).filter(|&code| input.keys().contains(Key(code))) {
+            write!(lines, " {key}")?;
+        }
+        lines.push('\n');
+    }
+    Ok(lines)
+}
+
 fn write_frame(out: &Path, n: u64, frame: &Frame) -> Outcome<()> {
     save(&out.join(format!("{n:04}.png")), &frame.picture)?;
     let depth: Vec<u8> = frame.depth.iter().flat_map(|d| d.to_le_bytes()).collect();
@@ -193,4 +219,16 @@ fn write_frame(out: &Path, n: u64, frame: &Frame) -> Outcome<()> {
     let motion: Vec<u8> = frame.motion.iter().flat_map(|m| [m.x, m.y]).flat_map(f32::to_le_bytes).collect();
     fs::write(out.join(format!("{n:04}.motion.f32")), motion)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn controls_are_listed_for_each_latent_step() {
+        let script = ControlScript::parse("cairn-controls 1\n0..0.1 hold W SHIFT\n0..0.2 mouse 30 -3\n").unwrap();
+        assert_eq!(controls(&script, 0.2).unwrap(), "10 -1 0 16 87\n10 -1 0 16 87\n10 -1 0\n");
+        assert_eq!(controls(&script, 0.0).unwrap(), "");
+    }
 }
