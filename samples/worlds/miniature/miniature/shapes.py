@@ -1,0 +1,139 @@
+"""The shapes of the miniature: Waypoint-1.5's numbers where they are not sizes, and sizes that two cores can train."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cairn.build.geometry import Geometry
+
+# 256 x 128 decoded, 320 x 180 in square pixels; windows, dilation, periods, patch, head width and schedule are the released ones.
+WORLD = Geometry(
+    layers=8,
+    width=256,
+    heads=4,
+    kv_heads=2,
+    latent_channels=32,
+    latent_height=8,
+    latent_width=16,
+    encoder_width=32,
+    decoder_widths=(96, 64, 32, 32),
+)
+
+# Length of the clips that the autoencoder is trained on.
+CLIP_SECONDS = 2.0
+
+# 64 x 32 decoded and two layers of each kind: the whole path in minutes.
+SMOKE = Geometry(
+    layers=4,
+    width=32,
+    heads=2,
+    kv_heads=1,
+    latent_channels=8,
+    latent_height=2,
+    latent_width=4,
+    encoder_width=8,
+    decoder_widths=(16, 16, 8, 8),
+)
+
+
+@dataclass(frozen=True)
+class AutoencoderPlan:
+    """How the autoencoder is trained."""
+
+    clips: int  # rendered for it, two seconds each
+    steps: int
+    batch: int  # sequences a step
+    latents: int  # in a sequence
+    crop: tuple[int, int]  # width and height of what is cut out
+    rate: float
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of the curriculum."""
+
+    steps: int
+    frames: int  # in a window
+    batch: int  # windows a step
+    noisy: int  # noisy copies of a window
+    windows: tuple[int, ...] = (128,)  # global windows g to train for
+    forget: bool = False  # compute layers twice instead of remembering them
+
+
+@dataclass(frozen=True)
+class WorldPlan:
+    """How the transformer is trained."""
+
+    walks: int  # rendered for it, the long ones included
+    seconds: float  # length of most of them
+    long_walks: int  # how many are long enough for the longest window
+    long_seconds: float
+    rate: float
+    decay: float
+    stages: tuple[Stage, ...]
+
+    def seconds_of(self, walk: int) -> float:
+        """How long walk number `walk` is; the long ones come first, so that every stage can start early."""
+        return self.long_seconds if walk < self.long_walks else self.seconds
+
+    @property
+    def steps(self) -> int:
+        """Of all stages."""
+        return sum(stage.steps for stage in self.stages)
+
+    def stage(self, step: int) -> Stage:
+        """The part of the curriculum that a step belongs to."""
+        for stage in self.stages:
+            step -= stage.steps
+            if step < 0:
+                return stage
+        return self.stages[-1]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """One size of the whole undertaking."""
+
+    geometry: Geometry
+    autoencoder: AutoencoderPlan
+    world: WorldPlan
+
+
+# The windows that the released model and its studies are run at.
+WINDOWS = (112, 128, 384, 512)
+
+PRESETS = {
+    "cpu": Preset(
+        WORLD,
+        AutoencoderPlan(clips=120, steps=6000, batch=4, latents=3, crop=(128, 128), rate=1.5e-3),
+        WorldPlan(
+            walks=300,
+            seconds=12.0,
+            long_walks=20,
+            long_seconds=36.0,
+            rate=1.5e-3,
+            decay=0.05,
+            stages=(
+                Stage(steps=6000, frames=16, batch=4, noisy=2),
+                Stage(steps=1500, frames=64, batch=1, noisy=2, forget=True),
+                Stage(steps=100, frames=512, batch=1, noisy=1, windows=WINDOWS, forget=True),
+            ),
+        ),
+    ),
+    "smoke": Preset(
+        SMOKE,
+        AutoencoderPlan(clips=4, steps=30, batch=2, latents=2, crop=(64, 32), rate=2e-3),
+        WorldPlan(
+            walks=4,
+            seconds=2.4,
+            long_walks=1,
+            long_seconds=3.2,
+            rate=2e-3,
+            decay=0.05,
+            stages=(
+                Stage(steps=12, frames=16, batch=2, noisy=2),
+                Stage(steps=4, frames=48, batch=1, noisy=1, windows=WINDOWS, forget=True),
+            ),
+        ),
+    ),
+}

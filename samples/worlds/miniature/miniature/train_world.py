@@ -1,0 +1,103 @@
+"""Training of the transformer by flow matching: every frame of a window, each with its own noise, over the past a rollout has."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from cairn.build.geometry import Geometry
+from jax import Array
+
+from . import optimiser, store, transformer
+from .latents import Walks
+from .shapes import Stage, WorldPlan
+
+SEED = 2
+# Kept frames carry noise of a level from 0 to this, each its own, and are told that they carry none: what a rollout keeps is not
+# quite right either.
+KEPT_NOISE = 0.15
+# How often a window has no controls.
+DROPPED = 0.05
+# Noise levels are drawn evenly this often; else from a bell over the logit, whose middle and width these are: most of what a
+# frame is gets settled at high levels, where the past says most.
+EVEN = 0.4
+BELL = (0.8, 1.2)
+
+
+def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
+    """Levels in (0, 1)."""
+    a, b, c = jax.random.split(key, 3)
+    even = jax.random.uniform(a, shape, minval=1e-3)
+    bell = jax.nn.sigmoid(BELL[0] + BELL[1] * jax.random.normal(b, shape))
+    return jnp.where(jax.random.uniform(c, shape) < EVEN, even, bell)
+
+
+def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, controls: Array, key: Array):
+    """Mean squared error of the velocity over the noisy frames after the seed."""
+    n, F = latents.shape[:2]
+    keys = jax.random.split(key, 6)
+    copies = stage.noisy
+    clean = latents.astype(jnp.float32)
+    level = KEPT_NOISE * jax.random.uniform(keys[0], (n, F, 1, 1, 1)) * (jax.random.uniform(keys[1], (n, 1, 1, 1, 1)) < 0.75)
+    kept = (1 - level) * clean + level * jax.random.normal(keys[2], clean.shape)
+    sigma = noise_levels(keys[3], (n, copies, F))
+    noise = jax.random.normal(keys[4], (n, copies, *clean.shape[1:]))
+    s = sigma[..., None, None, None]
+    noisy = (1 - s) * clean[:, None] + s * noise
+    x = jnp.concatenate([kept[:, None], noisy], 1)
+    told = jnp.concatenate([jnp.zeros((n, 1, F)), sigma], 1)
+    driven = controls.astype(jnp.float32) * (jax.random.uniform(keys[5], (n, 1, 1)) >= DROPPED)
+    remember = jax.checkpoint if stage.forget else lambda f: f
+    v = transformer.velocity(p, g, x, told, driven, window, remember)[:, 1:, 1:]
+    error = jnp.mean(jnp.square(v - (noise - clean[:, None])[:, :, 1:]), (3, 4, 5))
+    # The same error, as that of the clean latent which the velocity points to.
+    clean_error = jnp.mean(error * jnp.square(sigma[:, :, 1:]))
+    return jnp.mean(error), {"loss": jnp.mean(error), "latent_error": clean_error}
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2), donate_argnums=4)
+def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.State, latents, controls, key):
+    """One step of training on one batch."""
+    gradient, figures = jax.grad(loss, has_aux=True)(state.parameters, g, stage, window, latents, controls, key)
+    state, norm = optimiser.update(settings, state, gradient)
+    return state, {**figures, "gradient": norm}
+
+
+def batch(rng: np.random.Generator, walks: Walks, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
+    """Latents `[n, F, h, w, C]` and controls `[n, F, 3 + 256]` of random windows."""
+    windows = [walks.window(rng, stage.frames) for _ in range(stage.batch)]
+    return np.stack([w[0] for w in windows]), np.stack([w[1] for w in windows])
+
+
+def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float, say=print) -> optimiser.State:
+    """Trains from the state at `path`, or from nothing, and leaves the state there."""
+    settings = optimiser.Settings(rate=plan.rate, steps=plan.steps, warm_up=min(200, plan.steps // 4), decay=plan.decay)
+
+    def one_step(state: optimiser.State, n: int):
+        stage = plan.stage(n)
+        rng = np.random.default_rng([SEED, n])
+        latents, controls = batch(rng, walks, stage)
+        window = np.int32(rng.choice(stage.windows))
+        return step(settings, g, stage, window, state, latents, controls, jax.random.fold_in(jax.random.key(SEED), n))
+
+    def initial() -> optimiser.State:
+        return optimiser.start(transformer.initial(g, SEED))
+
+    return store.train(path, initial, one_step, plan.steps, minutes, lambda n: flops(g, plan.stage(n)), say)
+
+
+def flops(g: Geometry, stage: Stage) -> float:
+    """Floating-point operations of one step: three times those of the forward pass, four with layers computed twice."""
+    frames = stage.batch * (1 + stage.noisy) * stage.frames
+    D, hidden = g.width, g.width * g.mlp_ratio
+    controlled = sum(g.sees_controls(i) for i in range(g.layers))
+    token = g.layers * (2 * D * D + 2 * D * g.kv_width + 2 * D * hidden) + controlled * 2 * D * D + 2 * D * g.patch_width
+    keys = 0
+    for i in range(g.layers):
+        seen = -(-stage.frames // g.global_dilation) if g.is_global(i) else min(stage.frames, 2 * g.local_window)
+        keys += (seen + 1) * g.tokens
+    frame = 4 * D * (128 + D) + g.layers * 6 * D * D
+    return (8.0 if stage.forget else 6.0) * frames * (g.tokens * (token + 2 * D * keys) + frame)

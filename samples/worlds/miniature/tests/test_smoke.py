@@ -1,0 +1,50 @@
+"""The whole path at its smallest: clips, autoencoder, latents, transformer, checkpoint, bundle, and a latent out of it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cairn.build.archive import read_geometry
+from miniature import store
+from miniature.shapes import PRESETS, SMOKE
+from rollout import Rollout
+
+ROOT = Path(__file__).resolve().parents[4]
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Path:
+    """The scenes program: SCENES, or built here."""
+    if given := os.environ.get("SCENES"):
+        return Path(given)
+    subprocess.run(["cargo", "build", "--quiet", "--package", "scenes"], cwd=ROOT, check=True)
+    target = Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
+    return target / "debug" / ("scenes.exe" if sys.platform == "win32" else "scenes")
+
+
+def test_one_command_trains_a_world_from_nothing_in_chunks(renderer, tmp_path):
+    folders = f"{ROOT / 'samples/worlds/miniature'}{os.pathsep}{ROOT / 'bindings/python'}"
+    variables = {**os.environ, "PYTHONPATH": folders, "JAX_DISABLE_MOST_OPTIMIZATIONS": "1"}
+    command = [sys.executable, "-m", "miniature", "--preset", "smoke", "--folder", tmp_path, "--renderer", renderer]
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        ended = subprocess.run([*command, *arguments], env=variables, capture_output=True, text=True, encoding="utf-8", check=False)
+        assert ended.returncode in (0, 3), ended.stdout + ended.stderr
+        return ended
+
+    first = run("--minutes", "0", "all")
+    assert first.returncode == 3 and "step 1/" in first.stdout
+    assert run("all").returncode == 0
+
+    plan = PRESETS["smoke"]
+    log = (tmp_path / "training.log").read_text(encoding="utf-8")
+    assert f"step {plan.autoencoder.steps}/{plan.autoencoder.steps}" in log and f"step {plan.world.steps}/{plan.world.steps}" in log
+    assert "held-out seed 41" in log and log.count("walk ") == plan.world.walks
+    assert read_geometry(tmp_path / "bundle") == SMOKE
+    world = Rollout(tmp_path / "bundle", SMOKE)
+    latents = [world.step(world.noise(np.random.default_rng(1))) for _ in range(3)]
+    assert np.isfinite(latents).all()
+    assert all(np.isfinite(value).all() for value in store.mean_parameters(tmp_path / "world.npz").values())

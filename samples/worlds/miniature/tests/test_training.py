@@ -1,0 +1,128 @@
+"""Training: what it must never see, that it learns, and that an interruption leaves no trace."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from miniature import autoencoder, clips, held_out, latents, optimiser, scripts, store, train_autoencoder, train_world, transformer
+from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage, WorldPlan
+
+# These tests compile longer than they run.
+jax.config.update("jax_disable_most_optimizations", True)
+KEY = jax.random.key(1)
+PLAN = AutoencoderPlan(clips=2, steps=6, batch=1, latents=2, crop=(32, 32), rate=2e-3)
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    """Two short clips of moving colours, as the renderer would leave them."""
+    width, height = SMOKE.decoded
+    for number in range(2):
+        family, seed = clips.clip_name(number)
+        t, y, x = np.mgrid[0:33, 0:height, 0:width]
+        pictures = np.stack([(x * 4 + t * 5) % 256, y * 6 + number * 30, (x + y + t) * 2 % 256], -1).astype(np.uint8)
+        pictures.tofile(tmp_path / f"{family}-{seed}.rgb")
+        (tmp_path / f"{family}-{seed}.controls").write_text("3.5 -1 0 65 87\n" * 8)
+    return clips.ready(tmp_path, SMOKE.decoded)
+
+
+@pytest.fixture
+def walks(drawn, tmp_path):
+    """The latents of those clips by an untrained autoencoder."""
+    encoder = latents.Encoder(autoencoder.initial(SMOKE, 1))
+    for clip in drawn:
+        latents.encode_clip(encoder, clip, tmp_path / "latents" / f"{clip.path.name}.npz")
+    return latents.Walks(tmp_path / "latents")
+
+
+def test_held_out_seeds_are_refused():
+    assert {1, 4, 5, 6, 7, 41} <= held_out.held_out_seeds()
+    for seed in (0, 7, 999):
+        with pytest.raises(held_out.HeldOutSeed, match=str(seed)):
+            held_out.require_trainable(seed)
+    for preset in PRESETS.values():
+        used = {clips.clip_name(n)[1] for n in range(preset.autoencoder.clips + preset.world.walks)}
+        assert not used & held_out.held_out_seeds()
+
+
+def test_an_empty_list_of_held_out_seeds_is_an_error(tmp_path):
+    (tmp_path / "list.txt").write_text("# nothing\n")
+    with pytest.raises(ValueError, match="no seed"):
+        held_out.held_out_seeds(tmp_path / "list.txt")
+
+
+def test_scripts_are_of_one_seed_one_script_and_turn_back():
+    draw = [scripts.random_script(np.random.default_rng(s), 36.0) for s in (1, 1, 2)]
+    assert draw[0] == draw[1] != draw[2]
+    turned = 0
+    for seed in range(40):
+        motions = [line.split()[2] for line in scripts.random_script(np.random.default_rng(seed), 36.0).splitlines() if " mouse " in line]
+        turned += sum(float(a) == -float(b) and abs(float(a)) > 300 for a, b in zip(motions, motions[1:]))
+    assert turned > 20
+
+
+def test_controls_are_read_as_the_model_takes_them():
+    controls = clips.read_controls("3.5 -1 0 65 87\n0 0 -1\n")
+    assert controls.shape == (2, 259)
+    assert controls[0, :2].tolist() == [3.5, -1] and np.flatnonzero(controls[0, 2:-1]).tolist() == [65, 87]
+    assert controls[1, -1] == -1 and np.count_nonzero(controls[1]) == 1
+    other = latents.mirrored(controls)
+    assert other[0, :2].tolist() == [-3.5, -1] and np.flatnonzero(other[0, 2:-1]).tolist() == [68, 87]
+
+
+def test_a_window_starts_with_a_still_and_pairs_controls_with_what_they_caused(walks):
+    latents_, controls = walks.window(np.random.default_rng(3), 5)
+    assert not controls[0].any() and controls[1:].any(1).all()
+    walk = next(w for w in walks.walks for side in (0, 1) for s in w["still"][side] if np.array_equal(s, latents_[0]))
+    side, at = next((i, j) for i in (0, 1) for j, s in enumerate(walk["still"][i]) if np.array_equal(s, latents_[0]))
+    assert np.array_equal(latents_[1:], walk["moving"][side, at : at + 4])
+
+
+def test_interrupted_training_of_the_autoencoder_ends_in_the_same_bits(drawn, tmp_path):
+    whole = train_autoencoder.train(tmp_path / "whole.npz", SMOKE, PLAN, drawn, minutes=60, say=lambda _: None)
+    for _ in range(PLAN.steps):
+        # No time at all: one step, and the state is kept.
+        parts = train_autoencoder.train(tmp_path / "parts.npz", SMOKE, PLAN, drawn, minutes=0, say=lambda _: None)
+    assert int(parts.step) == int(whole.step) == PLAN.steps
+    assert all(np.array_equal(whole.parameters[name], parts.parameters[name]) for name in whole.parameters)
+    _, facts = store.load(tmp_path / "parts.npz")
+    assert facts["flops"] == PLAN.steps * train_autoencoder.flops(SMOKE, PLAN) and facts["seconds"] > 0
+
+
+def test_the_autoencoder_learns(drawn, tmp_path):
+    shown = []
+    plan = AutoencoderPlan(clips=2, steps=120, batch=2, latents=2, crop=(64, 32), rate=3e-3)
+    train_autoencoder.train(tmp_path / "state.npz", SMOKE, plan, drawn, minutes=60, say=shown.append)
+    psnr = [float(line.partition("psnr ")[2].split()[0]) for line in shown]
+    assert psnr[-1] > psnr[0] + 1, shown
+
+
+def test_the_transformer_learns_and_goes_through_its_curriculum(walks, tmp_path):
+    stages = (Stage(60, frames=8, batch=2, noisy=2), Stage(2, frames=8, batch=1, noisy=1, forget=True))
+    plan = WorldPlan(2, 0.5, 0, 0.0, rate=3e-3, decay=0.0, stages=stages)
+    shown = []
+    state = train_world.train(tmp_path / "world.npz", SMOKE, plan, walks, minutes=60, say=shown.append)
+    assert int(state.step) == 62
+    loss = [float(line.partition("loss ")[2].split()[0]) for line in shown]
+    assert loss[2] < 0.9 * loss[0], shown
+
+
+def test_forgetting_layers_changes_no_gradient(walks):
+    g = SMOKE.with_(layers=2, control_period=2, global_period=2)
+    p = {name: jnp.asarray(value) + 0.02 for name, value in transformer.initial(g, 1).items()}
+    latents_, controls = train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=4, batch=1, noisy=1))
+    remembered, forgotten = (
+        jax.jit(jax.grad(lambda p, f=f: train_world.loss(p, g, Stage(1, 4, 1, 1, forget=f), 128, latents_, controls, KEY)[0]))(p)
+        for f in (False, True)
+    )
+    for name, value in remembered.items():
+        assert np.allclose(value, forgotten[name], rtol=1e-3, atol=1e-5), name
+
+
+def test_a_gradient_that_is_not_finite_moves_nothing():
+    settings = optimiser.Settings(rate=0.1, steps=10, warm_up=1)
+    state = optimiser.start({"a": np.ones(3, np.float32)})
+    after, norm = optimiser.update(settings, state, {"a": jnp.array([1.0, jnp.nan, 0.0])})
+    assert not np.isfinite(norm) and np.array_equal(after.parameters["a"], state.parameters["a"])
+    after, _ = optimiser.update(settings, state, {"a": jnp.ones(3)})
+    assert not np.array_equal(after.parameters["a"], state.parameters["a"])
