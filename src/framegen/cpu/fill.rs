@@ -231,7 +231,7 @@ impl<P: Colour> Sides<'_, '_, P> {
                 let at = [self.corner[0] + at[0], self.corner[1] + at[1]];
                 let from = moved::<ACROSS, BACK>(at, away);
                 let best = &mut self.best[place(along)];
-                if let Some(cost) = self.evidence.cost_below(best.0, grid, at, key, away, from) {
+                if let Some(cost) = self.evidence.cost_below(*best, grid, at, key, away, from) {
                     *best = (cost, key);
                 }
             }
@@ -282,7 +282,7 @@ impl<P: Colour> Evidence<'_, P> {
     #[inline(always)]
     fn cost_below(
         &self,
-        best: u64,
+        (best, found): (u64, Key),
         grid: Grid,
         at: [usize; 2],
         key: Key,
@@ -296,7 +296,8 @@ impl<P: Colour> Evidence<'_, P> {
         if order >= best {
             return None;
         }
-        let cost = u64::from(self.is_contradicted(grid, at, key)) << 40 | order;
+        let is_contradicted = if key == found { best >> 40 != 0 } else { self.is_contradicted(grid, at, key) };
+        let cost = u64::from(is_contradicted) << 40 | order;
         (cost < best).then_some(cost)
     }
 

@@ -42,6 +42,9 @@ fn is_over<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize;
     if difference_here > 4.0 * STILL || vector == [0; 2] {
         return false;
     }
+    if !may_be_still(here, there, place, difference_here) {
+        return false;
+    }
     let (x, y) = (x as i32, y as i32);
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
     let still = Difference::new(&apart(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
@@ -56,6 +59,27 @@ fn is_over<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize;
     } else {
         still.patch <= STILL && contrast(&patch) >= CONTRAST
     }
+}
+
+/// Whether a square of 2 x 2 that holds a pixel can stand still, by the pixels beside it: those at a corner from it are
+/// not looked at.
+#[inline(always)]
+fn may_be_still<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, place: usize, difference_here: f32) -> bool {
+    let width = here.width;
+    let (Some(first), len) = (place.checked_sub(width), here.pixels.len()) else { return true };
+    if place + width >= len {
+        return true;
+    }
+    let apart = |place: usize| (here.pixels[place].luma() - there.pixels[place].luma()).abs();
+    // At the ends of a row this looks at pixels of others, which proves nothing.
+    let column = place % width;
+    if column == 0 || column + 1 == width {
+        return true;
+    }
+    let beside = apart(place - 1).min(apart(place + 1));
+    let above = apart(first).min(apart(place + width));
+    // With room for how sums are rounded.
+    difference_here + beside + above <= 4.0 * STILL + 0.5
 }
 
 /// Mean absolute differences, in levels.

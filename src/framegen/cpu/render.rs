@@ -24,6 +24,9 @@ pub(super) const RIM: f32 = 45.0;
 /// The levels that count where an anchor does not show what a pixel claims to be.
 pub(super) const UNSEEN: f32 = 20.0;
 
+/// Pixels of a tile that are not worth sampling all of it.
+const FEW: u32 = 4;
+
 /// What a picture between two anchors is made of.
 pub(super) struct Between<'a, P> {
     pub(super) level: Level,
@@ -65,15 +68,16 @@ impl<P: Colour> Between<'_, P> {
         let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
         rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
-            let mut block = Block {
+            let block = Block {
                 before: [P::OPAQUE_BLACK; BLOCK],
                 after: [P::OPAQUE_BLACK; BLOCK],
                 merged: [P::OPAQUE_BLACK; BLOCK],
             };
+            let mut blocks = [block; 2];
             let (mut loose, mut lost) = (0, 0);
             for (column, hidden) in hidden.iter_mut().enumerate() {
                 let pixels = &mut pixels[column * TILE..];
-                loose += self.render_tile(column, row, &rule, &mut block, pixels, hidden);
+                loose += self.render_tile(column, row, &rule, &mut blocks, pixels, hidden);
                 lost += hidden.count_ones() as usize;
             }
             uncovered.fetch_add(loose, Ordering::Relaxed);
@@ -89,7 +93,7 @@ impl<P: Colour> Between<'_, P> {
         column: usize,
         row: usize,
         rule: &Rule,
-        block: &mut Block<P>,
+        [block, rims]: &mut [Block<P>; 2],
         pixels: &mut [P],
         hidden: &mut u64,
     ) -> usize {
@@ -107,7 +111,7 @@ impl<P: Colour> Between<'_, P> {
                 let [i, j] = [place % TILE, place / TILE];
                 let spots = self.spots([corner[0] + i, corner[1] + j], tile.key);
                 let pixel = &mut pixels[j * grid.width + i];
-                match self.decide([corner[0] + i, corner[1] + j], tile.key, spots, true) {
+                match self.decide([corner[0] + i, corner[1] + j], tile.key, spots, true, None) {
                     Choice::Merged => {}
                     Choice::Before => *pixel = P::sample(self.previous, spots.before),
                     Choice::After => *pixel = P::sample(self.current, spots.after),
@@ -153,7 +157,8 @@ impl<P: Colour> Between<'_, P> {
         let strict = Rule { careful: STRICT, ..*rule };
         let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block) | questionable;
         let mut fronts = [EMPTY; BLOCK];
-        let has_front = if mask == 0 { 0 } else { self.fronts(column, row, &mut fronts) };
+        let has_front = if mask == 0 { 0 } else { self.fronts(column, row, &mut fronts) & mask };
+        let has_rim = self.rims(from, &keys, &fronts, has_front, &strict, rims);
         each_bit(mask, |place| {
             let [i, j] = [place % TILE, place / TILE];
             if i >= across || j >= down {
@@ -163,14 +168,16 @@ impl<P: Colour> Between<'_, P> {
             if has_front >> place & 1 == 1 {
                 let is_seen = self.is_seen(keys[place], self.spots(at, keys[place]));
                 let own = if is_seen { apart(block.before[place], block.after[place]) } else { UNSEEN };
-                if let Some(pixel) = self.rim(self.spots(at, fronts[place]), own, rule) {
-                    block.merged[place] = pixel;
+                let apart = apart(rims.before[place], rims.after[place]);
+                if has_rim >> place & 1 == 1 && apart <= RIM && apart < own {
+                    block.merged[place] = rims.merged[place];
                     return;
                 }
             }
             let is_doubtful =
                 questionable >> place & 1 == 1 || P::merge(block.before[place], block.after[place], rule).1;
-            match self.decide(at, keys[place], self.spots(at, keys[place]), is_doubtful) {
+            let seen = Some(block.before[place]);
+            match self.decide(at, keys[place], self.spots(at, keys[place]), is_doubtful, seen) {
                 Choice::Merged => {}
                 Choice::Before => block.merged[place] = block.before[place],
                 Choice::After => block.merged[place] = block.after[place],
@@ -219,17 +226,39 @@ impl<P: Colour> Between<'_, P> {
         claims::nearest_around(self.level, &around, fronts)
     }
 
-    /// The colour at a place beside something in front, as it is if it moves with that: if so the anchors agree, and
-    /// better than `own`, the levels by which they differ otherwise. The rim of a surface is mixed with what is behind.
+    /// The colours at places beside something in front (`has_front`), as they are if those move with that (`fronts`): the
+    /// rim of a surface is mixed with what is behind it. Returns at which of them both anchors show that.
     #[inline(never)]
-    fn rim(&self, spots: Spots, own: f32, rule: &Rule) -> Option<P> {
-        let grid = self.places.grid;
-        if !grid.holds(spots.before) || !grid.holds(spots.after) {
-            return None;
+    fn rims(
+        &self,
+        from: [i32; 2],
+        keys: &[Key; BLOCK],
+        fronts: &[Key; BLOCK],
+        has_front: u64,
+        rule: &Rule,
+        rims: &mut Block<P>,
+    ) -> u64 {
+        if has_front == 0 {
+            return 0;
         }
-        let (before, after) = (P::sample(self.previous, spots.before), P::sample(self.current, spots.after));
-        let apart = apart(before, after);
-        (apart <= RIM && apart < own).then(|| P::merge(before, after, rule).0)
+        let grid = self.places.grid;
+        let mut claims = *keys;
+        each_bit(has_front, |place| claims[place] = fronts[place]);
+        let mut before = Positions { x: [0; BLOCK], y: [0; BLOCK] };
+        let mut after = before;
+        let size = [grid.width, grid.height];
+        let beyond = claims::spots(self.level, &claims, from, self.phase, size, &mut before, &mut after);
+        let has_rim = has_front & !beyond;
+        if has_rim.count_ones() < FEW {
+            each_bit(has_rim, |place| {
+                rims.before[place] = P::sample(self.previous, [before.x[place], before.y[place]]);
+                rims.after[place] = P::sample(self.current, [after.x[place], after.y[place]]);
+                rims.merged[place] = P::merge(rims.before[place], rims.after[place], rule).0;
+            });
+        } else {
+            P::pixels(self.level, self.previous, &before, self.current, &after, rule, rims);
+        }
+        has_rim
     }
 
     /// Whether both anchors show what a pixel claims to be.
@@ -257,7 +286,7 @@ impl<P: Colour> Between<'_, P> {
     /// What to show where the anchors disagree, or where it is not known that the current one shows the place. Overlays
     /// are looked for where that is doubtful.
     #[inline(never)]
-    fn decide(&self, at: [usize; 2], key: Key, spots: Spots, is_doubtful: bool) -> Choice {
+    fn decide(&self, at: [usize; 2], key: Key, spots: Spots, is_doubtful: bool, seen: Option<P>) -> Choice {
         let grid = self.places.grid;
         let (from, to) = (grid.nearest(spots.before), grid.nearest(spots.after));
         let mark = layer::mark(key);
@@ -279,11 +308,9 @@ impl<P: Colour> Between<'_, P> {
             is_before &= !from.is_some_and(|from| overlays.is_before(from, vector));
             is_after &= !to.is_some_and(|to| overlays.is_at(to, vector));
         }
+        let before = || seen.unwrap_or_else(|| P::sample(self.previous, spots.before));
         match (is_before, is_after) {
-            (true, true)
-                if is_doubtful
-                    && is_foreign(P::sample(self.previous, spots.before), self.current, spots.after, self.margin) =>
-            {
+            (true, true) if is_doubtful && is_foreign(before(), self.current, spots.after, self.margin) => {
                 Choice::After
             }
             (true, true) => Choice::Merged,

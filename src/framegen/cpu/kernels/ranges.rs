@@ -160,14 +160,14 @@ fn land_in_vectors(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32,
     let (Some(motion), Some(depth)) = (motion.first_chunk::<TILE>(), depth.first_chunk::<TILE>()) else {
         return scalar::land(motion, depth, at, reach, limit, out);
     };
-    let [x, y]: [[i32; TILE]; 2] = std::array::from_fn(|c| {
-        std::array::from_fn(|i| {
-            let is_finite = motion[i].iter().all(|v| v.to_bits() & 0x7c00 != 0x7c00);
-            let sixty_fourths = widened(motion[i][c].to_bits()) * 64.0;
-            let rounded = rounded_even(sixty_fourths).min(limit[c]).max(-limit[c]);
-            if is_finite { rounded } else { 0 }
-        })
-    });
+    let (mut x, mut y) = ([0; TILE], [0; TILE]);
+    for i in 0..TILE {
+        let bits = motion[i].map(f16::to_bits);
+        let is_finite = (bits[0] & 0x7c00 != 0x7c00) & (bits[1] & 0x7c00 != 0x7c00);
+        let rounded = |bits: u16, limit: i32| rounded_even(widened(bits) * 64.0).min(limit).max(-limit);
+        x[i] = if is_finite { rounded(bits[0], limit[0]) } else { 0 };
+        y[i] = if is_finite { rounded(bits[1], limit[1]) } else { 0 };
+    }
     for i in 0..TILE {
         let landed = |vector: i32, from: i32| (64 * from + ((vector * reach + 512) >> 10) + 32) >> 6;
         (out.x[i], out.y[i]) = (landed(x[i], at[0] + i as i32), landed(y[i], at[1]));
