@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::colour::Colour;
 use super::kernels::{self, BLOCK, Source, TILE, claims};
-use super::layer::{self, EMPTY, Grid, Key, Layer, alike, is_nearer, key, part};
+use super::layer::{self, EMPTY, Grid, HOLE, Key, Layer, alike, is_nearer, key, part};
 use super::leaving::Leaving;
 use super::sized;
 use crate::Result;
@@ -66,7 +66,7 @@ impl Filler {
         borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
             for (column, keys) in tiles.iter_mut().enumerate() {
                 if filled.tiles[row * grid.columns + column].holes > 0
-                    && !fill_tile(filled, evidence, column, row, keys)
+                    && !fill_tile(level, filled, evidence, column, row, keys)
                 {
                     is_left.store(true, Ordering::Relaxed);
                 }
@@ -149,6 +149,7 @@ impl Level {
 /// Fills the holes of a tile for which there is a candidate; whether that is all of them.
 #[inline(never)]
 fn fill_tile<P: Colour>(
+    level: kernels::Level,
     layer: &Layer,
     evidence: &Evidence<'_, P>,
     column: usize,
@@ -158,8 +159,9 @@ fn fill_tile<P: Colour>(
     let grid = layer.grid;
     let tile = row * grid.columns + column;
     let own = &layer.keys[tile];
+    let holes = claims::having(level, own, HOLE);
     let mut sides =
-        Sides { layer, evidence, own, corner: [column * TILE, row * TILE], best: [(u64::MAX, EMPTY); BLOCK] };
+        Sides { layer, evidence, own, holes, corner: [column * TILE, row * TILE], best: [(u64::MAX, EMPTY); BLOCK] };
     // From the left, the right, above and below.
     sides.look::<true, false>();
     sides.look::<true, true>();
@@ -195,44 +197,70 @@ struct Sides<'a, 'e, P> {
     layer: &'a Layer,
     evidence: &'a Evidence<'e, P>,
     own: &'a [Key; BLOCK],
+    /// Those that nothing claims: bit `8 j + i`.
+    holes: u64,
     corner: [usize; 2],
     /// For each place the best so far, and what it costs.
     best: [(u64, Key); BLOCK],
 }
 
 impl<P: Colour> Sides<'_, '_, P> {
-    /// Goes through the tile line by line, from one side to the other: what was passed last is the nearest there.
+    /// Goes through the lines of the tile that have holes: the last claim before each hole, seen from one side, is the
+    /// nearest there.
     #[inline(always)]
     fn look<const ACROSS: bool, const BACK: bool>(&mut self) {
         let grid = self.layer.grid;
         let [across, down] = grid.extent(self.corner[0] / TILE, self.corner[1] / TILE);
         let (lines, len) = if ACROSS { (down, across) } else { (across, down) };
         for line in 0..lines {
+            let inside = (1_u32 << len) - 1;
+            let holes = u32::from(if ACROSS { row_of(self.holes, line) } else { column_of(self.holes, line) }) & inside;
+            if holes == 0 {
+                continue;
+            }
+            let claims = !holes & inside;
             let place = |along: usize| if ACROSS { line * TILE + along } else { along * TILE + line };
-            // The nearest claim, and how far before the place at hand it lies.
-            let mut passed = None;
-            for step in 0..len {
-                let along = if BACK { len - 1 - step } else { step };
-                let key = self.own[place(along)];
-                if key != EMPTY {
-                    passed = Some((key, 0));
+            let at = |along: usize| {
+                let [x, y] = if ACROSS { [along, line] } else { [line, along] };
+                [self.corner[0] + x, self.corner[1] + y]
+            };
+            // Holes up to the first claim from this side on are beside what is outside.
+            let first = match (claims, BACK) {
+                (0, _) => len,
+                (_, false) => claims.trailing_zeros() as usize,
+                (_, true) => len - (u32::BITS - claims.leading_zeros()) as usize,
+            };
+            let outside = if first == 0 {
+                None
+            } else {
+                let run = (0..first).map(|step| place(if BACK { len - 1 - step } else { step }));
+                let far = run.map(|place| self.farthest(place)).max();
+                self.outside::<ACROSS, BACK>(at(if BACK { len - 1 } else { 0 }), far.unwrap_or(NEAR))
+            };
+            let mut left = holes;
+            while left != 0 {
+                let along = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let before = if BACK { claims >> along } else { claims & ((1 << along) - 1) };
+                let (key, away) = match (before, outside) {
+                    (0, None) => continue,
+                    (0, Some((key, away))) => (key, away + if BACK { len - 1 - along } else { along }),
+                    (_, _) if BACK => {
+                        let away = before.trailing_zeros() as usize;
+                        (self.own[place(along + away)], away)
+                    }
+                    (_, _) => {
+                        let from = (u32::BITS - 1 - before.leading_zeros()) as usize;
+                        (self.own[place(from)], along - from)
+                    }
+                };
+                if away > NEAR {
                     continue;
                 }
-                passed = if step == 0 {
-                    let at = if ACROSS { [along, line] } else { [line, along] };
-                    let run = (0..len).map(|step| place(if BACK { len - 1 - step } else { step }));
-                    let far = run.take_while(|&place| self.own[place] == EMPTY).map(|place| self.farthest(place)).max();
-                    self.outside::<ACROSS, BACK>([self.corner[0] + at[0], self.corner[1] + at[1]], far.unwrap_or(NEAR))
-                } else {
-                    passed.map(|(key, away)| (key, away + 1))
-                };
-                let Some((key, away)) = passed.filter(|&(_, away)| away <= NEAR) else { continue };
-                let at = if ACROSS { [along, line] } else { [line, along] };
-                let at = [self.corner[0] + at[0], self.corner[1] + at[1]];
-                let from = moved::<ACROSS, BACK>(at, away);
-                let best = &mut self.best[place(along)];
-                if let Some(cost) = self.evidence.cost_below(*best, grid, at, key, away, from) {
-                    *best = (cost, key);
+                let from = moved::<ACROSS, BACK>(at(along), away);
+                let best = self.best[place(along)];
+                if let Some(cost) = self.evidence.cost_below(best, grid, at(along), key, away, from) {
+                    self.best[place(along)] = (cost, key);
                 }
             }
         }
@@ -256,6 +284,19 @@ impl<P: Colour> Sides<'_, '_, P> {
             (key != EMPTY).then_some((key, away))
         })
     }
+}
+
+/// The bits of a row of a tile.
+#[inline(always)]
+fn row_of(bits: u64, row: usize) -> u8 {
+    (bits >> (TILE * row)) as u8
+}
+
+/// The bits of a column of a tile, the upper row's lowest.
+#[inline(always)]
+fn column_of(bits: u64, column: usize) -> u8 {
+    // Each row's bit goes to a place of its own in the highest byte.
+    ((bits >> column & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
 }
 
 /// The place `away` places before (x, y): to its left where one looks across from there, and so on.
