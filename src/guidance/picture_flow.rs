@@ -12,8 +12,8 @@
 //! grid     min over u of the sum of (u - u_p)^T H_p (u - u_p) / (residual + noise), and of differences of neighbours,
 //!          weighted by likeness of their luma and of their motion
 //! whole    the motion that most of the grid agrees on, as of a plane before a moving camera
-//! again    but on the finest level: search from the smooth motion, from that of the neighbours drawn on in a line and
-//!          from the whole picture's, where they differ from what was found; grid and whole anew
+//! again    on all levels but the finest: search from the smooth motion, from that of the neighbours drawn on in a line
+//!          and from the whole picture's, where they differ from what was found; grid and whole anew
 //! pixels   bilinear between patches on a smooth sheet; at edges of motion, of the motions around, that which explains
 //!          best the 5 x 5 pixels around each
 //! ```
@@ -37,6 +37,7 @@ mod trust;
 use std::time::{Duration, Instant};
 
 use fearless_simd::Level;
+use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
@@ -51,6 +52,10 @@ use trust::Trust;
 pub const PROJECTION: Projection = paper::PROJECTION;
 /// The depth given to every pixel, in device depth.
 pub const FLAT_DEPTH: f32 = 0.5;
+/// Searches anew on a level of few pixels,
+const ROUNDS: usize = 4;
+/// which are these at most: what is right must go a long way there, and costs little.
+const SMALL: usize = 1 << 14;
 /// Pixels of a row that are written at once.
 const RUN: usize = 32;
 
@@ -221,38 +226,62 @@ impl Extractor {
 
     /// Writes the motion, filled where it is not to be trusted, and the depth.
     fn write(&self, current: &Picture, out: &mut Guidance) {
-        let width = current.width() as usize;
-        let limit = [current.width() as f32, current.height() as f32];
-        let (flow, trust) = (&self.backward.dense, &self.trust);
+        let (width, flow) = (current.width() as usize, &self.backward.dense);
         let Guidance { motion, depth } = out;
         depth.depth_mut().fill(FLAT_DEPTH);
-        motion.vectors_mut().par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let (flow_row, trusted_row) = (&flow.flow[y * width..][..width], trust.row(y));
-            let mut found = [[0.0_f32; 2]; RUN];
-            for (i, run) in row.chunks_mut(RUN).enumerate() {
-                let found = &mut found[..run.len()];
-                found.copy_from_slice(&flow_row[i * RUN..][..run.len()]);
-                let trusted = &trusted_row[i * RUN..][..found.len()];
-                for k in 0..found.len() {
-                    // Those between two others that are filled take the mean of them.
-                    let is_between = k % 2 == 1 && !trusted[k - 1] && trusted.get(k + 1) == Some(&false);
-                    if !trusted[k] && !is_between {
-                        found[k] = trust.filled(flow, current, i * RUN + k, y);
-                    }
-                }
-                for k in (1..found.len().saturating_sub(1)).step_by(2) {
-                    if trusted[k - 1..=k + 1] == [false; 3] {
-                        found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
-                    }
-                }
-                for vector in found.iter_mut() {
-                    // Added to 0 so that no motion is +0.
-                    vector[0] = 0.0 + vector[0].clamp(-limit[0], limit[0]);
-                    vector[1] = 0.0 + vector[1].clamp(-limit[1], limit[1]);
-                }
-                run.as_flattened_mut().convert_from_f32_slice(found.as_flattened());
+        // In a large picture a fill does for the pixel below as well.
+        let height = if flow.flow.len() > LARGE { 2 } else { 1 };
+        motion.vectors_mut().par_chunks_mut(height * width).enumerate().for_each(|(j, rows)| {
+            let (upper, lower) = rows.split_at_mut(width);
+            self.write_row(current, height * j, upper, None);
+            if !lower.is_empty() {
+                self.write_row(current, height * j + 1, lower, Some(upper));
             }
         });
+    }
+
+    /// Writes row `y` of the motion; what neither is trusted here nor was in the row `above`, where that is given, is as
+    /// there.
+    fn write_row(&self, current: &Picture, y: usize, row: &mut [[f16; 2]], above: Option<&[[f16; 2]]>) {
+        let (width, limit) = (row.len(), [current.width() as f32, current.height() as f32]);
+        let (flow, trust) = (&self.backward.dense, &self.trust);
+        let (flow_row, trusted_row) = (&flow.flow[y * width..][..width], trust.row(y));
+        let mut found = [[0.0_f32; 2]; RUN];
+        for (i, run) in row.chunks_mut(RUN).enumerate() {
+            let first = i * RUN;
+            let found = &mut found[..run.len()];
+            found.copy_from_slice(&flow_row[first..][..run.len()]);
+            let trusted = &trusted_row[first..][..found.len()];
+            let mut wanted = [false; RUN];
+            for (k, wanted) in wanted.iter_mut().enumerate().take(found.len()) {
+                *wanted = !trusted[k] && (above.is_none() || trust.row(y - 1)[first + k]);
+            }
+            for k in 0..found.len() {
+                // Those between two others that are filled take the mean of them.
+                let is_between = k % 2 == 1 && wanted[k - 1] && wanted.get(k + 1) == Some(&true);
+                if wanted[k] && !is_between {
+                    found[k] = trust.filled(flow, current, first + k, y);
+                }
+            }
+            for k in (1..found.len().saturating_sub(1)).step_by(2) {
+                if wanted[k - 1..=k + 1] == [true; 3] {
+                    found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
+                }
+            }
+            for vector in found.iter_mut() {
+                // Added to 0 so that no motion is +0.
+                vector[0] = 0.0 + vector[0].clamp(-limit[0], limit[0]);
+                vector[1] = 0.0 + vector[1].clamp(-limit[1], limit[1]);
+            }
+            run.as_flattened_mut().convert_from_f32_slice(found.as_flattened());
+        }
+        let Some(above) = above else { return };
+        let untrusted = trusted_row.iter().zip(trust.row(y - 1)).map(|(here, above)| !here && !above);
+        for ((vector, above), is_as_above) in row.iter_mut().zip(above).zip(untrusted) {
+            if is_as_above {
+                *vector = *above;
+            }
+        }
     }
 }
 
@@ -266,10 +295,17 @@ impl Direction {
             let is_large = from_plane.luma.len() > LARGE / 4 && from.levels()[0].luma.len() > LARGE;
             self.fine.search(simd, from_plane, to_plane, coarse, if is_large { grid::APART } else { grid::CLOSE })?;
             self.fine.smooth(simd)?;
-            if level > 0 {
+            let rounds = match level {
+                0 => 0,
+                _ if from_plane.luma.len() <= SMALL => ROUNDS,
+                _ => 1,
+            };
+            for _ in 0..rounds {
                 self.fine.fit()?;
                 self.fine.search_again(simd, from_plane, to_plane);
                 self.fine.smooth(simd)?;
+            }
+            if level > 0 {
                 self.fine.fit()?;
             }
         }

@@ -15,6 +15,10 @@ const SLACK_PER_LENGTH: f32 = 0.01;
 const STEPS: [i32; 14] = [1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 86];
 /// Colour by which pixels differ before they count as different things, in code values.
 const COLOUR_SCALE: f32 = 10.0;
+/// How far apart two pixels are at least whose motion gives a slope, in steps along a ray.
+const LEAST_REACH: i32 = 8;
+/// A slope of motion from here on is an edge, in pixels to a step.
+const STEEP: f32 = 0.3;
 /// Where a fill looks.
 const RAYS: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
 
@@ -56,7 +60,7 @@ impl Trust {
     }
 
     /// What to take for the motion of pixel (x, y) in place of its own: that of the nearest trusted pixels along eight
-    /// rays, weighted by nearness and by likeness in `picture`; its own where there are none.
+    /// rays, drawn on to it, weighted by nearness and by likeness in `picture`; its own where there are none.
     pub(super) fn filled(&self, flow: &Dense, picture: &Picture, x: usize, y: usize) -> [f32; 2] {
         let (width, height) = (self.width as i32, (self.trusted.len() / self.width) as i32);
         let pixels = picture.pixels();
@@ -76,12 +80,34 @@ impl Trust {
                     let alike = 1.0 + unlike / (COLOUR_SCALE * COLOUR_SCALE);
                     let weight = 1.0 / (alike * alike * distance as f32);
                     weight_sum += weight;
-                    sum[0] += weight * flow.flow[k][0];
-                    sum[1] += weight * flow.flow[k][1];
+                    let vector = self.drawn_on(flow, [px, py], [dx, dy], distance);
+                    sum[0] += weight * vector[0];
+                    sum[1] += weight * vector[1];
                     break;
                 }
             }
         }
         if weight_sum > 0.0 { sum.map(|s| s / weight_sum) } else { flow.flow[here] }
+    }
+
+    /// The motion of the trusted pixel `place`, drawn on in a line over `distance` steps back along `ray`, from as far
+    /// behind it: on a floor or a wall motion has a slope. As it is where another surface begins there.
+    #[inline(always)]
+    fn drawn_on(&self, flow: &Dense, place: [i32; 2], ray: [i32; 2], distance: i32) -> [f32; 2] {
+        let (width, height) = (self.width as i32, (self.trusted.len() / self.width) as i32);
+        let at = |[x, y]: [i32; 2]| (y * width + x) as usize;
+        let reach = distance.max(LEAST_REACH);
+        let behind = [0, 1].map(|axis| place[axis] + reach * ray[axis]);
+        let vector = flow.flow[at(place)];
+        let is_inside = behind[0] >= 0 && behind[1] >= 0 && behind[0] < width && behind[1] < height;
+        if !(is_inside && self.trusted[at(behind)]) {
+            return vector;
+        }
+        let there = flow.flow[at(behind)];
+        let slope = [0, 1].map(|axis| (vector[axis] - there[axis]) / reach as f32);
+        if slope[0].abs().max(slope[1].abs()) >= STEEP {
+            return vector;
+        }
+        [0, 1].map(|axis| vector[axis] + slope[axis] * distance as f32)
     }
 }
