@@ -20,6 +20,7 @@ mod replay;
 mod rollout;
 mod score;
 mod seed_picture;
+mod world_quality;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -69,6 +70,9 @@ enum Command {
     /// Generated frames against true ones, beside other ways to make them
     #[command(after_help = quality::EXAMPLES)]
     Quality(quality::QualityArgs),
+    /// A world against the truth of the scenes: how near, how it follows the controls, what it remembers
+    #[command(after_help = world_quality::EXAMPLES)]
+    WorldQuality(world_quality::WorldQualityArgs),
     /// Makes more frames a second of a video, or of a folder of pictures
     #[command(after_help = interpolate::EXAMPLES)]
     Interpolate(interpolate::InterpolateArgs),
@@ -97,6 +101,7 @@ impl Command {
             Self::Demo(args) => args,
             Self::Reconstruct(args) => args,
             Self::Quality(args) => args,
+            Self::WorldQuality(args) => args,
             Self::Interpolate(args) => args,
             Self::Score(args) => args,
             Self::SeedPicture(args) => args,

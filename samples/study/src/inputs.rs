@@ -83,7 +83,8 @@ fn in_file(error: &Error, option: &str, path: &str) -> Error {
     Error::new(error.kind(), format!("{path}: {error}")).field(option)
 }
 
-fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
+/// ONNX Runtime, fetched where it is not there and none is named.
+pub(crate) fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
     let explicit = std::env::var_os("CAIRN_ONNXRUNTIME").is_some_and(|v| !v.is_empty());
     let ort = if explicit {
         Ort::find(None)?
@@ -95,7 +96,8 @@ fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
     Ok((ort, input))
 }
 
-fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bundle>, Input)> {
+/// The world at `path`; without one, the demo's.
+pub(crate) fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bundle>, Input)> {
     let path = match path {
         Some(path) => path.to_owned(),
         None => provision::demo_bundle(progress).map_err(|e| not_provided(&e, ErrorKind::Io))?,

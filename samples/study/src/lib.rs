@@ -27,6 +27,7 @@ mod replay;
 mod settings;
 mod sheet;
 mod text;
+mod world_quality;
 
 pub use cli::run;
 pub use inputs::Overrides;

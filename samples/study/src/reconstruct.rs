@@ -28,6 +28,8 @@ mod scores;
 mod stream;
 mod walk;
 
+pub(crate) use walk::script as script_of;
+
 /// Anchors per second of world time.
 pub(crate) const ANCHOR_RATE: u32 = 15;
 /// The frames that can be made of each anchor, one of them itself.

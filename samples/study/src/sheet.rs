@@ -186,7 +186,8 @@ fn depth_tile(map: &DepthMap, tile: (u32, u32)) -> Result<Picture> {
     shrink(&picture, tile)
 }
 
-fn paste(sheet: &mut Picture, tile: &Picture, at: (u32, u32)) {
+/// Puts a tile into a sheet that has room for it.
+pub(crate) fn paste(sheet: &mut Picture, tile: &Picture, at: (u32, u32)) {
     let width = sheet.width();
     for (row, pixels) in (at.1..).zip(tile.pixels().chunks_exact(tile.width() as usize)) {
         let start = (row * width + at.0) as usize;

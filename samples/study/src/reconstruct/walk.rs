@@ -65,7 +65,7 @@ pub(super) fn tell(frame: &Frame, guidance: &mut Guidance) {
 }
 
 /// The script that belongs to a kind of place.
-pub(super) fn script(family: Family) -> &'static str {
+pub(crate) fn script(family: Family) -> &'static str {
     match family {
         Family::Forest => include_str!("../../../scripts/forest.txt"),
         Family::Sword => include_str!("../../../scripts/sword.txt"),

@@ -1,0 +1,91 @@
+//! Turn away, wait, turn back: is the place still there?
+
+use std::sync::Arc;
+
+use cairn::Result;
+use cairn::world::{ControlScript, OperatingPoint, World};
+use scenes::{Family, TURN_PER_COUNT};
+
+use super::walk::{Tools, Walk, step_at};
+use crate::metrics::{psnr, ssim};
+
+/// How far the eye turns, in degrees: the view's width is 94.
+const TURN: f32 = 120.0;
+/// How long a turn takes, in seconds.
+const TURNING: f64 = 1.0;
+/// How long after the way back the place is looked at.
+const SETTLING: f64 = 0.2;
+
+/// What came back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Remembered {
+    /// Seconds spent turned away.
+    pub(super) away: f64,
+    /// Global window in latents.
+    pub(super) window: u32,
+    /// The picture after the way back against the truth, in dB.
+    pub(super) psnr: f64,
+    pub(super) ssim: f64,
+    /// The reconstruction of the first picture against the truth: the most that can come back, in dB.
+    pub(super) most: f64,
+    /// The true picture seen while turned away against the true one after the way back, in dB: another place.
+    pub(super) elsewhere: f64,
+}
+
+/// The script: nobody walks.
+fn script(away: f64) -> Result<ControlScript> {
+    let counts = TURN.to_radians() / TURN_PER_COUNT;
+    let (back, home) = (TURNING + away, 2.0 * TURNING + away);
+    ControlScript::parse(&format!(
+        "cairn-controls 1\n0..{TURNING} mouse {counts:.2} 0\n{back}..{home} mouse {:.2} 0\n{} end\n",
+        -counts,
+        home + SETTLING
+    ))
+}
+
+/// Turns away from a place for `away` seconds and back. The window is the world's.
+///
+/// # Errors
+/// As [`Walk::score`].
+pub(super) fn turn_away_and_back(
+    family: Family,
+    scene: u64,
+    away: f64,
+    world: &Arc<World>,
+    tools: &Tools<'_>,
+) -> Result<Remembered> {
+    let script = script(away)?;
+    let seconds = 2.0 * TURNING + away + SETTLING;
+    let walk = Walk { family, scene, script: &script, seconds };
+    let point: &OperatingPoint = tools.point;
+    let at = [0, step_at(point, TURNING), step_at(point, seconds)];
+    let pictures = walk.pictures(world, tools, &at)?;
+    let ([first, _], [_, other], [last, truth]) = (&pictures[0], &pictures[1], &pictures[2]);
+    Ok(Remembered {
+        away,
+        window: world.global_window(),
+        psnr: psnr(truth, last)?,
+        ssim: ssim(truth, last)?,
+        most: psnr(truth, first)?,
+        elsewhere: psnr(truth, other)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use cairn::world::WorldTime;
+
+    use super::*;
+
+    #[test]
+    fn the_eye_comes_back_to_where_it_was() {
+        let script = script(2.0).unwrap();
+        let [there, _] = script.span(WorldTime::new(0, 1), WorldTime::new(1, 1)).unwrap().mouse();
+        let [stays, _] = script.span(WorldTime::new(1, 1), WorldTime::new(3, 1)).unwrap().mouse();
+        let [all, _] = script.span(WorldTime::new(0, 1), WorldTime::new(5, 1)).unwrap().mouse();
+        assert!(
+            (there * TURN_PER_COUNT).to_degrees() > 119.0 && stays == 0.0 && all.abs() < 0.01,
+            "{there} {stays} {all}"
+        );
+    }
+}

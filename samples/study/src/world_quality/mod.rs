@@ -1,0 +1,166 @@
+//! A world against the truth: walks through held-out places under held-out scripts, from their first picture and the controls alone.
+
+mod held_out;
+mod memory;
+mod report;
+mod response;
+mod walk;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use cairn::bundle::Bundle;
+use cairn::runtime::{CpuOptions, Device};
+use cairn::world::{ControlScript, OperatingPoint, Preset, World, WorldOptions};
+use cairn::{ErrorKind, Result};
+use scenes::FAMILIES;
+
+use crate::inputs;
+use crate::media::{RealDisk, describe_io, encode_small_png, write_whole};
+use crate::metrics::{Lpips, Net};
+use crate::progress::Progress;
+use crate::reconstruct::script_of;
+use report::Place;
+use walk::{Tools, Walk};
+
+/// Horizons in seconds: after the last true picture.
+const HORIZONS: [f64; 5] = [0.5, 1.0, 2.0, 5.0, 15.0];
+/// The places that are walked, of each kind.
+const SEEDS: [u64; 3] = [41, 42, 43];
+/// Seconds turned away.
+const AWAY: [f64; 3] = [2.0, 4.0, 8.0];
+/// Windows whose memory is compared.
+const WINDOWS: [u32; 2] = [384, 112];
+/// What is quick: one place of each kind, so many seconds, the shortest time away.
+const QUICK_SECONDS: f64 = 5.0;
+
+/// What is to be measured.
+#[derive(Debug, Clone)]
+pub(crate) struct Settings {
+    /// The bundle; the demo's without one.
+    pub(crate) world: Option<PathBuf>,
+    /// Scene seeds; the usual ones where it is empty.
+    pub(crate) seeds: Vec<u64>,
+    pub(crate) quick: bool,
+    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    pub(crate) lpips: bool,
+    pub(crate) out: PathBuf,
+}
+
+impl Settings {
+    /// Refuses what makes no sense; needs no file.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a scene seed that is not held out.
+    pub(crate) fn check(&self) -> Result<()> {
+        held_out::require(&self.seeds)
+    }
+
+    fn seeds(&self) -> &[u64] {
+        match (self.seeds.is_empty(), self.quick) {
+            (false, _) => &self.seeds,
+            (true, true) => &SEEDS[..1],
+            (true, false) => &SEEDS,
+        }
+    }
+}
+
+/// What came of it.
+pub(crate) struct Outcome {
+    /// For people.
+    pub(crate) text: String,
+    /// Files that were written.
+    pub(crate) files: Vec<PathBuf>,
+}
+
+/// Measures a world.
+///
+/// # Errors
+/// An unusable world, weights of LPIPS that cannot be had, and what making latents can fail with.
+pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+    settings.check()?;
+    let lpips = settings.lpips.then(|| lpips(progress)).transpose()?;
+    let (ort, _) = inputs::onnxruntime(progress)?;
+    let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
+    let device = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
+    let seconds = if settings.quick { QUICK_SECONDS } else { HORIZONS[HORIZONS.len() - 1] };
+    let away = if settings.quick { &AWAY[..1] } else { &AWAY };
+
+    let mut places = Vec::new();
+    for (number, window) in windows(&bundle).into_iter().enumerate() {
+        let point = OperatingPoint { global_window: window, ..Preset::Coherence.operating_point() };
+        let world = load(&device, &bundle, &point)?;
+        let tools = Tools { point: &point, lpips: lpips.as_ref(), stop };
+        for (n, (family, scene)) in places_of(settings.seeds()).enumerate() {
+            progress.phase(&format!("{family} {scene} at g{window}"));
+            if number == 0 {
+                let script = ControlScript::parse(script_of(family))?;
+                let walked = Walk { family, scene, script: &script, seconds }.score(&world, &tools, &HORIZONS)?;
+                places.push(Place { family, scene, walked, remembered: Vec::new() });
+            }
+            for &away in away {
+                let remembered = memory::turn_away_and_back(family, scene, away, &world, &tools)?;
+                places[n].remembered.push(remembered);
+            }
+        }
+    }
+
+    let rate = Preset::Coherence.operating_point().latents_per_second;
+    let mut text = head(settings, &bundle);
+    text += &report::text(&places, &HORIZONS, rate);
+    std::fs::create_dir_all(&settings.out).map_err(|e| describe_io("it cannot be made", &settings.out, &e))?;
+    let shown: Vec<&Place> = places.iter().collect();
+    let mut files = Vec::new();
+    for (name, bytes) in [
+        ("world-quality.txt", text.clone().into_bytes()),
+        ("world-quality.csv", report::csv(&places).into_bytes()),
+        ("world-quality.png", encode_small_png(&report::sheet(&shown)?)?),
+    ] {
+        let path = settings.out.join(name);
+        write_whole(&RealDisk, &path, &bytes)?;
+        files.push(path);
+    }
+    Ok(Outcome { text, files })
+}
+
+/// The windows whose memory is compared, of those that the world declares; its own where it declares none of them.
+fn windows(bundle: &Bundle) -> Vec<u32> {
+    let global = bundle.geometry().global;
+    let declared = |g: &u32| *g <= global.max_window && g.is_multiple_of(global.dilation);
+    let all: Vec<u32> = WINDOWS.into_iter().filter(declared).collect();
+    if all.is_empty() { vec![global.window] } else { all }
+}
+
+/// Every kind of place with every seed.
+fn places_of(seeds: &[u64]) -> impl Iterator<Item = (scenes::Family, u64)> + '_ {
+    FAMILIES.into_iter().flat_map(move |family| seeds.iter().map(move |&seed| (family, seed)))
+}
+
+fn load(device: &Device, bundle: &Arc<Bundle>, point: &OperatingPoint) -> Result<Arc<World>> {
+    point.check_for(bundle.geometry())?;
+    let options = WorldOptions { global_window: Some(point.global_window), ..WorldOptions::default() };
+    World::load(device, bundle, options)
+}
+
+/// Which world, which places, and that it has seen none of them.
+fn head(settings: &Settings, bundle: &Bundle) -> String {
+    let manifest = bundle.manifest();
+    let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();
+    let mut text = format!("{}, {}\n", manifest.name, Preset::Coherence.name());
+    if manifest.provenance.get("weights").is_some_and(|weights| weights.starts_with("random")) {
+        text += "This world has random weights: its figures say nothing.\n";
+    }
+    text + &format!(
+        "places {}: all on the held-out list, 0 of them trained on; scripts of samples/scripts\n\n",
+        seeds.join(", ")
+    )
+}
+
+/// The network of LPIPS; its weights are fetched where none are named.
+fn lpips(progress: &Progress) -> Result<Lpips> {
+    if std::env::var_os("CAIRN_LPIPS").is_none_or(|folder| folder.is_empty()) {
+        provision::lpips_weights(progress).map_err(|e| inputs::not_provided(&e, ErrorKind::Io))?;
+    }
+    Lpips::find(Net::Alex)
+}

@@ -1,0 +1,185 @@
+//! The figures as text, as CSV, and as pictures side by side.
+
+use std::fmt::Write as _;
+
+use cairn::{Picture, Result};
+use scenes::Family;
+
+use super::memory::Remembered;
+use super::response::{Following, Response, following};
+use super::walk::{Score, Walked};
+use crate::picture::shrink;
+use crate::sheet::paste;
+use crate::text::{SMALL, fit, write};
+
+/// All that was measured of one place.
+#[derive(Debug)]
+pub(super) struct Place {
+    pub(super) family: Family,
+    pub(super) scene: u64,
+    pub(super) walked: Walked,
+    pub(super) remembered: Vec<Remembered>,
+}
+
+/// A mean over places; none where nothing was measured.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+fn show(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "-".into(), |value| format!("{value:.digits$}"))
+}
+
+/// Brightness of the world's last second over the truth's, less one.
+fn drift(walked: &Walked, latents_per_second: u32) -> Option<f64> {
+    let last = &walked.luma[walked.luma.len().saturating_sub(latents_per_second as usize)..];
+    let [made, true_] = [0, 1].map(|i| mean(last.iter().map(|pair| pair[i])));
+    Some(made? / true_? - 1.0)
+}
+
+/// Mean change of brightness from picture to picture: the world's and the truth's.
+fn flicker(walked: &Walked) -> [Option<f64>; 2] {
+    [0, 1].map(|i| mean(walked.luma.windows(2).map(|pair| (pair[1][i] - pair[0][i]).abs())))
+}
+
+fn of_family(places: &[Place], family: Family) -> impl Iterator<Item = &Place> + Clone {
+    places.iter().filter(move |place| place.family == family)
+}
+
+fn families(places: &[Place]) -> Vec<Family> {
+    scenes::FAMILIES.into_iter().filter(|family| of_family(places, *family).next().is_some()).collect()
+}
+
+/// How all places of a kind follow the controls along an axis.
+fn follows(places: &[Place], family: Family, axis: usize) -> Option<Following> {
+    let responses: Vec<Response> = of_family(places, family).flat_map(|p| p.walked.responses.iter().copied()).collect();
+    following(responses.iter(), axis)
+}
+
+/// Tables for people; the last line is the summary.
+pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) -> String {
+    let mut text = String::from(
+        "scene    at, s   world: PSNR  SSIM   LPIPS    last picture: PSNR  SSIM   LPIPS    its reconstruction: PSNR  SSIM   LPIPS\n",
+    );
+    for family in families(places) {
+        for &seconds in horizons {
+            let row = || of_family(places, family).flat_map(|p| &p.walked.horizons).filter(|h| h.seconds == seconds);
+            if row().next().is_none() {
+                continue;
+            }
+            let three = |of: fn(&super::walk::Horizon) -> &Score| {
+                let (psnr, ssim) = (mean(row().map(|h| of(h).psnr)), mean(row().map(|h| of(h).ssim)));
+                let lpips = mean(row().filter_map(|h| of(h).lpips));
+                format!("{:>6} {:>6} {:>6}", show(psnr, 2), show(ssim, 3), show(lpips, 3))
+            };
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{:8} {seconds:5}   {:>23}   {:>32}   {:>38}",
+                family.name(),
+                three(|h| &h.world),
+                three(|h| &h.repeat),
+                three(|h| &h.reconstruction)
+            );
+        }
+    }
+    text += "\nscene    turning: correlation  size  same way   tilting: correlation   brightness  flicker (true)\n";
+    for family in families(places) {
+        let [turn, tilt] = [0, 1].map(|axis| follows(places, family, axis));
+        let drift = mean(of_family(places, family).filter_map(|p| drift(&p.walked, latents_per_second)));
+        let [made, true_] = [0, 1].map(|i| mean(of_family(places, family).filter_map(|p| flicker(&p.walked)[i])));
+        let _ = writeln!(
+            text,
+            "{:8} {:>20} {:>5} {:>9}   {:>20}   {:>8} %  {} ({})",
+            family.name(),
+            show(turn.map(|f| f.correlation), 2),
+            show(turn.map(|f| f.slope), 2),
+            show(turn.map(|f| f.same_sign), 2),
+            show(tilt.map(|f| f.correlation), 2),
+            show(drift.map(|d| 100.0 * d), 1),
+            show(made, 2),
+            show(true_, 2)
+        );
+    }
+    text += "\nscene    away, s  window   back: PSNR  SSIM   at most   another place\n";
+    for place in places {
+        for r in &place.remembered {
+            let _ = writeln!(
+                text,
+                "{:8} {:7}  g{:<6} {:>11.2} {:>5.3} {:>9.2} {:>15.2}",
+                place.family.name(),
+                r.away,
+                r.window,
+                r.psnr,
+                r.ssim,
+                r.most,
+                r.elsewhere
+            );
+        }
+    }
+    text + "\n" + &summary(places, horizons) + "\n"
+}
+
+/// Every scene at the first horizon, in one line.
+fn summary(places: &[Place], horizons: &[f64]) -> String {
+    let first = horizons.first().copied().unwrap_or_default();
+    let scene = |family: &Family| {
+        let row = || of_family(places, *family).flat_map(|p| &p.walked.horizons).filter(|h| h.seconds == first);
+        format!(
+            "{} {} dB (last picture {}, reconstruction {}), correlation {}",
+            family.name(),
+            show(mean(row().map(|h| h.world.psnr)), 2),
+            show(mean(row().map(|h| h.repeat.psnr)), 2),
+            show(mean(row().map(|h| h.reconstruction.psnr)), 2),
+            show(follows(places, *family, 0).map(|f| f.correlation), 2)
+        )
+    };
+    format!("at {first} s: {}", families(places).iter().map(scene).collect::<Vec<_>>().join("; "))
+}
+
+/// A line for each score.
+pub(super) fn csv(places: &[Place]) -> String {
+    let mut text = String::from("scene,seed,seconds,what,psnr_db,ssim,lpips_alex\n");
+    for place in places {
+        for h in &place.walked.horizons {
+            for (what, score) in [("world", h.world), ("repeat", h.repeat), ("reconstruction", h.reconstruction)] {
+                let lpips = score.lpips.map(|value| format!("{value:.6}")).unwrap_or_default();
+                let (family, scene, seconds) = (place.family, place.scene, h.seconds);
+                let _ = writeln!(text, "{family},{scene},{seconds},{what},{:.4},{:.6},{lpips}", score.psnr, score.ssim);
+            }
+        }
+    }
+    text
+}
+
+const TILE: (u32, u32) = (240, 135);
+const GAP: u32 = 8;
+const LEFT: u32 = 128;
+const TOP: u32 = 32;
+const GROUND: [u8; 3] = [24, 26, 30];
+const BRIGHT: [u8; 3] = [235, 235, 230];
+
+/// Truth above the world's pictures, a column for each horizon and two rows for each place, in the order given.
+pub(super) fn sheet(places: &[&Place]) -> Result<Picture> {
+    let columns = places.iter().map(|p| p.walked.horizons.len()).max().unwrap_or(0).max(1) as u32;
+    let rows = 2 * places.len().max(1) as u32;
+    let mut sheet = Picture::new(LEFT + columns * (TILE.0 + GAP) + GAP, TOP + rows * (TILE.1 + GAP))?;
+    sheet.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&GROUND));
+    for (place, row) in places.iter().zip((0..).step_by(2)) {
+        let y = |row: u32| TOP + row * (TILE.1 + GAP);
+        for (n, line) in [format!("{} {}", place.family, place.scene), "truth".into()].iter().enumerate() {
+            write(&mut sheet, &fit(line, LEFT - 24, SMALL), (16, y(row) + 4 + 18 * n as u32), SMALL, BRIGHT);
+        }
+        write(&mut sheet, "world", (16, y(row + 1) + 4), SMALL, BRIGHT);
+        for (h, column) in place.walked.horizons.iter().zip(0..) {
+            let x = LEFT + column * (TILE.0 + GAP);
+            if row == 0 {
+                write(&mut sheet, &format!("{} s", h.seconds), (x, 8), SMALL, BRIGHT);
+            }
+            paste(&mut sheet, &shrink(&h.truth_picture, TILE)?, (x, y(row)));
+            paste(&mut sheet, &shrink(&h.picture, TILE)?, (x, y(row + 1)));
+        }
+    }
+    Ok(sheet)
+}

@@ -1,0 +1,183 @@
+//! One walk three times: as it is, as the world makes it from the first picture and the controls, and as if nothing moved.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use cairn::guidance::{Guidance, paper, picture_flow};
+use cairn::world::{ControlScript, OperatingPoint, Rollout, World, WorldTime};
+use cairn::{Error, ErrorKind, Picture, Result};
+use scenes::{Clip, ClipOptions, Family, Frame, Scene};
+
+use super::response::Response;
+use crate::metrics::{Lpips, psnr, ssim};
+
+/// How near a picture is to the true one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Score {
+    /// In dB.
+    pub(super) psnr: f64,
+    pub(super) ssim: f64,
+    /// Where LPIPS was asked for.
+    pub(super) lpips: Option<f64>,
+}
+
+impl Score {
+    fn of(truth: &Picture, picture: &Picture, lpips: Option<&Lpips>) -> Result<Self> {
+        let lpips = lpips.map(|lpips| lpips.compare(truth, picture)).transpose()?;
+        Ok(Self { psnr: psnr(truth, picture)?, ssim: ssim(truth, picture)?, lpips })
+    }
+}
+
+/// A moment of the walk, scored.
+#[derive(Debug, Clone)]
+pub(super) struct Horizon {
+    /// World time since the last true picture, in seconds.
+    pub(super) seconds: f64,
+    pub(super) world: Score,
+    /// The last true picture instead.
+    pub(super) repeat: Score,
+    /// The autoencoder's reconstruction of the last true picture instead.
+    pub(super) reconstruction: Score,
+    pub(super) truth_picture: Picture,
+    pub(super) picture: Picture,
+}
+
+/// What one walk gave.
+#[derive(Debug, Clone)]
+pub(super) struct Walked {
+    pub(super) horizons: Vec<Horizon>,
+    /// One for each latent step.
+    pub(super) responses: Vec<Response>,
+    /// Mean luma of every picture, 0 to 255, from the first on: the world's and the true one.
+    pub(super) luma: Vec<[f64; 2]>,
+}
+
+/// A place, and how it is walked.
+pub(super) struct Walk<'a> {
+    pub(super) family: Family,
+    /// Which place of that kind.
+    pub(super) scene: u64,
+    pub(super) script: &'a ControlScript,
+    /// How far to go, in seconds of world time.
+    pub(super) seconds: f64,
+}
+
+/// What worlds are walked with.
+pub(super) struct Tools<'a> {
+    pub(super) point: &'a OperatingPoint,
+    pub(super) lpips: Option<&'a Lpips>,
+    pub(super) stop: &'a AtomicBool,
+}
+
+/// The latent step that is nearest to so many seconds.
+pub(super) fn step_at(point: &OperatingPoint, seconds: f64) -> u64 {
+    (seconds * f64::from(point.latents_per_second)).round() as u64
+}
+
+impl Walk<'_> {
+    /// Walks and scores. A horizon behind the end of the walk is left out.
+    ///
+    /// # Errors
+    /// What making latents can fail with; `Cancelled` when `tools.stop` was set.
+    pub(super) fn score(&self, world: &Arc<World>, tools: &Tools<'_>, horizons: &[f64]) -> Result<Walked> {
+        let point = tools.point;
+        let scene = Scene::new(self.family, self.scene);
+        let mut truth = truth(&scene, self.script, world.render_size(), point.latents_per_second)?;
+        let first = truth.frame()?.picture;
+        let mut rollout = Rollout::new(world, point, self.scene)?;
+        rollout.append(&first)?;
+        let last = point.pictures_per_latent - 1;
+        let mut before = first.clone();
+        rollout.read_picture(last, &mut before)?;
+        let reconstruction = before.clone();
+
+        let (width, height) = world.render_size();
+        let mut guidance = Guidance::new(width, height, paper::PROJECTION)?;
+        let mut flow = picture_flow::Extractor::new();
+        let mut walked = Walked { horizons: Vec::new(), responses: Vec::new(), luma: Vec::new() };
+        walked.luma.push([luma(&before), luma(&first)]);
+        let mut picture = before.clone();
+        for q in 1..=step_at(point, self.seconds) {
+            if tools.stop.load(Ordering::Relaxed) {
+                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+            }
+            step(&mut rollout, self.script, point, q)?;
+            rollout.read_picture(last, &mut picture)?;
+            let Frame { picture: true_picture, motion, .. } = truth.frame()?;
+            flow.extract(&before, &picture, &mut guidance)?;
+            let seen = guidance.motion().vectors().iter().map(|[x, y]| [f64::from(x.to_f32()), f64::from(y.to_f32())]);
+            let meant = motion.iter().map(|m| [f64::from(m.x), f64::from(m.y)]);
+            walked.responses.push(Response::new(seen, meant));
+            walked.luma.push([luma(&picture), luma(&true_picture)]);
+            for &seconds in horizons.iter().filter(|&&seconds| step_at(point, seconds) == q) {
+                walked.horizons.push(Horizon {
+                    seconds,
+                    world: Score::of(&true_picture, &picture, tools.lpips)?,
+                    repeat: Score::of(&true_picture, &first, tools.lpips)?,
+                    reconstruction: Score::of(&true_picture, &reconstruction, tools.lpips)?,
+                    truth_picture: true_picture.clone(),
+                    picture: picture.clone(),
+                });
+            }
+            std::mem::swap(&mut before, &mut picture);
+        }
+        Ok(walked)
+    }
+
+    /// Walks, and gives what the world shows, and what is true, after each of the steps `at`, which rise.
+    ///
+    /// # Errors
+    /// As [`score`](Self::score).
+    pub(super) fn pictures(&self, world: &Arc<World>, tools: &Tools<'_>, at: &[u64]) -> Result<Vec<[Picture; 2]>> {
+        let point = tools.point;
+        let scene = Scene::new(self.family, self.scene);
+        let mut truth = truth(&scene, self.script, world.render_size(), point.latents_per_second)?;
+        let mut rollout = Rollout::new(world, point, self.scene)?;
+        let first = truth.frame()?.picture;
+        rollout.append(&first)?;
+        let mut kept = Vec::new();
+        for q in 0..=at.last().copied().unwrap_or(0) {
+            if tools.stop.load(Ordering::Relaxed) {
+                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+            }
+            if q > 0 {
+                step(&mut rollout, self.script, point, q)?;
+            }
+            if !at.contains(&q) {
+                // Walked past, not drawn. The first was drawn already.
+                if q > 0 {
+                    truth.advance()?;
+                }
+                continue;
+            }
+            let mut picture = first.clone();
+            rollout.read_picture(point.pictures_per_latent - 1, &mut picture)?;
+            kept.push([picture, if q == 0 { first.clone() } else { truth.frame()?.picture }]);
+        }
+        Ok(kept)
+    }
+}
+
+/// Lets the world make latent `q` with the controls of its span.
+fn step(rollout: &mut Rollout, script: &ControlScript, point: &OperatingPoint, q: u64) -> Result<()> {
+    let (start, end): (WorldTime, WorldTime) = point.span_of_latent(q);
+    rollout.step(&script.span(start, end)?).map(drop)
+}
+
+/// The walk as it is, at `rate` frames a second.
+fn truth<'a>(scene: &'a Scene, script: &'a ControlScript, size: (u32, u32), rate: u32) -> Result<Clip<'a>> {
+    let options = ClipOptions { width: size.0, height: size.1, rate, ..ClipOptions::default() };
+    Clip::new(scene, script, options).ok_or_else(|| {
+        Error::new(ErrorKind::InvalidArgument, format!("a scene cannot be walked at {rate} frames a second"))
+    })
+}
+
+/// Mean luma (Rec. 709 weights on the bytes as they are), 0 to 255.
+pub(super) fn luma(picture: &Picture) -> f64 {
+    let sum: f64 = picture
+        .pixels()
+        .iter()
+        .map(|[r, g, b, _]| 0.2126 * f64::from(*r) + 0.7152 * f64::from(*g) + 0.0722 * f64::from(*b))
+        .sum();
+    sum / picture.pixels().len().max(1) as f64
+}
