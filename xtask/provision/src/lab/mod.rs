@@ -1,0 +1,128 @@
+//! The lab: a Windows with Direct3D 12 and DirectML on a Linux machine that has neither.
+//!
+//! Wine and a software Vulkan driver in a Debian of their own, with two files of Wine rebuilt from Debian's source so that
+//! Microsoft's DirectML runs and programs may take their time to end. Debian's packages come through debootstrap from the mirror that the machine's own apt uses.
+
+mod build;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use sha2::{Digest, Sha256};
+
+use crate::{Error, Progress, Result, cache, process, tools};
+
+/// The release of Debian whose Wine starts Rust programs and is new enough for Direct3D 12.
+const RELEASE: &str = "trixie";
+
+const PACKAGES: &str = include_str!("packages.sh");
+const WINE: &str = include_str!("wine.sh");
+const PREFIX: &str = include_str!("prefix.sh");
+const ENTER: &str = include_str!("enter.sh");
+const INSIDE: &str = include_str!("inside.sh");
+
+/// What was wanted, in every error.
+const WANTED: &str = "the Windows lab";
+
+/// A lab that is there.
+#[derive(Debug, Clone)]
+pub struct Lab {
+    place: PathBuf,
+}
+
+impl Lab {
+    /// The folder it fills.
+    pub fn place(&self) -> &Path {
+        &self.place
+    }
+
+    /// A command that runs a Windows program in the lab, with a display of its own; arguments, working directory, variables and
+    /// streams are given to it as to any command, and paths are the machine's. Its exit status is the program's; where that has
+    /// more than eight bits, the lowest eight, or 1 when these are 0.
+    ///
+    /// Everything that the program starts ends with it, and it ends with the thread that started the command; nothing stays
+    /// mounted. What it writes below `C:\` is gone afterwards.
+    ///
+    /// # Errors
+    /// `program` is not there.
+    pub fn command(&self, program: &Path) -> Result<Command> {
+        let program = fs::canonicalize(program)
+            .map_err(|e| Error::new(program.display().to_string(), e.to_string(), "Name a Windows program"))?;
+        let mut command = chamber();
+        command.args(["sh", "-euc", ENTER, "sh"]).arg(&self.place).arg(program).env("LAB_INSIDE", INSIDE);
+        Ok(command)
+    }
+
+    /// Removes the one folder that a run leaves outside the lab, where it is empty.
+    pub fn tidy() {
+        // Another Wine's is not empty, and then it stays.
+        _ = fs::remove_dir("/tmp/.wine-0");
+    }
+}
+
+/// The start of a command whose mounts and processes end with it, and which ends with the thread that starts it.
+fn chamber() -> Command {
+    let mut command = Command::new("setpriv");
+    command.args(["--pdeathsig", "KILL", "unshare", "--mount", "--propagation", "private"]);
+    command.args(["--pid", "--fork", "--kill-child=KILL"]);
+    command
+}
+
+/// Whether this machine can have the lab.
+///
+/// # Errors
+/// Why it cannot: it is not Linux on x86-64, we are not root, there is no apt with a Debian mirror, or mounting is forbidden.
+pub fn possible() -> Result<()> {
+    let refuse = |cause: String, remedy: &str| Err(Error::new(WANTED, cause, remedy));
+    let (os, architecture) = (std::env::consts::OS, std::env::consts::ARCH);
+    if (os, architecture) != ("linux", "x86_64") {
+        return refuse(format!("this is {os} on {architecture}"), "Use Linux on x86-64");
+    }
+    if !tools::is_root() {
+        return refuse(
+            "root is needed to make it and to run in it".to_owned(),
+            "Run the command as root, or in a container",
+        );
+    }
+    for program in ["setpriv", "unshare", "chroot", "mount"] {
+        if tools::on_path(program).is_none() {
+            return refuse(format!("there is no {program} on the PATH"), "Install util-linux");
+        }
+    }
+    let try_it = "mount -t tmpfs lab /mnt && mkdir /mnt/l /mnt/u /mnt/w /mnt/r && cd /mnt && \
+                  mount -t overlay -o lowerdir=l,upperdir=u,workdir=w lab r";
+    let tried =
+        process::run(chamber().args(["sh", "-c", try_it]), |_| {}).map_err(|e| Error::io(Path::new("setpriv"), &e))?;
+    if !tried.status.success() {
+        let cause = format!("this machine lets nobody mount: {}", tried.tail(1));
+        return refuse(cause, "Run the command where root may mount (a container needs the capability SYS_ADMIN)");
+    }
+    Ok(())
+}
+
+/// The lab; built on first use, which takes some five minutes and 2.5 GB of disk, 4 GB while it is built. A build that was interrupted goes on where it was.
+///
+/// # Errors
+/// As [`possible`], an unreachable mirror, or a step that failed, with its last words.
+pub fn lab(progress: &dyn Progress) -> Result<Lab> {
+    let mut key = Sha256::new();
+    for part in [RELEASE, PACKAGES, WINE, PREFIX] {
+        key.update(part);
+    }
+    let item = format!("lab-{}", &cache::hex(&key.finalize())[..12]);
+    let place = cache::cache_dir()?.join(&item);
+    let lab = Lab { place };
+    let complete = lab.place.join("complete");
+    if complete.is_file() {
+        return Ok(lab);
+    }
+    possible()?;
+    let _held = cache::lock(&item, progress)?;
+    if complete.is_file() {
+        return Ok(lab);
+    }
+    build::build(&lab.place, progress)?;
+    fs::write(&complete, "").map_err(|e| Error::io(&complete, &e))?;
+    Ok(lab)
+}
