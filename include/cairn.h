@@ -171,6 +171,12 @@ typedef int32_t cairn_result;
 #define CAIRN_ERROR_INTERNAL (-14)
 
 /**
+ * The graphics device is gone: its driver was replaced, a command hung, the adapter was taken out. The message has the reason.
+ * Destroy what was made on it, and make a new device.
+ */
+#define CAIRN_ERROR_DEVICE_REMOVED (-15)
+
+/**
  * The name of a result, such as "CAIRN_ERROR_IO"; "unknown result" for a number this library never answers with.
  *
  * Ownership: the text is static and must not be freed, on success or on failure.
@@ -1701,12 +1707,14 @@ typedef struct ID3D12Resource ID3D12Resource;
  * has no Direct3D 12 part every function of it answers CAIRN_ERROR_UNSUPPORTED.
  *
  * d3d12, queue: the engine's; frames are generated and copied on the queue, which must be of type direct or compute.
- * anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null to use queue.
+ * anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null for one of the
+ * library's own.
  *
  * Ownership: on success *device is the caller's, for cairn_device_destroy, and holds a reference to each object until it is gone;
  * on failure it is not written and no reference is held.
  * Threads: any thread, at any time.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also for an object of another kind or device; CAIRN_ERROR_UNSUPPORTED;
+ * CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_device_create_d3d12(
@@ -1720,7 +1728,8 @@ CAIRN_API cairn_result cairn_device_create_d3d12(
  *
  * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written.
  * Threads: any thread, at any time.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED;
+ * CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_device_create_adapter(uint64_t luid, cairn_device **device);

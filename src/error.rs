@@ -23,6 +23,9 @@ pub enum ErrorKind {
     Io,
     /// ONNX Runtime or the device failed while running.
     Device,
+    /// The graphics device is gone: its driver was replaced, a command hung, the adapter was taken out. Nothing made on it works
+    /// any more; all of it can be released, and a new device be made.
+    DeviceRemoved,
     /// A saved state does not belong to this world, or is damaged.
     InvalidState,
     /// The caller asked to stop.

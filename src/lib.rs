@@ -27,6 +27,9 @@ pub mod runtime;
 
 pub mod bundle;
 
+#[cfg(windows)]
+pub mod gpu;
+
 mod error;
 mod picture;
 

@@ -47,6 +47,9 @@ pub const CAIRN_ERROR_CANCELLED: cairn_result = -12;
 pub const CAIRN_ERROR_POISONED: cairn_result = -13;
 /// A fault of the library. What the call had hold of is poisoned; everything else goes on. Please report the message.
 pub const CAIRN_ERROR_INTERNAL: cairn_result = -14;
+/// The graphics device is gone: its driver was replaced, a command hung, the adapter was taken out. The message has the reason.
+/// Destroy what was made on it, and make a new device.
+pub const CAIRN_ERROR_DEVICE_REMOVED: cairn_result = -15;
 
 /// The name of a result, such as "CAIRN_ERROR_IO"; "unknown result" for a number this library never answers with.
 ///
@@ -75,6 +78,7 @@ pub extern "C" fn cairn_result_name(result: cairn_result) -> *const c_char {
         CAIRN_ERROR_CANCELLED => c"CAIRN_ERROR_CANCELLED",
         CAIRN_ERROR_POISONED => c"CAIRN_ERROR_POISONED",
         CAIRN_ERROR_INTERNAL => c"CAIRN_ERROR_INTERNAL",
+        CAIRN_ERROR_DEVICE_REMOVED => c"CAIRN_ERROR_DEVICE_REMOVED",
         _ => c"unknown result",
     };
     name.as_ptr()
@@ -247,6 +251,7 @@ impl From<Error> for Failure {
             ErrorKind::OutOfMemory => CAIRN_ERROR_OUT_OF_MEMORY,
             ErrorKind::Io => CAIRN_ERROR_IO,
             ErrorKind::Device => CAIRN_ERROR_DEVICE,
+            ErrorKind::DeviceRemoved => CAIRN_ERROR_DEVICE_REMOVED,
             ErrorKind::InvalidState => CAIRN_ERROR_INVALID_STATE,
             ErrorKind::Cancelled => CAIRN_ERROR_CANCELLED,
         };
@@ -271,7 +276,7 @@ mod tests {
             named += usize::from(name != "unknown result");
             assert_eq!(code < 0 && name != "unknown result", name.starts_with("CAIRN_ERROR_"));
         }
-        assert_eq!(named, 18);
+        assert_eq!(named, 19);
     }
 
     #[test]

@@ -1,0 +1,110 @@
+//! The adapters of this machine.
+
+use windows::Win32::Foundation::LUID;
+use windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
+use windows::Win32::Graphics::Direct3D12::{D3D12CreateDevice, ID3D12Device};
+use windows::Win32::Graphics::Dxgi::{
+    CreateDXGIFactory2, DXGI_ADAPTER_DESC1, DXGI_ADAPTER_FLAG_SOFTWARE, DXGI_CREATE_FACTORY_FLAGS,
+    DXGI_ERROR_NOT_FOUND, IDXGIAdapter1, IDXGIFactory4,
+};
+
+use super::failure::failed;
+use crate::{Error, ErrorKind, Result};
+
+/// An adapter that a device can be made on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Adapter {
+    /// Names it until the machine starts anew: the LUID of DXGI, high part first.
+    pub luid: u64,
+    /// For people.
+    pub description: String,
+    /// Of PCI.
+    pub vendor: u32,
+    /// Of PCI.
+    pub device: u32,
+    /// Bytes of memory of its own.
+    pub memory: u64,
+    /// It is the processor in an adapter's clothes.
+    pub software: bool,
+}
+
+/// Lists the adapters that Direct3D 12 works on, in the system's order: the one it prefers first.
+///
+/// # Errors
+/// `Device` when DXGI does not start.
+pub fn adapters() -> Result<Vec<Adapter>> {
+    let mut found = Vec::new();
+    each(|adapter, described| {
+        if works(adapter) {
+            found.push(described);
+        }
+        true
+    })?;
+    Ok(found)
+}
+
+/// The adapter with `luid`; without one the first that is no software, else the first.
+pub(super) fn find(luid: Option<u64>) -> Result<(IDXGIAdapter1, Adapter)> {
+    let mut fallback = None;
+    let mut chosen = None;
+    each(|adapter, described| {
+        let fits = luid.map_or(!described.software, |luid| luid == described.luid);
+        let found = Some((adapter.clone(), described));
+        if fits {
+            chosen = found;
+        } else if luid.is_none() && fallback.is_none() {
+            fallback = found;
+        }
+        !fits
+    })?;
+    chosen.or(fallback).ok_or_else(|| match luid {
+        Some(luid) => Error::new(ErrorKind::InvalidArgument, format!("no adapter has the LUID {luid:#x}"))
+            .field("luid")
+            .remedy("Use one that the list of adapters gives"),
+        None => Error::new(ErrorKind::Unsupported, "this machine has no adapter").remedy("Use a CPU device"),
+    })
+}
+
+/// Calls `visit` with each adapter until it says no.
+fn each(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
+    // SAFETY: the call takes flags only.
+    let factory: IDXGIFactory4 =
+        unsafe { CreateDXGIFactory2(DXGI_CREATE_FACTORY_FLAGS(0)) }.map_err(|e| failed("CreateDXGIFactory2", &e))?;
+    for index in 0.. {
+        // SAFETY: a live factory; any index may be asked for.
+        let adapter = match unsafe { factory.EnumAdapters1(index) } {
+            Ok(adapter) => adapter,
+            Err(e) if e.code() == DXGI_ERROR_NOT_FOUND => break,
+            Err(e) => return Err(failed("IDXGIFactory1::EnumAdapters1", &e)),
+        };
+        // SAFETY: a live adapter; the call fills a struct of its own.
+        let told = unsafe { adapter.GetDesc1() }.map_err(|e| failed("IDXGIAdapter1::GetDesc1", &e))?;
+        if !visit(&adapter, describe(&told)) {
+            break;
+        }
+    }
+    Ok(())
+}
+
+fn describe(told: &DXGI_ADAPTER_DESC1) -> Adapter {
+    let length = told.Description.iter().position(|&c| c == 0).unwrap_or(told.Description.len());
+    Adapter {
+        luid: number(told.AdapterLuid),
+        description: String::from_utf16_lossy(&told.Description[..length]),
+        vendor: told.VendorId,
+        device: told.DeviceId,
+        memory: told.DedicatedVideoMemory as u64,
+        software: told.Flags & DXGI_ADAPTER_FLAG_SOFTWARE.0 as u32 != 0,
+    }
+}
+
+/// A LUID as one number.
+pub(super) fn number(luid: LUID) -> u64 {
+    u64::from(luid.HighPart.cast_unsigned()) << 32 | u64::from(luid.LowPart)
+}
+
+/// Whether Direct3D 12 works on an adapter; nothing is made.
+fn works(adapter: &IDXGIAdapter1) -> bool {
+    // SAFETY: a live adapter; without a place for the device the call only says whether there could be one.
+    unsafe { D3D12CreateDevice::<_, ID3D12Device>(adapter, D3D_FEATURE_LEVEL_11_0, std::ptr::null_mut()) }.is_ok()
+}

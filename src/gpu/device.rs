@@ -1,0 +1,137 @@
+//! A device with its two queues.
+
+use std::sync::Arc;
+
+use windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
+use windows::Win32::Graphics::Direct3D12::{
+    D3D12_COMMAND_LIST_TYPE_COMPUTE, D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12CreateDevice, ID3D12CommandQueue,
+    ID3D12Device, ID3D12DeviceChild,
+};
+use windows::core::{IUnknown, Interface};
+
+use super::failure::{failed, failed_on, removed};
+use super::{Queue, adapter};
+use crate::{Error, ErrorKind, Result};
+
+/// A Direct3D 12 device, an engine's or our own, with a queue for frames and one for anchors. Cheap to clone; every clone is the
+/// same device. Holds a reference to each of an engine's objects until the last clone is gone.
+///
+/// Threads: may be used from any thread at any time.
+#[derive(Clone)]
+pub struct Gpu(Arc<Inner>);
+
+struct Inner {
+    frames: Queue,
+    anchors: Queue,
+    device: ID3D12Device,
+    luid: u64,
+}
+
+impl Gpu {
+    /// An engine's device. Frames are generated and copied on `queue`, of type direct or compute; the world's passes run on
+    /// `anchors`, a compute queue of the same device, and without one on a compute queue of our own.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a queue of another type or of another device, `DeviceRemoved` for a device that is gone.
+    pub fn of_engine(
+        device: &ID3D12Device,
+        queue: &ID3D12CommandQueue,
+        anchors: Option<&ID3D12CommandQueue>,
+    ) -> Result<Self> {
+        if let Some(gone) = removed(device) {
+            return Err(gone);
+        }
+        let refuse = |field: &str, why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+        owns(device, queue, "queue")?;
+        let frames = Queue::of_engine(device, queue)?;
+        if ![D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_COMMAND_LIST_TYPE_COMPUTE].contains(&frames.kind()) {
+            return refuse("queue", "the queue is of no type that runs shaders; it must be direct or compute");
+        }
+        let anchors = match anchors {
+            None => Queue::new(device, D3D12_COMMAND_LIST_TYPE_COMPUTE)?,
+            Some(anchors) => {
+                owns(device, anchors, "anchors")?;
+                let anchors = Queue::of_engine(device, anchors)?;
+                if anchors.kind() != D3D12_COMMAND_LIST_TYPE_COMPUTE {
+                    return refuse("anchors", "the queue for anchors is of another type than compute");
+                }
+                anchors
+            }
+        };
+        // SAFETY: a live device.
+        let luid = adapter::number(unsafe { device.GetAdapterLuid() });
+        Ok(Self(Arc::new(Inner { frames, anchors, device: device.clone(), luid })))
+    }
+
+    /// A device of our own on the adapter with `luid`, as [`adapters`](super::adapters) lists it; without one on the first that
+    /// is no software, else on the first.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when no adapter has the LUID, `Unsupported` when there is none or it is below feature level 11_0,
+    /// `Device` when its driver fails.
+    pub fn on_adapter(luid: Option<u64>) -> Result<Self> {
+        let (adapter, described) = adapter::find(luid)?;
+        let mut device: Option<ID3D12Device> = None;
+        // SAFETY: a live adapter, and a place that lives during the call.
+        unsafe { D3D12CreateDevice(&adapter, D3D_FEATURE_LEVEL_11_0, &mut device) }.map_err(|e| {
+            let why = failed("D3D12CreateDevice", &e);
+            Error::new(ErrorKind::Unsupported, format!("{} on {}", why.cause(), described.description))
+                .remedy("Use another adapter with a Direct3D 12 driver, or a CPU device")
+        })?;
+        let device = device.ok_or_else(|| Error::new(ErrorKind::Device, "D3D12CreateDevice gave no device"))?;
+        let frames = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_DIRECT)?;
+        let anchors = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE)?;
+        Ok(Self(Arc::new(Inner { frames, anchors, device, luid: described.luid })))
+    }
+
+    /// Direct3D's own.
+    pub fn device(&self) -> &ID3D12Device {
+        &self.0.device
+    }
+
+    /// Where frames are generated and copied.
+    pub fn frames(&self) -> &Queue {
+        &self.0.frames
+    }
+
+    /// Where a world's passes run.
+    pub fn anchors(&self) -> &Queue {
+        &self.0.anchors
+    }
+
+    /// The LUID of its adapter.
+    pub fn luid(&self) -> u64 {
+        self.0.luid
+    }
+
+    /// Why it is gone, when it is: driver replaced, command hung, adapter taken out. Nothing made on it works then; all of it can
+    /// be released as ever, and a new device be made.
+    pub fn removed(&self) -> Option<Error> {
+        removed(&self.0.device)
+    }
+
+    /// Refuses an object of another device.
+    pub(super) fn owns(&self, object: &impl Interface, name: &str) -> Result<()> {
+        owns(&self.0.device, object, name)
+    }
+}
+
+impl std::fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Gpu(adapter {:#x}{})", self.0.luid, if self.removed().is_some() { ", removed" } else { "" })
+    }
+}
+
+/// Refuses an object that is none of `device`'s. Objects are the same when their IUnknown is.
+fn owns(device: &ID3D12Device, object: &impl Interface, name: &str) -> Result<()> {
+    let refuse = |why: &str| Error::new(ErrorKind::InvalidArgument, why).field(name);
+    let child: ID3D12DeviceChild = object.cast().map_err(|_| refuse("it is no object of Direct3D 12"))?;
+    let mut parent: Option<ID3D12Device> = None;
+    // SAFETY: a live object, and a place that lives during the call.
+    unsafe { child.GetDevice(&mut parent) }.map_err(|e| failed_on(device, "ID3D12DeviceChild::GetDevice", &e))?;
+    let identity = |device: &ID3D12Device| device.cast::<IUnknown>().map(|unknown| unknown.as_raw());
+    match parent.as_ref().map(identity) {
+        Some(Ok(parent)) if Ok(parent) == identity(device) => Ok(()),
+        _ => Err(refuse("it belongs to another device")),
+    }
+}

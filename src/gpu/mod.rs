@@ -1,0 +1,19 @@
+//! Direct3D 12: devices, queues and the moments on their timelines. Windows only.
+//!
+//! A [`Gpu`] is an engine's own device with its queue, or one of ours on an adapter; it has two [`Queue`]s, one for frames and
+//! one for anchors, so that a world's long passes never stand before a frame. Work of one queue waits for work of the other at
+//! a [`Moment`] and nowhere else.
+
+mod adapter;
+mod device;
+mod failure;
+mod moment;
+mod queue;
+
+pub use adapter::{Adapter, adapters};
+pub use device::Gpu;
+pub(crate) use failure::failed_on;
+pub use moment::Moment;
+pub use queue::Queue;
+/// The bindings in which objects of Direct3D are handed over.
+pub use windows;

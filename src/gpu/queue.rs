@@ -1,0 +1,98 @@
+//! A queue and its timeline.
+
+use parking_lot::Mutex;
+use windows::Win32::Graphics::Direct3D12::{
+    D3D12_COMMAND_LIST_TYPE, D3D12_COMMAND_QUEUE_DESC, D3D12_FENCE_FLAG_NONE, ID3D12CommandList, ID3D12CommandQueue,
+    ID3D12Device, ID3D12Fence,
+};
+use windows::core::Interface;
+
+use super::Moment;
+use super::failure::{failed_on, removed};
+use crate::Result;
+
+/// A queue of a [`Gpu`](super::Gpu), with a fence of our own that counts what we gave it. The queue may be an engine's, which
+/// gives it work beside ours.
+///
+/// Threads: may be used from any thread at any time.
+pub struct Queue {
+    queue: ID3D12CommandQueue,
+    device: ID3D12Device,
+    fence: ID3D12Fence,
+    kind: D3D12_COMMAND_LIST_TYPE,
+    /// The fence's last value that was asked for. Held while one is, so that values reach the queue in their order.
+    last: Mutex<u64>,
+}
+
+impl Queue {
+    /// A queue that is there already.
+    pub(super) fn of_engine(device: &ID3D12Device, queue: &ID3D12CommandQueue) -> Result<Self> {
+        // SAFETY: a live device; the call takes values only.
+        let fence = unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }
+            .map_err(|e| failed_on(device, "ID3D12Device::CreateFence", &e))?;
+        // SAFETY: a live queue.
+        let kind = unsafe { queue.GetDesc() }.Type;
+        Ok(Self { queue: queue.clone(), device: device.clone(), fence, kind, last: Mutex::new(0) })
+    }
+
+    /// A new queue.
+    pub(super) fn new(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE) -> Result<Self> {
+        let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, ..Default::default() };
+        // SAFETY: a live device and a description that lives during the call.
+        let queue = unsafe { device.CreateCommandQueue(&wanted) }
+            .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandQueue", &e))?;
+        Self::of_engine(device, &queue)
+    }
+
+    /// Direct3D's own.
+    pub fn d3d12(&self) -> &ID3D12CommandQueue {
+        &self.queue
+    }
+
+    /// The kind of command lists that it takes.
+    pub fn kind(&self) -> D3D12_COMMAND_LIST_TYPE {
+        self.kind
+    }
+
+    /// Gives it closed command lists; the moment when they are done. They and what they use must live until then.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`.
+    pub fn submit(&self, lists: &[ID3D12CommandList]) -> Result<Moment> {
+        let lists: Vec<Option<ID3D12CommandList>> = lists.iter().cloned().map(Some).collect();
+        // SAFETY: live lists of this device; an open one makes Direct3D remove the device, which `now` reports.
+        unsafe { self.queue.ExecuteCommandLists(&lists) };
+        self.now()
+    }
+
+    /// The moment when everything that it has been given so far is done, by whomever.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`.
+    pub fn now(&self) -> Result<Moment> {
+        let mut last = self.last.lock();
+        // Checked first: a queue that is gone may never come to what it is told now.
+        if let Some(gone) = removed(&self.device) {
+            return Err(gone);
+        }
+        // SAFETY: a live queue and a fence of its device.
+        unsafe { self.queue.Signal(&self.fence, *last + 1) }
+            .map_err(|e| failed_on(&self.device, "ID3D12CommandQueue::Signal", &e))?;
+        *last += 1;
+        Ok(Moment::new(&self.fence, *last, &self.device))
+    }
+
+    /// Lets what it is given from now on wait for `moment`, of another queue or an engine's own; this thread does not wait.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`.
+    pub fn wait(&self, moment: &Moment) -> Result<()> {
+        // What stands before in the same queue is waited for anyway.
+        if moment.fence().as_raw() == self.fence.as_raw() {
+            return Ok(());
+        }
+        // SAFETY: a live queue and a live fence.
+        unsafe { self.queue.Wait(moment.fence(), moment.value()) }
+            .map_err(|e| failed_on(&self.device, "ID3D12CommandQueue::Wait", &e))
+    }
+}

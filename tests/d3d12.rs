@@ -1,0 +1,206 @@
+//! The Direct3D 12 device: an engine's objects and our own, two queues, two devices, and one that is removed. On Windows, or in the
+//! lab.
+#![cfg(windows)]
+
+use cairn::ErrorKind;
+use cairn::gpu::windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::core::Interface;
+use cairn::gpu::{Gpu, Moment, adapters};
+
+#[path = "d3d12/buffers.rs"]
+mod buffers;
+use buffers::{Buffers, List, bytes};
+
+/// An engine's objects.
+struct Engine {
+    device: ID3D12Device,
+    direct: ID3D12CommandQueue,
+    compute: ID3D12CommandQueue,
+}
+
+fn engine() -> Engine {
+    let mut device: Option<ID3D12Device> = None;
+    // SAFETY: the place lives during the call.
+    unsafe { D3D12CreateDevice(None, D3D_FEATURE_LEVEL_11_0, &mut device) }.expect("a device");
+    let device = device.expect("a device");
+    let direct = queue(&device, D3D12_COMMAND_LIST_TYPE_DIRECT);
+    let compute = queue(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE);
+    Engine { device, direct, compute }
+}
+
+fn queue(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE) -> ID3D12CommandQueue {
+    let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, ..Default::default() };
+    // SAFETY: the description lives during the call.
+    unsafe { device.CreateCommandQueue(&wanted) }.expect("a queue")
+}
+
+/// References to an object, ours among them.
+fn references(object: &impl Interface) -> u32 {
+    let unknown = std::mem::ManuallyDrop::new(object.cast::<cairn::gpu::windows::core::IUnknown>().expect("IUnknown"));
+    // SAFETY: releases the reference that the cast above took, and counts the rest.
+    unsafe { (Interface::vtable(&*unknown).Release)(unknown.as_raw()) }
+}
+
+/// Waits for `count` to become `expected`: a driver's own thread may let go of a fence a little after it has signalled it.
+fn comes_back<const N: usize>(count: impl Fn() -> [u32; N], expected: [u32; N]) {
+    for _ in 0..500 {
+        if count() == expected {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert_eq!(count(), expected, "references come back");
+}
+
+#[test]
+fn adapters_are_listed_and_a_device_is_made_on_each() {
+    let adapters = adapters().expect("DXGI works");
+    assert!(!adapters.is_empty(), "there is an adapter");
+    for adapter in &adapters {
+        assert!(!adapter.description.is_empty(), "{adapter:?}");
+        let gpu = Gpu::on_adapter(Some(adapter.luid)).expect("a device on it");
+        assert_eq!(gpu.luid(), adapter.luid);
+        assert_eq!(gpu.frames().kind(), D3D12_COMMAND_LIST_TYPE_DIRECT);
+        assert_eq!(gpu.anchors().kind(), D3D12_COMMAND_LIST_TYPE_COMPUTE);
+        assert!(gpu.removed().is_none());
+    }
+    let refused = Gpu::on_adapter(Some(0x1234_5678_9abc_def0)).expect_err("no adapter has it");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("luid")));
+}
+
+#[test]
+fn an_engine_gets_all_its_references_back() {
+    let engine = engine();
+    let count = || [references(&engine.device), references(&engine.direct), references(&engine.compute)];
+    let before = count();
+    for anchors in [None, Some(&engine.compute)] {
+        let gpu = Gpu::of_engine(&engine.device, &engine.direct, anchors).expect("an engine's device");
+        assert_eq!(gpu.device().as_raw(), engine.device.as_raw());
+        assert_eq!(gpu.frames().d3d12().as_raw(), engine.direct.as_raw());
+        let own = gpu.anchors().d3d12().as_raw();
+        assert_eq!(own == engine.compute.as_raw(), anchors.is_some());
+        let clone = gpu.clone();
+        drop(gpu);
+        let moment = clone.anchors().now().expect("a moment");
+        moment.wait().expect("nothing was to be done");
+        assert!(count().iter().zip(before).any(|(now, before)| *now > before), "it holds what it uses");
+        drop((clone, moment));
+        comes_back(count, before);
+    }
+    // What is refused holds nothing either.
+    let other = self::engine();
+    let copy = queue(&engine.device, D3D12_COMMAND_LIST_TYPE_COPY);
+    for (queue, anchors, field) in [
+        (&copy, None, "queue"),
+        (&other.direct, None, "queue"),
+        (&engine.direct, Some(&copy), "anchors"),
+        (&engine.direct, Some(&engine.direct), "anchors"),
+        (&engine.direct, Some(&other.compute), "anchors"),
+    ] {
+        let refused = Gpu::of_engine(&engine.device, queue, anchors).expect_err("a queue that cannot serve");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)), "{refused}");
+    }
+    drop(copy);
+    comes_back(count, before);
+}
+
+#[test]
+fn one_queue_waits_for_the_other_at_a_moment() {
+    let engine = engine();
+    let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute)).expect("an engine's device");
+    let buffers = Buffers::new(gpu.device(), 3);
+    buffers.upload(b"before: ");
+    // The engine's own work goes on only when the processor says so; ours stands behind it.
+    // SAFETY: values only.
+    let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+    gpu.frames().wait(&Moment::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
+    let first = List::new(gpu.device(), gpu.frames().kind());
+    let written = gpu.frames().submit(&[first.copy(&buffers, 0, 1)]).expect("a submission");
+    gpu.anchors().wait(&written).expect("a wait");
+    let second = List::new(gpu.device(), gpu.anchors().kind());
+    let read = gpu.anchors().submit(&[second.copy(&buffers, 1, 2)]).expect("a submission");
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    assert!(!written.reached() && !read.reached(), "nothing runs before its moment");
+    // Had the second copy not waited, it would have copied zeroes by now.
+    buffers.upload(b"at last!");
+    // SAFETY: a live fence.
+    unsafe { gate.Signal(1) }.expect("the gate opens");
+    for moment in [&read, &written] {
+        moment.wait().expect("both are done");
+        assert!(moment.reached());
+    }
+    assert_eq!(&bytes(&buffers.read), b"at last!");
+
+    let other = self::engine();
+    // SAFETY: values only.
+    let foreign: ID3D12Fence = unsafe { other.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+    let refused = Moment::of_engine(&gpu, &foreign, 1).expect_err("another device's");
+    assert_eq!(refused.offending_field(), Some("fence"));
+}
+
+#[test]
+fn two_devices_work_side_by_side() {
+    let gpus = [Gpu::on_adapter(None).expect("a device"), Gpu::on_adapter(None).expect("another device")];
+    std::thread::scope(|scope| {
+        for (gpu, text) in gpus.iter().zip([b"number 1", b"number 2"]) {
+            scope.spawn(move || {
+                for round in 0..20 {
+                    let buffers = Buffers::new(gpu.device(), 3);
+                    buffers.upload(text);
+                    let queue = if round % 2 == 0 { gpu.frames() } else { gpu.anchors() };
+                    let lists = [List::new(gpu.device(), queue.kind()), List::new(gpu.device(), queue.kind())];
+                    let both = [lists[0].copy(&buffers, 0, 1), lists[1].copy(&buffers, 1, 2)];
+                    queue.submit(&both).expect("a submission").wait().expect("it is done");
+                    assert_eq!(&bytes(&buffers.read), text);
+                }
+            });
+        }
+    });
+}
+
+#[test]
+fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
+    let engine = engine();
+    let untouched = [references(&engine.device), references(&engine.direct)];
+    let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("an engine's device");
+    let buffers = Buffers::new(gpu.device(), 3);
+    let earlier = gpu.frames().now().expect("a moment");
+    // Behind a gate that nobody opens: only the removal ends this wait.
+    // SAFETY: values only.
+    let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+    gpu.anchors().wait(&Moment::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
+    let stuck = gpu.anchors().now().expect("a moment");
+    let waiting = std::thread::spawn({
+        let stuck = stuck.clone();
+        move || stuck.wait()
+    });
+
+    // A list that is still open must not be given to a queue: the device is removed for it.
+    let open = List::new(gpu.device(), gpu.frames().kind());
+    let gone = gpu.frames().submit(&[open.still_open()]).expect_err("the device is gone");
+    assert_eq!(gone.kind(), ErrorKind::DeviceRemoved, "{gone}");
+    assert!(gone.to_string().contains("0x887a0001"), "the reason has its number: {gone}");
+    assert!(gone.remedy_text().is_some_and(|text| text.contains("new device")), "{gone}");
+    assert_eq!(gpu.removed().map(|error| error.kind()), Some(ErrorKind::DeviceRemoved));
+    for result in [waiting.join().expect("no panic"), earlier.wait(), gpu.anchors().now().map(drop)] {
+        assert_eq!(result.expect_err("nothing works on it").kind(), ErrorKind::DeviceRemoved);
+    }
+    let refused = Gpu::of_engine(&engine.device, &engine.direct, None).expect_err("a device that is gone");
+    assert_eq!(refused.kind(), ErrorKind::DeviceRemoved);
+
+    // A driver that goes on regardless gets to its end, and no thread of it holds anything.
+    // SAFETY: a live fence.
+    _ = unsafe { gate.Signal(1) };
+    comes_back(|| [u32::from(stuck.reached())], [1]);
+    drop((buffers, open, gate, earlier, stuck, gpu));
+    comes_back(|| [references(&engine.device), references(&engine.direct)], untouched);
+    drop(engine);
+
+    let gpu = Gpu::on_adapter(None).expect("a new device");
+    let buffers = Buffers::new(gpu.device(), 2);
+    buffers.upload(b"it works");
+    let list = List::new(gpu.device(), gpu.frames().kind());
+    gpu.frames().submit(&[list.copy(&buffers, 0, 1)]).expect("a submission").wait().expect("it is done");
+    assert_eq!(&bytes(&buffers.read), b"it works");
+}

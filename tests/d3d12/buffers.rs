@@ -1,0 +1,99 @@
+//! Buffers and lists that copy between them, as an engine makes them.
+
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
+use cairn::gpu::windows::core::Interface;
+
+/// Bytes of every buffer that are used.
+const LENGTH: usize = 8;
+
+/// A chain of buffers: the first is written by the processor, the last is read by it, and what is between stays on the device.
+pub(crate) struct Buffers {
+    chain: Vec<ID3D12Resource>,
+    pub(crate) read: ID3D12Resource,
+}
+
+impl Buffers {
+    pub(crate) fn new(device: &ID3D12Device, count: usize) -> Self {
+        let kind = |i: usize| match i {
+            0 => (D3D12_HEAP_TYPE_UPLOAD, D3D12_RESOURCE_STATE_GENERIC_READ),
+            _ if i + 1 == count => (D3D12_HEAP_TYPE_READBACK, D3D12_RESOURCE_STATE_COPY_DEST),
+            // Buffers of the default heap are promoted to what they are used as, and fall back when the list is done.
+            _ => (D3D12_HEAP_TYPE_DEFAULT, D3D12_RESOURCE_STATE_COMMON),
+        };
+        let chain: Vec<_> = (0..count).map(kind).map(|(heap, state)| buffer(device, heap, state)).collect();
+        Self { read: chain[count - 1].clone(), chain }
+    }
+
+    /// Writes the first buffer.
+    pub(crate) fn upload(&self, text: &[u8; LENGTH]) {
+        mapped(&self.chain[0], |place| place.copy_from_slice(text));
+    }
+}
+
+fn buffer(device: &ID3D12Device, heap: D3D12_HEAP_TYPE, state: D3D12_RESOURCE_STATES) -> ID3D12Resource {
+    let heap = D3D12_HEAP_PROPERTIES { Type: heap, ..Default::default() };
+    let wanted = D3D12_RESOURCE_DESC {
+        Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
+        Width: LENGTH as u64,
+        Height: 1,
+        DepthOrArraySize: 1,
+        MipLevels: 1,
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        Layout: D3D12_TEXTURE_LAYOUT_ROW_MAJOR,
+        ..Default::default()
+    };
+    let mut made: Option<ID3D12Resource> = None;
+    // SAFETY: descriptions and place live during the call.
+    unsafe { device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &wanted, state, None, &mut made) }
+        .expect("a buffer");
+    made.expect("a buffer")
+}
+
+/// What a buffer that the processor may read holds.
+pub(crate) fn bytes(buffer: &ID3D12Resource) -> [u8; LENGTH] {
+    let mut found = [0; LENGTH];
+    mapped(buffer, |place| found.copy_from_slice(place));
+    found
+}
+
+fn mapped(buffer: &ID3D12Resource, act: impl FnOnce(&mut [u8])) {
+    let mut place = std::ptr::null_mut();
+    // SAFETY: a buffer of a heap that the processor sees.
+    unsafe { buffer.Map(0, None, Some(&mut place)) }.expect("a mapping");
+    // SAFETY: the mapping is as long as the buffer and nothing on the device uses it now.
+    act(unsafe { std::slice::from_raw_parts_mut(place.cast(), LENGTH) });
+    // SAFETY: mapped above.
+    unsafe { buffer.Unmap(0, None) };
+}
+
+/// A command list with its allocator, which must live until it has run.
+pub(crate) struct List {
+    list: ID3D12GraphicsCommandList,
+    _allocator: ID3D12CommandAllocator,
+}
+
+impl List {
+    /// An open list.
+    pub(crate) fn new(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE) -> Self {
+        // SAFETY: a live device.
+        let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }.expect("an allocator");
+        // SAFETY: a live device and allocator.
+        let list = unsafe { device.CreateCommandList(0, kind, &allocator, None) }.expect("a list");
+        Self { list, _allocator: allocator }
+    }
+
+    /// Records a copy between two of the chain, and closes.
+    pub(crate) fn copy(&self, buffers: &Buffers, from: usize, to: usize) -> ID3D12CommandList {
+        // SAFETY: live buffers, which the test keeps until the list has run.
+        unsafe { self.list.CopyBufferRegion(&buffers.chain[to], 0, &buffers.chain[from], 0, LENGTH as u64) };
+        // SAFETY: an open list.
+        unsafe { self.list.Close() }.expect("a closed list");
+        self.still_open()
+    }
+
+    /// The list as a queue takes it, closed or not.
+    pub(crate) fn still_open(&self) -> ID3D12CommandList {
+        self.list.cast().expect("a command list")
+    }
+}
