@@ -3,11 +3,15 @@
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::device::cairn_device;
-use super::handles::{enter, enter_alone};
+use super::handles::{enter, enter_alone, insert};
 use super::presenter::{cairn_frame, cairn_presenter};
-use super::results::{Failure, Outcome, cairn_result};
+use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info};
 use super::structs::{Out, check_out};
+
+#[cfg_attr(windows, path = "d3d12/windows.rs")]
+#[cfg_attr(not(windows), path = "d3d12/elsewhere.rs")]
+pub(super) mod behind;
 
 /// Direct3D 12's own, declared so that its header is not needed.
 pub struct ID3D12Device(());
@@ -28,12 +32,14 @@ pub struct ID3D12GraphicsCommandList(());
 /// has no Direct3D 12 part every function of it answers CAIRN_ERROR_UNSUPPORTED.
 ///
 /// d3d12, queue: the engine's; frames are generated and copied on the queue, which must be of type direct or compute.
-/// anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null to use queue.
+/// anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null for one of the
+/// library's own.
 ///
 /// Ownership: on success *device is the caller's, for cairn_device_destroy, and holds a reference to each object until it is gone;
 /// on failure it is not written and no reference is held.
 /// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also for an object of another kind or device; CAIRN_ERROR_UNSUPPORTED;
+/// CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_create_d3d12(
@@ -43,12 +49,15 @@ pub unsafe extern "C" fn cairn_device_create_d3d12(
     device: *mut *mut cairn_device,
 ) -> cairn_result {
     call("cairn_device_create_d3d12", || {
-        // Of use on Windows only.
-        let _ = anchors;
         given(d3d12, "d3d12")?;
         given(queue, "queue")?;
         check_out(device, "device")?;
-        Err(Failure::no_d3d12())
+        // SAFETY: the host's promise about its objects.
+        let made = unsafe { behind::of_engine(d3d12, queue, anchors) }?;
+        let handle = insert::<cairn_device>(made)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { device.write(handle) };
+        Ok(CAIRN_OK)
     })
 }
 
@@ -58,15 +67,17 @@ pub unsafe extern "C" fn cairn_device_create_d3d12(
 ///
 /// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written.
 /// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED;
+/// CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_create_adapter(luid: u64, device: *mut *mut cairn_device) -> cairn_result {
     call("cairn_device_create_adapter", || {
-        // Of use on Windows only.
-        let _ = luid;
         check_out(device, "device")?;
-        Err(Failure::no_d3d12())
+        let handle = insert::<cairn_device>(behind::on_adapter(luid)?)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { device.write(handle) };
+        Ok(CAIRN_OK)
     })
 }
 
@@ -83,10 +94,15 @@ pub unsafe extern "C" fn cairn_device_get_d3d12(
     queue: *mut *mut ID3D12CommandQueue,
 ) -> cairn_result {
     call("cairn_device_get_d3d12", || {
-        let _device = enter(device)?;
+        let device = enter(device)?;
         check_out(d3d12, "d3d12")?;
         check_out(queue, "queue")?;
-        Err(Failure::no_d3d12())
+        let (own, frames) = behind::parts(&device).ok_or_else(Failure::no_d3d12)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { d3d12.write(own) };
+        // SAFETY: as above.
+        unsafe { queue.write(frames) };
+        Ok(CAIRN_OK)
     })
 }
 

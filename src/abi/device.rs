@@ -121,7 +121,7 @@ pub unsafe extern "C" fn cairn_device_get_info(
         let info = unsafe { Out::new(info, "info") }?;
         info.write(&cairn_device_info {
             struct_size: 0,
-            kind: CAIRN_DEVICE_CPU,
+            kind: if device.is_gpu() { CAIRN_DEVICE_D3D12 } else { CAIRN_DEVICE_CPU },
             precision: precision_number(device.precision()),
             threads: u32::try_from(device.threads()).unwrap_or(u32::MAX),
             description: fixed_text(&device.describe()),

@@ -4,6 +4,7 @@ use std::ffi::c_char;
 use std::path::Path;
 
 use super::boundary::call;
+use super::d3d12::behind;
 use super::device::{CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12, cairn_cpu_options, cpu_options};
 use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::structs::{describe, read_or_default, write_rows};
@@ -92,8 +93,9 @@ pub unsafe extern "C" fn cairn_adapters(
             memory: total_memory().unwrap_or(0),
             name: fixed_text(&processor_name()),
         };
+        let rows: Vec<_> = std::iter::once(processor).chain(behind::list()).collect();
         // SAFETY: the host's promise about the array and the count.
-        unsafe { write_rows(&[processor], adapters, stride, capacity, count) }?;
+        unsafe { write_rows(&rows, adapters, stride, capacity, count) }?;
         Ok(CAIRN_OK)
     })
 }

@@ -10,6 +10,7 @@ use ort::value::{Shape, TensorRefMut};
 
 use super::device::Backend;
 use super::failure::{make, ort_failure};
+use super::finite::all_finite;
 use super::graph::TensorSpec;
 use super::lane::{BindingId, BufferId, Bytes, Lane, Region};
 use super::memory::Memory;
@@ -183,18 +184,7 @@ impl Lane for CpuLane {
     }
 
     fn finite(&self, of: BufferId, precision: Precision) -> Result<bool> {
-        let bytes = self.memories[of.0].bytes();
-        // All exponent bits set marks NaN and infinity; without an early exit the loop runs at the memory's speed.
-        Ok(match precision {
-            Precision::F32 => {
-                let words: &[u32] = bytemuck::cast_slice(bytes);
-                !words.iter().fold(false, |bad, w| bad | (w & 0x7f80_0000 == 0x7f80_0000))
-            }
-            Precision::F16 => {
-                let words: &[u16] = bytemuck::cast_slice(bytes);
-                !words.iter().fold(false, |bad, w| bad | (w & 0x7c00 == 0x7c00))
-            }
-        })
+        Ok(all_finite(self.memories[of.0].bytes(), precision))
     }
 
     fn bytes(&self) -> Bytes {

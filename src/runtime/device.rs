@@ -26,6 +26,12 @@ pub(super) trait Backend: Send + Sync {
     ) -> Result<Arc<Graph>>;
 
     fn lane(&self) -> Result<Box<dyn Lane>>;
+
+    /// The Direct3D 12 device it is, where it is one.
+    #[cfg(windows)]
+    fn gpu(&self) -> Option<&crate::gpu::Gpu> {
+        None
+    }
 }
 
 /// A device that runs worlds. Cheap to clone; every clone is the same device.
@@ -43,6 +49,16 @@ impl Device {
         Ok(Device(Arc::new(CpuBackend::new(ort, options)?)))
     }
 
+    /// A Direct3D 12 device, by ONNX Runtime's DirectML provider: a world's passes run on its queue for anchors.
+    ///
+    /// # Errors
+    /// `RuntimeMissing` when the DirectML.dll that belongs to ONNX Runtime is not beside it; `Unsupported` when another one is in
+    /// the process already, or the adapter cannot do DirectML's feature level 5.0; `DeviceRemoved`.
+    #[cfg(windows)]
+    pub fn directml(ort: &Ort, gpu: &crate::gpu::Gpu, options: super::DirectMlOptions) -> Result<Device> {
+        Ok(Device(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))
+    }
+
     /// What it is, for people and manifests, e.g. `ONNX Runtime 1.24.4 CPU, 8 threads, deterministic`.
     pub fn describe(&self) -> String {
         self.0.describe()
@@ -51,6 +67,20 @@ impl Device {
     /// The precision this device computes in unless told otherwise.
     pub fn precision(&self) -> Precision {
         self.0.precision()
+    }
+
+    /// The Direct3D 12 device it is, where it is one.
+    #[cfg(windows)]
+    pub fn gpu(&self) -> Option<&crate::gpu::Gpu> {
+        self.0.gpu()
+    }
+
+    /// Whether it is a graphics device: a Direct3D 12 one.
+    pub fn is_gpu(&self) -> bool {
+        #[cfg(windows)]
+        return self.gpu().is_some();
+        #[cfg(not(windows))]
+        false
     }
 
     /// Threads that share one pass, the caller's own among them.

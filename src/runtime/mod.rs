@@ -7,8 +7,11 @@
 
 mod cpu;
 mod device;
+#[cfg(windows)]
+mod directml;
 mod failure;
 mod find;
+mod finite;
 mod graph;
 mod lane;
 mod library;
@@ -18,6 +21,8 @@ mod stop;
 
 pub use cpu::CpuOptions;
 pub use device::Device;
+#[cfg(windows)]
+pub use directml::DirectMlOptions;
 pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
 pub(crate) use lane::{BindingId, BufferId, Lane, Region};

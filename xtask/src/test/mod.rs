@@ -6,6 +6,7 @@ mod cargo;
 mod host;
 mod house;
 mod junit;
+mod lab;
 mod nightly;
 mod python;
 mod quality;
@@ -60,6 +61,7 @@ const RUNNERS: &[Runner] = &[
         what: "the Python package, parity with the oracle, and training at its smallest",
         run: python::run,
     },
+    Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video plays in Chromium", run: browser::run },

@@ -1,0 +1,28 @@
+//! What stands behind the doors of Direct3D 12 where it is not there.
+
+use super::super::requirements::cairn_adapter;
+use super::super::results::{Failure, Outcome};
+use super::{ID3D12CommandQueue, ID3D12Device};
+use crate::runtime::Device;
+
+/// # Safety
+/// Nothing is asked for.
+pub(in crate::abi) unsafe fn of_engine(
+    _: *mut ID3D12Device,
+    _: *mut ID3D12CommandQueue,
+    _: *mut ID3D12CommandQueue,
+) -> Outcome<Device> {
+    Err(Failure::no_d3d12())
+}
+
+pub(in crate::abi) fn on_adapter(_: u64) -> Outcome<Device> {
+    Err(Failure::no_d3d12())
+}
+
+pub(in crate::abi) fn parts(_: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
+    None
+}
+
+pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
+    Vec::new()
+}

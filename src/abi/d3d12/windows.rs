@@ -1,0 +1,79 @@
+//! What stands behind the doors of Direct3D 12 where it is there.
+
+use std::ffi::c_void;
+
+use windows::Win32::Graphics::Direct3D12 as direct3d;
+use windows::core::{IUnknown, Interface};
+
+use super::super::device::CAIRN_DEVICE_D3D12;
+use super::super::requirements::cairn_adapter;
+use super::super::results::{Failure, Outcome};
+use super::super::text::fixed_text;
+use super::{ID3D12CommandQueue, ID3D12Device};
+use crate::gpu::{Gpu, adapters};
+use crate::runtime::{Device, DirectMlOptions, Ort};
+
+/// A device of an engine's objects.
+///
+/// # Safety
+/// What is not null is an object of COM and lives during the call.
+pub(in crate::abi) unsafe fn of_engine(
+    d3d12: *mut ID3D12Device,
+    queue: *mut ID3D12CommandQueue,
+    anchors: *mut ID3D12CommandQueue,
+) -> Outcome<Device> {
+    // SAFETY: the caller's promise.
+    let device: direct3d::ID3D12Device = unsafe { object(d3d12.cast(), "d3d12") }?;
+    // SAFETY: the caller's promise.
+    let queue: direct3d::ID3D12CommandQueue = unsafe { object(queue.cast(), "queue") }?;
+    let anchors: Option<direct3d::ID3D12CommandQueue> = match anchors.is_null() {
+        true => None,
+        // SAFETY: the caller's promise.
+        false => Some(unsafe { object(anchors.cast(), "anchors") }?),
+    };
+    running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?)
+}
+
+/// A device of our own.
+pub(in crate::abi) fn on_adapter(luid: u64) -> Outcome<Device> {
+    running(&Gpu::on_adapter(Some(luid))?)
+}
+
+fn running(gpu: &Gpu) -> Outcome<Device> {
+    Ok(Device::directml(&Ort::find(None)?, gpu, DirectMlOptions::default())?)
+}
+
+/// What a device runs on, each with a reference more; none for a CPU device.
+pub(in crate::abi) fn parts(device: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
+    let gpu = device.gpu()?;
+    Some((gpu.device().clone().into_raw().cast(), gpu.frames().d3d12().clone().into_raw().cast()))
+}
+
+/// The adapters, in the system's order.
+pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
+    let found = adapters().unwrap_or_else(|e| {
+        log::warn!("the adapters of Direct3D 12 cannot be listed: {e}");
+        Vec::new()
+    });
+    let row = |(index, adapter): (u32, crate::gpu::Adapter)| cairn_adapter {
+        struct_size: 0,
+        kind: CAIRN_DEVICE_D3D12,
+        index,
+        reserved: 0,
+        luid: adapter.luid,
+        memory: adapter.memory,
+        name: fixed_text(&adapter.description),
+    };
+    (0..).zip(found).map(row).collect()
+}
+
+/// The interface `I` of a COM object that is not null.
+///
+/// # Safety
+/// The pointer is of an object of COM, which lives during the call.
+unsafe fn object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
+    // SAFETY: the caller's promise; every interface of COM starts with IUnknown, and no reference is taken.
+    let unknown = unsafe { IUnknown::from_raw_borrowed(&pointer) };
+    let cast = unknown.and_then(|unknown| unknown.cast().ok());
+    cast.ok_or_else(|| Failure::argument(name, "it is an object of another kind"))
+}

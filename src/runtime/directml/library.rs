@@ -1,0 +1,98 @@
+//! DirectML's library: the one beside ONNX Runtime's, by its absolute path, and no other.
+
+use std::ffi::c_void;
+use std::os::windows::ffi::OsStrExt;
+use std::path::PathBuf;
+
+use windows::Win32::AI::MachineLearning::DirectML::{
+    DML_CREATE_DEVICE_FLAG_NONE, DML_CREATE_DEVICE_FLAGS, DML_FEATURE_LEVEL, DML_FEATURE_LEVEL_5_0, IDMLDevice,
+};
+use windows::Win32::Foundation::HMODULE;
+use windows::Win32::System::LibraryLoader::{
+    GetModuleFileNameW, GetModuleHandleW, GetProcAddress, LOAD_WITH_ALTERED_SEARCH_PATH, LoadLibraryExW,
+};
+use windows::core::{GUID, HRESULT, Interface, PCWSTR, s, w};
+
+use super::unsupported;
+use crate::gpu::Gpu;
+use crate::runtime::Ort;
+use crate::{Error, ErrorKind, Result};
+
+/// The library, which is never unloaded: ONNX Runtime finds it by its name when the first session is made.
+pub(super) struct Library {
+    module: HMODULE,
+    path: PathBuf,
+}
+
+/// Loads it, or finds it loaded.
+///
+/// Windows gives a library that is asked for by name to whoever asks if one of this name is in the process already: ONNX
+/// Runtime would get an engine's. So that it gets ours, ours must be the first.
+pub(super) fn load(ort: &Ort) -> Result<Library> {
+    let path = ort.path().with_file_name("DirectML.dll");
+    let missing = |why: String| {
+        Error::new(ErrorKind::RuntimeMissing, why)
+            .field(path.display().to_string())
+            .remedy("Put the DirectML.dll of the package onnxruntime-directml beside onnxruntime.dll")
+    };
+    if !path.is_file() {
+        return Err(missing("DirectML's library is not there".to_owned()));
+    }
+    // SAFETY: a static name.
+    if let Ok(first) = unsafe { GetModuleHandleW(w!("DirectML.dll")) } {
+        let found = place(first);
+        return match found.canonicalize() {
+            Ok(canonical) if canonical == path => Ok(Library { module: first, path }),
+            _ => Err(unsupported(format!(
+                "another DirectML.dll is in this process already, which ONNX Runtime would use: {}",
+                found.display()
+            ))
+            .remedy("Load Cairn's device before the engine's DirectML, or give the engine the same file")),
+        };
+    }
+    let wide: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
+    // SAFETY: a NUL-terminated path; runs the initialisers of a library beside the one the caller named, with its trust.
+    let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, LOAD_WITH_ALTERED_SEARCH_PATH) }
+        .map_err(|e| missing(format!("DirectML's library cannot be loaded: {e}")))?;
+    Ok(Library { module, path })
+}
+
+/// Where a loaded module's file is.
+fn place(module: HMODULE) -> PathBuf {
+    let mut wide = vec![0; 1 << 15];
+    // SAFETY: a loaded module and memory of the length that the slice tells.
+    let length = unsafe { GetModuleFileNameW(Some(module), &mut wide) } as usize;
+    String::from_utf16_lossy(&wide[..length]).into()
+}
+
+impl Library {
+    /// DirectML's device on a Direct3D device.
+    pub(super) fn device(&self, gpu: &Gpu) -> Result<IDMLDevice> {
+        type Create = unsafe extern "system" fn(
+            *mut c_void,
+            DML_CREATE_DEVICE_FLAGS,
+            DML_FEATURE_LEVEL,
+            *const GUID,
+            *mut *mut c_void,
+        ) -> HRESULT;
+        // SAFETY: a loaded module and a static name.
+        let create = unsafe { GetProcAddress(self.module, s!("DMLCreateDevice1")) }.ok_or_else(|| {
+            Error::new(ErrorKind::RuntimeMissing, "this DirectML is older than its interface 1")
+                .field(self.path.display().to_string())
+        })?;
+        // SAFETY: DMLCreateDevice1 has this type in every release.
+        let create: Create = unsafe { std::mem::transmute(create) };
+        let mut device = std::ptr::null_mut();
+        let direct3d = gpu.device().as_raw();
+        // SAFETY: a live Direct3D device, and a place that lives during the call.
+        let result = unsafe {
+            create(direct3d, DML_CREATE_DEVICE_FLAG_NONE, DML_FEATURE_LEVEL_5_0, &IDMLDevice::IID, &mut device)
+        };
+        if result.is_err() || device.is_null() {
+            let why = format!("DMLCreateDevice1 failed with {:#010x} at feature level 5.0", result.0);
+            return Err(gpu.removed().unwrap_or_else(|| unsupported(why)));
+        }
+        // SAFETY: the call above gave a reference of this type, used once.
+        Ok(unsafe { IDMLDevice::from_raw(device) })
+    }
+}

@@ -1,0 +1,91 @@
+//! Buffers on a Direct3D device.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
+
+use crate::gpu::{Gpu, failed_on};
+use crate::{Error, ErrorKind, Result};
+
+/// Whose memory a buffer is in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Heap {
+    /// The device's, for shaders; rests in the state COMMON, from which Direct3D promotes it to what it is first used as.
+    Device,
+    /// The processor's to write and the device's to read.
+    Upload,
+    /// The device's to write and the processor's to read.
+    Readback,
+}
+
+/// A zeroed buffer of `bytes` bytes, rounded up to what ONNX Runtime's provider binds: whole words of four bytes.
+pub(super) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resource> {
+    let (kind, state, flags) = match heap {
+        Heap::Device => {
+            (D3D12_HEAP_TYPE_DEFAULT, D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS)
+        }
+        Heap::Upload => (D3D12_HEAP_TYPE_UPLOAD, D3D12_RESOURCE_STATE_GENERIC_READ, D3D12_RESOURCE_FLAG_NONE),
+        Heap::Readback => (D3D12_HEAP_TYPE_READBACK, D3D12_RESOURCE_STATE_COPY_DEST, D3D12_RESOURCE_FLAG_NONE),
+    };
+    let properties = D3D12_HEAP_PROPERTIES { Type: kind, ..Default::default() };
+    let wanted = D3D12_RESOURCE_DESC {
+        Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
+        Width: bytes.max(1).next_multiple_of(4) as u64,
+        Height: 1,
+        DepthOrArraySize: 1,
+        MipLevels: 1,
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        Layout: D3D12_TEXTURE_LAYOUT_ROW_MAJOR,
+        Flags: flags,
+        ..Default::default()
+    };
+    let mut made: Option<ID3D12Resource> = None;
+    // SAFETY: a live device; descriptions and place live during the call.
+    unsafe { gpu.device().CreateCommittedResource(&properties, D3D12_HEAP_FLAG_NONE, &wanted, state, None, &mut made) }
+        .map_err(|e| {
+            let why = failed_on(gpu.device(), "ID3D12Device::CreateCommittedResource", &e);
+            if why.kind() != ErrorKind::OutOfMemory {
+                return why;
+            }
+            Error::new(ErrorKind::OutOfMemory, format!("a buffer of {bytes} bytes does not fit: {}", why.cause()))
+        })?;
+    made.ok_or_else(|| Error::new(ErrorKind::Device, "ID3D12Device::CreateCommittedResource gave no buffer"))
+}
+
+/// Memory that processor and device share, mapped as long as it lives.
+pub(super) struct Shared {
+    resource: ID3D12Resource,
+    address: *mut u8,
+    len: usize,
+}
+
+// SAFETY: the mapping belongs to the resource and to no thread; access follows the borrow of `Shared`.
+unsafe impl Send for Shared {}
+
+impl Shared {
+    pub(super) fn new(gpu: &Gpu, heap: Heap, len: usize) -> Result<Self> {
+        let resource = buffer(gpu, heap, len)?;
+        let mut address = std::ptr::null_mut();
+        // SAFETY: a buffer of a heap that the processor sees, and a place that lives during the call.
+        unsafe { resource.Map(0, None, Some(&mut address)) }
+            .map_err(|e| failed_on(gpu.device(), "ID3D12Resource::Map", &e))?;
+        Ok(Self { resource, address: address.cast(), len })
+    }
+
+    pub(super) fn resource(&self) -> &ID3D12Resource {
+        &self.resource
+    }
+
+    /// Writes what the device has no business with any more.
+    pub(super) fn write(&mut self, at: usize, bytes: &[u8]) {
+        assert!(at + bytes.len() <= self.len, "inside the mapping");
+        // SAFETY: inside the mapping, and `bytes` is none of it.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.address.add(at), bytes.len()) };
+    }
+
+    /// Reads what the device has written and will not write meanwhile.
+    pub(super) fn read(&self, into: &mut [u8]) {
+        assert!(into.len() <= self.len, "inside the mapping");
+        // SAFETY: inside the mapping, and `into` is none of it.
+        unsafe { std::ptr::copy_nonoverlapping(self.address, into.as_mut_ptr(), into.len()) };
+    }
+}

@@ -1,0 +1,123 @@
+//! A Direct3D 12 device as a device for worlds: ONNX Runtime's DirectML provider over buffers of our own. Windows only.
+
+mod lane;
+mod library;
+mod memory;
+mod recorder;
+
+use std::sync::Arc;
+
+use ort::AsPointer;
+use ort::session::Session;
+use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
+use windows::Win32::AI::MachineLearning::DirectML::IDMLDevice;
+use windows::core::Interface;
+
+use super::device::Backend;
+use super::failure::make;
+use super::graph::TensorSpec;
+use super::{Graph, Lane, Ort};
+use crate::bundle::{ModelSource, Precision};
+use crate::gpu::Gpu;
+use crate::{Error, ErrorKind, Result};
+
+/// How DirectML is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct DirectMlOptions {
+    /// Gives up what a driver may choose freely, so that a rollout repeats bit for bit: metacommands.
+    pub deterministic: bool,
+}
+
+/// The backend behind [`Device::directml`](super::Device::directml).
+pub(super) struct DirectMlBackend {
+    ort: Ort,
+    gpu: Gpu,
+    device: IDMLDevice,
+    name: String,
+    options: DirectMlOptions,
+}
+
+// SAFETY: IDMLDevice may be used from any thread by DirectML's contract; the bindings do not know it.
+unsafe impl Send for DirectMlBackend {}
+// SAFETY: as above.
+unsafe impl Sync for DirectMlBackend {}
+
+impl DirectMlBackend {
+    pub(super) fn new(ort: &Ort, gpu: &Gpu, options: DirectMlOptions) -> Result<Self> {
+        let library = library::load(ort)?;
+        let device = library.device(gpu)?;
+        let name = crate::gpu::adapters()?
+            .into_iter()
+            .find(|adapter| adapter.luid == gpu.luid())
+            .map_or_else(|| format!("adapter {:#x}", gpu.luid()), |adapter| adapter.description);
+        Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, name, options })
+    }
+
+    /// The options every session shares.
+    fn session(&self, dimensions: &[(&str, usize)]) -> ort::Result<SessionBuilder> {
+        let mut builder = Session::builder(self.ort.environment())?
+            .with_optimization_level(GraphOptimizationLevel::Level3)?
+            // What the provider asks for: it runs nodes in order, and its memory is its own.
+            .with_parallel_execution(false)?
+            .with_memory_pattern(false)?
+            // A node that fell to the processor would drag its tensors there and back in every pass.
+            .with_config_entry("session.disable_cpu_ep_fallback", "1")?
+            .with_deterministic_compute(self.options.deterministic)?;
+        if self.options.deterministic {
+            builder = builder.with_config_entry("ep.dml.disable_metacommands", "1")?;
+        }
+        for &(name, size) in dimensions {
+            builder = builder.with_dimension_override(name, i64::try_from(size).unwrap_or(i64::MAX))?;
+        }
+        let api = ort::ep::directml::api()
+            .ok_or_else(|| ort::Error::new("this build of ONNX Runtime has no DirectML provider"))?;
+        let queue = self.gpu.anchors().d3d12();
+        let append = api.SessionOptionsAppendExecutionProvider_DML1;
+        // SAFETY: live options, device and queue; the provider takes references of its own.
+        let status = unsafe { append(builder.ptr_mut(), self.device.as_raw().cast(), queue.as_raw().cast()) };
+        // SAFETY: the status is what the call above returned, used once.
+        unsafe { ort::Error::result_from_status(status) }?;
+        Ok(builder)
+    }
+}
+
+impl Backend for DirectMlBackend {
+    fn describe(&self) -> String {
+        let deterministic = if self.options.deterministic { ", deterministic" } else { "" };
+        format!("ONNX Runtime {} DirectML on {}{deterministic}", self.ort.version(), self.name)
+    }
+
+    fn precision(&self) -> Precision {
+        Precision::F16
+    }
+
+    fn threads(&self) -> usize {
+        1
+    }
+
+    fn graph(
+        &self,
+        what: &str,
+        model: &ModelSource<'_>,
+        dimensions: &[(&str, usize)],
+        inputs: Vec<TensorSpec>,
+        outputs: Vec<TensorSpec>,
+    ) -> Result<Arc<Graph>> {
+        let builder = make("prepare a session", || self.session(dimensions));
+        let graph = builder.and_then(|builder| Graph::commit(builder, what, model, inputs, outputs));
+        graph.map_err(|e| self.gpu.removed().unwrap_or(e))
+    }
+
+    fn lane(&self) -> Result<Box<dyn Lane>> {
+        Ok(Box::new(lane::DirectMlLane::new(&self.gpu)?))
+    }
+
+    fn gpu(&self) -> Option<&Gpu> {
+        Some(&self.gpu)
+    }
+}
+
+/// What DirectML as such cannot do here.
+fn unsupported(cause: String) -> Error {
+    Error::new(ErrorKind::Unsupported, cause).remedy("Use a CPU device")
+}

@@ -1,0 +1,39 @@
+//! Whether numbers are finite.
+
+use crate::bundle::Precision;
+
+/// Whether every number of `bytes`, whole numbers of `precision` in the machine's order, is finite.
+pub(super) fn all_finite(bytes: &[u8], precision: Precision) -> bool {
+    // All exponent bits set marks NaN and infinity; without an early exit the loop runs at the memory's speed.
+    match precision {
+        Precision::F32 => {
+            let (words, _) = bytes.as_chunks::<4>();
+            !words.iter().fold(false, |bad, w| bad | (u32::from_ne_bytes(*w) & 0x7f80_0000 == 0x7f80_0000))
+        }
+        Precision::F16 => {
+            let (words, _) = bytes.as_chunks::<2>();
+            !words.iter().fold(false, |bad, w| bad | (u16::from_ne_bytes(*w) & 0x7c00 == 0x7c00))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_number_among_many_is_found_wherever_it_is() {
+        for at in [0, 500, 1022] {
+            for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                let mut wide = vec![f32::MAX; 1023];
+                let mut narrow = vec![half::f16::MIN; 1023];
+                assert!(all_finite(bytemuck::cast_slice(&wide), Precision::F32));
+                assert!(all_finite(bytemuck::cast_slice(&narrow), Precision::F16));
+                wide[at] = bad;
+                narrow[at] = half::f16::from_f32(bad);
+                assert!(!all_finite(bytemuck::cast_slice(&wide), Precision::F32), "{bad} at {at}");
+                assert!(!all_finite(bytemuck::cast_slice(&narrow), Precision::F16), "{bad} at {at}");
+            }
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! The C interface's doors of Direct3D 12, as an engine in C calls them. On Windows, or in the lab.
+#![cfg(windows)]
+
+use std::ptr::null_mut;
+
+use cairn::abi::d3d12::{cairn_device_create_adapter, cairn_device_create_d3d12, cairn_device_get_d3d12};
+use cairn::abi::device::{CAIRN_DEVICE_D3D12, cairn_device_destroy, cairn_device_get_info, cairn_device_info};
+use cairn::abi::requirements::{cairn_adapter, cairn_adapters};
+use cairn::abi::results::{CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK};
+use cairn::gpu::Gpu;
+use cairn::gpu::windows::core::Interface;
+
+/// A struct that the library fills, as a host prepares it.
+fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
+    // SAFETY: structs of the interface are plain data, for which zero is a value.
+    let mut made: T = unsafe { std::mem::zeroed() };
+    *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
+    made
+}
+
+/// References to an object, one of which the call takes and gives back.
+fn references(object: &impl Interface) -> u32 {
+    let raw = std::mem::ManuallyDrop::new(object.clone());
+    // SAFETY: releases the reference that the clone above took, and counts the rest.
+    unsafe {
+        let unknown = Interface::as_raw(&*raw).cast::<*const cairn::gpu::windows::core::IUnknown_Vtbl>();
+        ((**unknown).Release)(unknown.cast())
+    }
+}
+
+#[test]
+fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
+    let engine = Gpu::on_adapter(None).expect("a device that stands for an engine's");
+    let (d3d12, queue, compute) = (engine.device(), engine.frames().d3d12(), engine.anchors().d3d12());
+    let before = [references(d3d12), references(queue), references(compute)];
+    let mut device = null_mut();
+    let create = |d3d12, queue, anchors, device: &mut _| {
+        // SAFETY: live objects, or null, and a place for the handle.
+        unsafe { cairn_device_create_d3d12(d3d12, queue, anchors, device) }
+    };
+    let (raw_device, raw_queue) = (d3d12.as_raw().cast(), queue.as_raw().cast());
+    // Null where an object must be, and objects of the wrong kind.
+    for (d3d12, queue, anchors) in [
+        (null_mut(), raw_queue, null_mut()),
+        (raw_device, null_mut(), null_mut()),
+        (queue.as_raw().cast(), raw_queue, null_mut()),
+        (raw_device, d3d12.as_raw().cast(), null_mut()),
+        (raw_device, raw_queue, d3d12.as_raw().cast()),
+        (raw_device, raw_queue, queue.as_raw().cast()),
+    ] {
+        assert_eq!(create(d3d12, queue, anchors, &mut device), CAIRN_ERROR_INVALID_ARGUMENT);
+        assert!(device.is_null(), "nothing is written on failure");
+    }
+    assert_eq!(create(raw_device, raw_queue, compute.as_raw().cast(), &mut device), CAIRN_OK);
+
+    let (mut own, mut frames) = (null_mut(), null_mut());
+    // SAFETY: a live handle and places for both.
+    assert_eq!(unsafe { cairn_device_get_d3d12(device, &mut own, &mut frames) }, CAIRN_OK);
+    assert_eq!((own, frames), (raw_device, raw_queue));
+    // SAFETY: the references that the call gave, used once.
+    drop(unsafe {
+        (
+            cairn::gpu::windows::core::IUnknown::from_raw(own.cast()),
+            cairn::gpu::windows::core::IUnknown::from_raw(frames.cast()),
+        )
+    });
+    let mut info: cairn_device_info = prepared(|info: &mut cairn_device_info| &mut info.struct_size);
+    // SAFETY: a live handle and a struct of its size.
+    assert_eq!(unsafe { cairn_device_get_info(device, &mut info) }, CAIRN_OK);
+    assert_eq!(info.kind, CAIRN_DEVICE_D3D12);
+    // SAFETY: a live handle.
+    assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
+    for _ in 0..500 {
+        if [references(d3d12), references(queue), references(compute)] == before {
+            break;
+        }
+        // A driver's own thread may let go of a fence a little after it has signalled it.
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert_eq!([references(d3d12), references(queue), references(compute)], before);
+}
+
+#[test]
+fn adapters_are_listed_with_the_luid_that_makes_a_device() {
+    let mut rows = [(); 8].map(|()| prepared(|row: &mut cairn_adapter| &mut row.struct_size));
+    let mut count = 0;
+    // SAFETY: an array of the capacity named, and a place for the count.
+    let listed = unsafe { cairn_adapters(rows.as_mut_ptr(), size_of::<cairn_adapter>(), 8, &mut count) };
+    assert_eq!(listed, CAIRN_OK);
+    let found: Vec<_> = rows[..count as usize].iter().filter(|row| row.kind == CAIRN_DEVICE_D3D12).collect();
+    assert!(!found.is_empty(), "there is an adapter beside the processor");
+    for (index, row) in (0..).zip(found) {
+        assert_eq!(row.index, index);
+        let mut device = null_mut();
+        // SAFETY: a place for the handle.
+        assert_eq!(unsafe { cairn_device_create_adapter(row.luid, &mut device) }, CAIRN_OK);
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
+    }
+    let mut device = null_mut();
+    // SAFETY: a place for the handle.
+    let refused = unsafe { cairn_device_create_adapter(0x1234_5678_9abc_def0, &mut device) };
+    assert_eq!((refused, device.is_null()), (CAIRN_ERROR_INVALID_ARGUMENT, true));
+}

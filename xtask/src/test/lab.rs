@@ -1,0 +1,216 @@
+//! Windows programs in the lab, or on Windows itself: what it passes through, Direct3D 12, and ONNX Runtime with DirectML.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use provision::{Console, tools};
+
+use super::Context;
+use super::cargo;
+use super::tally::{Skip, Tally};
+use crate::shell::Log;
+
+/// How long a program that is not to end may take to start and, once told, to be gone.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if !cfg!(windows) {
+        if let Err(why) = provision::lab::possible() {
+            let name = "everything of Windows: its own tests, Direct3D 12, DirectML".to_owned();
+            tally.skips.push(Skip { name, reason: format!("needs lab: {why}") });
+            return Ok(tally);
+        }
+        provision::lab::lab(&Console::new()).map_err(|e| e.to_string())?;
+        passes_through(context, log, &mut tally)?;
+    }
+    tally.add(own_tests(context, log)?);
+    Ok(tally)
+}
+
+/// The command with which a program of the Windows target is run.
+fn lab_run() -> Result<Command, String> {
+    let own = std::env::current_exe().map_err(|e| format!("our own program: {e}"))?;
+    let mut command = Command::new(own);
+    command.args(["lab", "run"]);
+    Ok(command)
+}
+
+/// The library's tests of Direct3D 12 and DirectML, built for Windows.
+fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let console = Console::new();
+    let mut command =
+        context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast", "--test", "d3d12*", "--test", "directml"]);
+    if !cfg!(windows) {
+        tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
+        if tools::mingw(&console).map_err(|e| e.to_string())? != tools::Mingw::Gcc {
+            return Err(
+                "MinGW-w64's GCC is needed to link programs for the lab: apt install gcc-mingw-w64-x86-64".to_owned()
+            );
+        }
+        let runner = lab_run()?;
+        let words: Vec<_> = std::iter::once(runner.get_program()).chain(runner.get_args()).map(quoted).collect();
+        let runner = format!("target.{}.runner=[{}]", tools::WINDOWS_TARGET, words.join(","));
+        command.args(["--target", tools::WINDOWS_TARGET, "--config", &runner]);
+    }
+    let library = provision::onnxruntime_for_windows(&console).map_err(|e| e.to_string())?;
+    context.provide_worlds(&mut command)?;
+    command.env("CAIRN_ONNXRUNTIME", library);
+    Ok(cargo::count(&log.run(&mut command)?))
+}
+
+/// A word as TOML writes it.
+fn quoted(word: &std::ffi::OsStr) -> String {
+    format!("\"{}\"", word.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// What the lab passes to a program and back, and what it leaves behind.
+fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let folder = context.clone.target.join("xtask").join("lab").join("a folder");
+    fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let program = folder.join("echo.exe");
+    tools::rust_target(tools::WINDOWS_TARGET, &Console::new()).map_err(|e| e.to_string())?;
+    let mut rustc = Command::new("rustc");
+    rustc.args(["--edition=2024", "--target", tools::WINDOWS_TARGET, "-o"]).arg(&program);
+    if !log.run(rustc.arg("tests/lab/echo.rs").current_dir(&context.clone.root))?.success {
+        return Err("the program that tells what it was given does not build".to_owned());
+    }
+    let echo = Echo { program, folder };
+    let before = mounts()?;
+    for (what, found, expected) in [
+        (
+            "arguments",
+            echo.run(&["arguments", "", "two words", "a\"b\\", "--help", "ä€"], b"")?,
+            Ended::of(0, "\ntwo words\na\"b\\\n--help\nä€\n", ""),
+        ),
+        (
+            "both streams, byte for byte",
+            echo.run(&["copy"], b"\x00\xff\r\n\n\x1a")?,
+            Ended { status: Some(0), out: b"\x00\xff\r\n\n\x1a".to_vec(), err: b"6 bytes".to_vec() },
+        ),
+        ("a variable", echo.run(&["variable", "CAIRN_ECHO"], b"")?, Ended::of(0, "a value\n", "")),
+        (
+            "the working directory",
+            echo.run(&["folder"], b"")?,
+            Ended::of(0, &format!("Z:{}\n", echo.folder.display()).replace('/', "\\"), ""),
+        ),
+        ("a path of the machine", echo.run(&["file", &mark(&echo, "text", "in it")?], b"")?, Ended::of(0, "in it", "")),
+        ("exit status 3", echo.run(&["exit", "3"], b"")?, Ended::of(3, "", "")),
+        ("exit status 255", echo.run(&["exit", "255"], b"")?, Ended::of(255, "", "")),
+        ("exit status 512, which is not success", echo.run(&["exit", "512"], b"")?, Ended::of(1, "", "")),
+    ] {
+        log.line(&format!("{what}: {found:?}"))?;
+        tally.check((found != expected).then(|| format!("{what}: {found:?}, not {expected:?}")));
+    }
+    let crashed = echo.run(&["crash"], b"")?;
+    tally.check(
+        (crashed.status == Some(0))
+            .then(|| format!("a program that crashes is told from one that does not: {crashed:?}")),
+    );
+    tally.check(echo.killed(log)?);
+    tally.check((mounts()? != before).then(|| "something stays mounted".to_owned()));
+    Ok(())
+}
+
+/// Writes a file into the folder with the program; its path.
+fn mark(echo: &Echo, name: &str, text: &str) -> Result<String, String> {
+    let path = echo.folder.join(name);
+    fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+    Ok(path.display().to_string())
+}
+
+/// The program and the folder it is in and runs in.
+struct Echo {
+    program: PathBuf,
+    folder: PathBuf,
+}
+
+/// How a run ended.
+#[derive(PartialEq)]
+struct Ended {
+    status: Option<i32>,
+    out: Vec<u8>,
+    err: Vec<u8>,
+}
+
+impl Ended {
+    fn of(status: i32, out: &str, err: &str) -> Self {
+        Self { status: Some(status), out: out.into(), err: err.into() }
+    }
+}
+
+impl std::fmt::Debug for Ended {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:?} \"{}\" \"{}\"", self.status, self.out.escape_ascii(), self.err.escape_ascii())
+    }
+}
+
+impl Echo {
+    fn command(&self, arguments: &[&str]) -> Result<Command, String> {
+        let mut command = lab_run()?;
+        command.arg(&self.program).args(arguments).current_dir(&self.folder).env("CAIRN_ECHO", "a value");
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        Ok(command)
+    }
+
+    /// Runs the program to its end.
+    fn run(&self, arguments: &[&str], input: &[u8]) -> Result<Ended, String> {
+        let failed = |e: std::io::Error| format!("the lab with {arguments:?}: {e}");
+        let mut child = self.command(arguments)?.spawn().map_err(failed)?;
+        let mut stdin = child.stdin.take().ok_or("no standard input")?;
+        // A program that does not read may be gone before all is written.
+        _ = stdin.write_all(input);
+        drop(stdin);
+        let Output { status, stdout, stderr } = child.wait_with_output().map_err(failed)?;
+        Ok(Ended { status: status.code(), out: stdout, err: stderr })
+    }
+
+    /// Kills a run with a signal that nothing can answer, while the program and its child wait; says what stays behind.
+    fn killed(&self, log: &mut Log) -> Result<Option<String>, String> {
+        let mark = self.folder.join("started");
+        _ = fs::remove_file(&mark);
+        let mut child = self.command(&["stay", "started"])?.spawn().map_err(|e| e.to_string())?;
+        let started = within(PATIENCE, || mark.is_file());
+        let running = self.running();
+        _ = child.kill();
+        _ = child.wait();
+        log.line(&format!("before the kill: {running:?}"))?;
+        if !started || running.len() < 2 {
+            return Ok(Some(format!("the program and its child did not start: {running:?}")));
+        }
+        let gone = within(PATIENCE, || self.running().is_empty());
+        Ok((!gone).then(|| format!("processes stay behind a run that was killed: {:?}", self.running())))
+    }
+
+    /// Processes of the lab's that name the program.
+    fn running(&self) -> Vec<String> {
+        let name = self.program.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+        let lines = entries.filter_map(|entry| fs::read(entry.path().join("cmdline")).ok());
+        let lines = lines.map(|line| String::from_utf8_lossy(&line).replace('\0', " "));
+        lines.filter(|line| line.contains(&name) && line.contains("stay")).collect()
+    }
+}
+
+/// Whether `what` becomes true in time.
+fn within(time: Duration, what: impl Fn() -> bool) -> bool {
+    let end = Instant::now() + time;
+    while Instant::now() < end {
+        if what() {
+            return true;
+        }
+        sleep(Duration::from_millis(100));
+    }
+    false
+}
+
+/// What is mounted.
+fn mounts() -> Result<Vec<String>, String> {
+    let path = Path::new("/proc/self/mounts");
+    let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    Ok(text.lines().filter(|line| line.contains("lab")).map(str::to_owned).collect())
+}
