@@ -34,7 +34,13 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 
 /// The command with which a program of the Windows target is run.
 fn lab_run() -> Result<Command, String> {
-    let own = std::env::current_exe().map_err(|e| format!("our own program: {e}"))?;
+    // A build of the workspace may have put another file in this program's place since it started; Linux keeps this one
+    // under its number.
+    let own = if cfg!(target_os = "linux") {
+        PathBuf::from(format!("/proc/{}/exe", std::process::id()))
+    } else {
+        std::env::current_exe().map_err(|e| format!("our own program: {e}"))?
+    };
     let mut command = Command::new(own);
     command.args(["lab", "run"]);
     Ok(command)
