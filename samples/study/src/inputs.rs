@@ -10,6 +10,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use crate::landscape;
 use crate::manifest::{Input, Inputs, absolute, digest_file, read_bounded, sha256};
+use crate::metrics::{Lpips, Net};
 use crate::picture;
 use crate::progress::Progress;
 use crate::settings::Settings;
@@ -107,6 +108,17 @@ pub(crate) fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bun
     let size = bundle.manifest().files.iter().map(|f| f.size).sum();
     let input = Input { path: absolute(&path).display().to_string(), size, sha256: bundle.digest().to_owned() };
     Ok((bundle, input))
+}
+
+/// A network of LPIPS. Its weights are fetched where they are not there, but never in place of a folder that was named.
+pub(crate) fn lpips(net: Net, progress: &Progress) -> Result<Lpips> {
+    if std::env::var_os("CAIRN_LPIPS").is_none_or(|folder| folder.is_empty()) {
+        provision::lpips_weights(progress).map_err(|e| {
+            let remedy = format!("{}, or leave LPIPS out", e.remedy);
+            not_provided(&e, ErrorKind::Io).remedy(remedy)
+        })?;
+    }
+    Lpips::find(net)
 }
 
 /// What could not be fetched, as an error of ours.

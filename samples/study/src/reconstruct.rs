@@ -12,10 +12,11 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use scenes::Family;
 use serde::{Deserialize, Serialize};
 
+use crate::inputs;
 use crate::machine::Versions;
 use crate::manifest::{Input, MANIFEST_VERSION, Output, read_manifest, sha256, to_json};
 use crate::media::{Disk, FrameRate, Mp4Sink, Recorded, Recorder, VideoFormat, encode_small_png, write_whole};
-use crate::metrics::{Lpips, Net};
+use crate::metrics::Net;
 use crate::output::{Folder, MANIFEST, SHEET, sinks};
 use crate::progress::Progress;
 use crate::settings::Formats;
@@ -251,22 +252,6 @@ pub(crate) fn script_input(scene: &str) -> Option<Input> {
     })
 }
 
-/// The weights of LPIPS: those that are there, else fetched.
-fn lpips(progress: &Progress) -> Result<Lpips> {
-    Lpips::find(Net::Alex).or_else(|missing| {
-        // A folder that was named is not replaced by another.
-        if std::env::var_os("CAIRN_LPIPS").is_some_and(|named| !named.is_empty()) {
-            return Err(missing);
-        }
-        let folder = provision::lpips_weights(progress).map_err(|e| {
-            Error::new(ErrorKind::Io, e.cause.trim_end_matches(['.', '\n']).to_owned())
-                .field("--lpips")
-                .remedy(format!("{}, or use --lpips no", e.remedy))
-        })?;
-        Lpips::load(Net::Alex, &folder.join("alexnet.ckpt"))
-    })
-}
-
 /// Makes a reconstruct.
 ///
 /// # Errors
@@ -277,7 +262,7 @@ pub fn reconstruct(job: &Reconstruction<'_>) -> Result<ReconstructOutcome> {
     let settings = job.settings;
     let Checked { family, anchors } = settings.check()?;
     let folder = Folder::check(job.out, job.overwrite)?;
-    let lpips = settings.lpips.then(|| lpips(job.progress)).transpose()?;
+    let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, job.progress)).transpose()?;
     job.progress.phase("building the scene");
     let planned = (anchors - 1) * u64::from(settings.multiplier) + 1;
     let size = settings.size.into();

@@ -10,7 +10,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use clap::Args;
 
 use super::{Subcommand, progress, stop_on_interrupt};
-use crate::inputs::not_provided;
+use crate::inputs::lpips;
 use crate::media::{RealDisk, describe_io, write_whole};
 use crate::metrics::{Lpips, Net, psnr, ssim};
 use crate::picture::decode;
@@ -131,12 +131,9 @@ impl ScoreArgs {
         if self.no_lpips {
             return Ok(measures);
         }
-        if std::env::var_os("CAIRN_LPIPS").is_none_or(|folder| folder.is_empty()) {
-            provision::lpips_weights(&progress(self.quiet)).map_err(|e| not_provided(&e, ErrorKind::Io))?;
-        }
-        measures.push(Measure::Lpips(Lpips::find(Net::Alex)?));
-        if self.vgg {
-            measures.push(Measure::Lpips(Lpips::find(Net::Vgg)?));
+        let nets = [Net::Alex, Net::Vgg].into_iter().take(if self.vgg { 2 } else { 1 });
+        for net in nets {
+            measures.push(Measure::Lpips(lpips(net, &progress(self.quiet))?));
         }
         Ok(measures)
     }

@@ -25,6 +25,7 @@ use std::sync::atomic::AtomicBool;
 
 use cairn::{Error, ErrorKind, Result};
 
+use crate::inputs;
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
@@ -97,11 +98,7 @@ fn net(name: &str) -> Result<Option<Net>> {
 /// Loads LPIPS; its weights are fetched where that is allowed and they are not there.
 fn open_lpips(settings: &Settings, progress: &Progress) -> Result<Option<Lpips>> {
     let Some(net) = net(&settings.lpips)? else { return Ok(None) };
-    let own = std::env::var_os("CAIRN_LPIPS").is_some_and(|folder| !folder.is_empty());
-    if !own && !settings.smoke {
-        provision::lpips_weights(progress).map_err(|e| not_provided(&e))?;
-    }
-    Lpips::find(net).map(Some)
+    if settings.smoke { Lpips::find(net) } else { inputs::lpips(net, progress) }.map(Some)
 }
 
 /// What came of it.

@@ -1,4 +1,5 @@
-//! A world against the truth: walks through held-out places under held-out scripts, from their first picture and the controls alone.
+//! A world against the truth: walks through held-out places under held-out scripts, from their first picture and the
+//! controls alone.
 
 mod held_out;
 mod memory;
@@ -10,15 +11,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use cairn::Result;
 use cairn::bundle::Bundle;
 use cairn::runtime::{CpuOptions, Device};
 use cairn::world::{ControlScript, OperatingPoint, Preset, World, WorldOptions};
-use cairn::{ErrorKind, Result};
 use scenes::FAMILIES;
 
 use crate::inputs;
 use crate::media::{RealDisk, describe_io, encode_small_png, write_whole};
-use crate::metrics::{Lpips, Net};
+use crate::metrics::Net;
 use crate::progress::Progress;
 use crate::reconstruct::script_of;
 use report::Place;
@@ -80,7 +81,7 @@ pub(crate) struct Outcome {
 /// An unusable world, weights of LPIPS that cannot be had, and what making latents can fail with.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
-    let lpips = settings.lpips.then(|| lpips(progress)).transpose()?;
+    let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
     let (ort, _) = inputs::onnxruntime(progress)?;
     let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
     let device = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
@@ -143,7 +144,7 @@ fn load(device: &Device, bundle: &Arc<Bundle>, point: &OperatingPoint) -> Result
     World::load(device, bundle, options)
 }
 
-/// Which world, which places, and that it has seen none of them.
+/// Which world, and which places.
 fn head(settings: &Settings, bundle: &Bundle) -> String {
     let manifest = bundle.manifest();
     let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();
@@ -152,15 +153,7 @@ fn head(settings: &Settings, bundle: &Bundle) -> String {
         text += "This world has random weights: its figures say nothing.\n";
     }
     text + &format!(
-        "places {}: all on the held-out list, 0 of them trained on; scripts of samples/scripts\n\n",
+        "places {}: all on the held-out list, which training refuses; scripts of samples/scripts\n\n",
         seeds.join(", ")
     )
-}
-
-/// The network of LPIPS; its weights are fetched where none are named.
-fn lpips(progress: &Progress) -> Result<Lpips> {
-    if std::env::var_os("CAIRN_LPIPS").is_none_or(|folder| folder.is_empty()) {
-        provision::lpips_weights(progress).map_err(|e| inputs::not_provided(&e, ErrorKind::Io))?;
-    }
-    Lpips::find(Net::Alex)
 }

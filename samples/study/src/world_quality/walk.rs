@@ -69,12 +69,40 @@ pub(super) struct Tools<'a> {
     pub(super) stop: &'a AtomicBool,
 }
 
+impl Tools<'_> {
+    /// Refuses to go on once `stop` is set.
+    fn go_on(&self) -> Result<()> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+        }
+        Ok(())
+    }
+}
+
 /// The latent step that is nearest to so many seconds.
 pub(super) fn step_at(point: &OperatingPoint, seconds: f64) -> u64 {
     (seconds * f64::from(point.latents_per_second)).round() as u64
 }
 
 impl Walk<'_> {
+    /// The walk as it is, a frame a latent step, and a rollout from its first picture, which is drawn.
+    fn start<'s>(
+        &'s self,
+        scene: &'s Scene,
+        world: &Arc<World>,
+        point: &OperatingPoint,
+    ) -> Result<(Clip<'s>, Rollout, Picture)> {
+        let ((width, height), rate) = (world.render_size(), point.latents_per_second);
+        let options = ClipOptions { width, height, rate, ..ClipOptions::default() };
+        let mut truth = Clip::new(scene, self.script, options).ok_or_else(|| {
+            Error::new(ErrorKind::InvalidArgument, format!("a scene cannot be walked at {rate} frames a second"))
+        })?;
+        let first = truth.frame()?.picture;
+        let mut rollout = Rollout::new(world, point, self.scene)?;
+        rollout.append(&first)?;
+        Ok((truth, rollout, first))
+    }
+
     /// Walks and scores. A horizon behind the end of the walk is left out.
     ///
     /// # Errors
@@ -82,10 +110,7 @@ impl Walk<'_> {
     pub(super) fn score(&self, world: &Arc<World>, tools: &Tools<'_>, horizons: &[f64]) -> Result<Walked> {
         let point = tools.point;
         let scene = Scene::new(self.family, self.scene);
-        let mut truth = truth(&scene, self.script, world.render_size(), point.latents_per_second)?;
-        let first = truth.frame()?.picture;
-        let mut rollout = Rollout::new(world, point, self.scene)?;
-        rollout.append(&first)?;
+        let (mut truth, mut rollout, first) = self.start(&scene, world, point)?;
         let last = point.pictures_per_latent - 1;
         let mut before = first.clone();
         rollout.read_picture(last, &mut before)?;
@@ -98,9 +123,7 @@ impl Walk<'_> {
         walked.luma.push([luma(&before), luma(&first)]);
         let mut picture = before.clone();
         for q in 1..=step_at(point, self.seconds) {
-            if tools.stop.load(Ordering::Relaxed) {
-                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
-            }
+            tools.go_on()?;
             step(&mut rollout, self.script, point, q)?;
             rollout.read_picture(last, &mut picture)?;
             let Frame { picture: true_picture, motion, .. } = truth.frame()?;
@@ -131,15 +154,10 @@ impl Walk<'_> {
     pub(super) fn pictures(&self, world: &Arc<World>, tools: &Tools<'_>, at: &[u64]) -> Result<Vec<[Picture; 2]>> {
         let point = tools.point;
         let scene = Scene::new(self.family, self.scene);
-        let mut truth = truth(&scene, self.script, world.render_size(), point.latents_per_second)?;
-        let mut rollout = Rollout::new(world, point, self.scene)?;
-        let first = truth.frame()?.picture;
-        rollout.append(&first)?;
+        let (mut truth, mut rollout, first) = self.start(&scene, world, point)?;
         let mut kept = Vec::new();
         for q in 0..=at.last().copied().unwrap_or(0) {
-            if tools.stop.load(Ordering::Relaxed) {
-                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
-            }
+            tools.go_on()?;
             if q > 0 {
                 step(&mut rollout, self.script, point, q)?;
             }
@@ -162,14 +180,6 @@ impl Walk<'_> {
 fn step(rollout: &mut Rollout, script: &ControlScript, point: &OperatingPoint, q: u64) -> Result<()> {
     let (start, end): (WorldTime, WorldTime) = point.span_of_latent(q);
     rollout.step(&script.span(start, end)?).map(drop)
-}
-
-/// The walk as it is, at `rate` frames a second.
-fn truth<'a>(scene: &'a Scene, script: &'a ControlScript, size: (u32, u32), rate: u32) -> Result<Clip<'a>> {
-    let options = ClipOptions { width: size.0, height: size.1, rate, ..ClipOptions::default() };
-    Clip::new(scene, script, options).ok_or_else(|| {
-        Error::new(ErrorKind::InvalidArgument, format!("a scene cannot be walked at {rate} frames a second"))
-    })
 }
 
 /// Mean luma (Rec. 709 weights on the bytes as they are), 0 to 255.

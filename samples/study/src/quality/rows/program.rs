@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use cairn::{Error, ErrorKind, Picture, Result};
 
+use crate::inputs;
 use crate::media::describe_io;
 
 /// A folder for one run, removed when dropped.
@@ -83,8 +84,7 @@ pub(in crate::quality) fn run(name: &str, command: &mut Command) -> Result<Strin
 
 /// What could not be provided, in the library's words.
 pub(in crate::quality) fn not_provided(error: &provision::Error) -> Error {
-    let cause = error.cause.trim_end_matches(['.', '\n']).to_owned();
-    Error::new(ErrorKind::Unsupported, cause).field(error.wanted.clone()).remedy(error.remedy.clone())
+    inputs::not_provided(error, ErrorKind::Unsupported)
 }
 
 #[cfg(test)]
