@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from cairn.build.geometry import Geometry
 from cairn.build.weights import MODULATIONS
+from safetensors.numpy import save_file
 
 
 def write_checkpoint(directory: Path, g: Geometry, transformer: dict, autoencoder: dict) -> None:
@@ -96,16 +97,9 @@ def config(g: Geometry) -> str:
 
 
 def _write_safetensors(path: Path, tensors: dict[str, np.ndarray]) -> None:
-    """The format of safetensors: the header's length, a JSON header, and the numbers one after the other."""
-    header: dict[str, dict] = {}
-    parts, at = [], 0
-    for name in sorted(tensors):
-        numbers = np.ascontiguousarray(np.asarray(tensors[name]).astype("<f2"))
-        if not np.isfinite(numbers).all():
+    """Writes tensors as float16."""
+    halves = {name: np.ascontiguousarray(np.asarray(value).astype(np.float16)) for name, value in tensors.items()}
+    for name, value in halves.items():
+        if not np.isfinite(value).all():
             raise ValueError(f"{name} has numbers that float16 cannot hold")
-        header[name] = {"dtype": "F16", "shape": list(np.shape(tensors[name])), "data_offsets": [at, at + numbers.nbytes]}
-        parts.append(numbers.tobytes())
-        at += numbers.nbytes
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 8)
-    path.write_bytes(len(text).to_bytes(8, "little") + text + b"".join(parts))
+    save_file(halves, path)
