@@ -261,7 +261,11 @@ impl<P: Colour> Edges<'_, P> {
             }
             _ => {
                 let mut nearest = [EMPTY; BLOCK];
-                let nearer = if self.can_dilate { self.around(column, row, &mut nearest) } else { 0 };
+                let nearer = if self.can_dilate {
+                    claims::nearest_around(self.level, &self.given.around(column, row, false), &mut nearest)
+                } else {
+                    0
+                };
                 if nearer == 0 && !is_rough {
                     return;
                 }
@@ -273,33 +277,6 @@ impl<P: Colour> Edges<'_, P> {
         }
         let [low, high] = claims::span(self.level, keys);
         *tile = Tile { kind: Kind::Rough, holes: 0, key: EMPTY, low, high };
-    }
-
-    /// For each pixel the nearest key of the nine around it, and which of them are in front of its own.
-    fn around(&self, column: usize, row: usize, nearest: &mut [Key; BLOCK]) -> u64 {
-        let given = self.given;
-        let Grid { width, height, columns, .. } = given.grid;
-        let (left, top) = (column * TILE, row * TILE);
-        let mut around = [[EMPTY; TILE + 2]; TILE + 2];
-        if column > 0 && row > 0 && left + TILE < width && top + TILE < height {
-            for (j, line) in around.iter_mut().enumerate() {
-                let y = top + j - 1;
-                let tile = y / TILE * columns + column;
-                line[0] = given.owner(left - 1, y);
-                line[1..=TILE].copy_from_slice(&given.line(tile, y % TILE));
-                line[TILE + 1] = given.owner(left + TILE, y);
-            }
-        } else {
-            for (j, line) in around.iter_mut().enumerate() {
-                let Some(y) = (top + j).checked_sub(1).filter(|&y| y < height) else { continue };
-                for (i, key) in line.iter_mut().enumerate() {
-                    if let Some(x) = (left + i).checked_sub(1).filter(|&x| x < width) {
-                        *key = given.owner(x, y);
-                    }
-                }
-            }
-        }
-        claims::nearest_around(self.level, &around, nearest)
     }
 
     /// Gives each pixel of a tile at `corner` that something is nearer to (`nearer`, bit `8 j + i`) the key of that, where

@@ -313,13 +313,8 @@ fn moved<const ACROSS: bool, const BACK: bool>([x, y]: [usize; 2], away: usize) 
 impl<P: Colour> Evidence<'_, P> {
     /// How bad a candidate is: whether the current anchor contradicts it first; then, for what an anchor shows, how
     /// unlike it is and how far away it was found, for what none does, how near its surface is.
-    #[cfg(test)]
-    pub(super) fn cost(&self, grid: Grid, at: [usize; 2], key: Key, step: usize, from: [usize; 2]) -> u64 {
-        let order = self.order(key, step, self.unlike(grid, at, from));
-        u64::from(self.is_contradicted(grid, at, key)) << 40 | order
-    }
-
-    /// The same where it is less than `best`, found with no more looks than that takes.
+    ///
+    /// Only where that is less than `best`, and with no more looks than it takes to know.
     #[inline(always)]
     fn cost_below(
         &self,

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::kernels::claims::Around;
 use super::kernels::{BLOCK, TILE, fetch};
 use super::sized;
 use crate::Result;
@@ -242,6 +243,32 @@ impl Layer {
         let owner = self.owner(x, y);
         let (tile, place) = self.grid.place(x, y);
         if owner == EMPTY { self.borrowed[tile][place] } else { owner }
+    }
+
+    /// The claims of a tile's pixels with one more on each side, [`EMPTY`] beyond the edges. With `borrows`, places that
+    /// nothing claims have what they borrow.
+    #[inline(always)]
+    pub(super) fn around(&self, column: usize, row: usize, borrows: bool) -> Around {
+        let Grid { width, height, columns, .. } = self.grid;
+        let claim = |x: usize, y: usize| if borrows { self.claim(x, y) } else { self.owner(x, y) };
+        let (left, right) = (column * TILE, (column + 1) * TILE);
+        let mut around = [[EMPTY; TILE + 2]; TILE + 2];
+        for (j, line) in around.iter_mut().enumerate() {
+            let Some(y) = (row * TILE + j).checked_sub(1).filter(|&y| y < height) else { continue };
+            let tile = y / TILE * columns + column;
+            if right > width || borrows && self.tiles[tile].holes > 0 {
+                (left..right.min(width)).zip(&mut line[1..=TILE]).for_each(|(x, key)| *key = claim(x, y));
+            } else {
+                line[1..=TILE].copy_from_slice(&self.line(tile, y % TILE));
+            }
+            if column > 0 {
+                line[0] = claim(left - 1, y);
+            }
+            if right < width {
+                line[TILE + 1] = claim(right, y);
+            }
+        }
+        around
     }
 
     /// The tiles of some rows.

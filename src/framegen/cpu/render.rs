@@ -8,7 +8,7 @@ use super::colour::Colour;
 use super::foreign::is_foreign;
 use super::kernels::claims;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::layer::{self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part, slopes};
+use super::layer::{self, EMPTY, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part, slopes};
 use super::overlay::Overlays;
 use crate::Raster;
 
@@ -203,27 +203,7 @@ impl<P: Colour> Between<'_, P> {
     /// For each pixel of a tile the nearest of the nine claims around it, and which of these are in front of its own.
     #[inline(never)]
     fn fronts(&self, column: usize, row: usize, fronts: &mut [Key; BLOCK]) -> u64 {
-        let Grid { width, height, columns, .. } = self.places.grid;
-        let mut around = [[EMPTY; TILE + 2]; TILE + 2];
-        for (j, line) in around.iter_mut().enumerate() {
-            let Some(y) = (row * TILE + j).checked_sub(1).filter(|&y| y < height) else { continue };
-            let tile = y / TILE * columns + column;
-            let claim = |x: usize| self.places.claim(x, y);
-            line[1..=TILE].copy_from_slice(&self.places.line(tile, y % TILE));
-            if self.places.tiles[tile].holes > 0 || (column + 1) * TILE > width {
-                for (i, key) in line[1..=TILE].iter_mut().enumerate() {
-                    let x = column * TILE + i;
-                    *key = if x < width { claim(x) } else { EMPTY };
-                }
-            }
-            if column > 0 {
-                line[0] = claim(column * TILE - 1);
-            }
-            if (column + 1) * TILE < width {
-                line[TILE + 1] = claim((column + 1) * TILE);
-            }
-        }
-        claims::nearest_around(self.level, &around, fronts)
+        claims::nearest_around(self.level, &self.places.around(column, row, true), fronts)
     }
 
     /// The colours at places beside something in front (`has_front`), as they are if those move with that (`fronts`): the

@@ -69,7 +69,7 @@ at_every_level! {
 at_every_level! {
     /// Lays a claim on `extent` places from `start` on, where it is in front of what is there.
     pub(in super::super) fn lay(key: Key, places: &mut [Key], stride: usize, start: usize, extent: [usize; 2])
-        = scalar::lay | lay_in_vectors
+        = lay_on_rows | lay_on_rows
 }
 
 at_every_level! {
@@ -170,7 +170,7 @@ fn carry_in_vectors(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mu
 }
 
 #[inline(always)]
-fn lay_in_vectors(key: Key, places: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
+fn lay_on_rows(key: Key, places: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
     for line in 0..down {
         for place in &mut places[start + line * stride..][..across] {
             *place = (*place).min(key);
@@ -308,14 +308,6 @@ mod scalar {
             let (i, j) = ((place % TILE) as i32, (place / TILE) as i32);
             let [x, y] = vector(key);
             places.claim(landed(from[0] + i, x, reach), landed(from[1] + j, y, reach), key);
-        }
-    }
-
-    pub(super) fn lay(key: Key, places: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
-        for line in 0..down {
-            for place in &mut places[start + line * stride..][..across] {
-                *place = (*place).min(key);
-            }
         }
     }
 

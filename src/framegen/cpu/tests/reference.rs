@@ -317,7 +317,7 @@ fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
                     let u = x.checked_add_signed(dx * step as isize).filter(|&u| u < grid.width)?;
                     let v = y.checked_add_signed(dy * step as isize).filter(|&v| v < grid.height)?;
                     let key = layer.owner(u, v);
-                    (key != EMPTY).then(|| (evidence.cost(grid, [x, y], key, step, [u, v]), key))
+                    (key != EMPTY).then(|| (cost(evidence, grid, [x, y], key, step, [u, v]), key))
                 })
             });
             // Of equals the first.
@@ -326,6 +326,34 @@ fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
             let leaves = evidence.leaving.and_then(|leaving| leaving.claim(x, y));
             layer.borrowed[tile][grid.place(x, y).1] = leaves.unwrap_or(layer::marked(key, evidence.mark));
         }
+    }
+}
+
+/// How bad a candidate is that was found `step` away at `from`, the worst first: it must be hidden in the current anchor or
+/// have left it, else it would have claimed the place; then, for what an anchor shows, how unlike it is and how far away,
+/// for what none does, how near its surface is.
+fn cost<P: Colour>(
+    evidence: &Evidence<'_, P>,
+    grid: Grid,
+    [x, y]: [usize; 2],
+    key: Key,
+    step: usize,
+    from: [usize; 2],
+) -> (bool, u64, u64) {
+    let [vx, vy] = layer::vector(key);
+    let there = [64 * x as i32 - part(vx, evidence.reach), 64 * y as i32 - part(vy, evidence.reach)];
+    let is_contradicted = grid.nearest(there).is_some_and(|[u, v]| {
+        let shown = evidence.field.owner(u, v);
+        alike(shown, key) || is_nearer(key, shown)
+    });
+    let nearness = u64::from(u16::MAX - layer::rank(key));
+    match evidence.shown {
+        Some(shown) => {
+            let luma = |[x, y]: [usize; 2]| shown.pixels[y * grid.width + x].luma();
+            let unlike = (luma([x, y]) - luma(from)).abs().min(255.0) as u64;
+            (is_contradicted, unlike + step as u64, nearness)
+        }
+        None => (is_contradicted, nearness, step as u64),
     }
 }
 
