@@ -115,6 +115,11 @@ impl Recorder {
         unsafe { self.list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
         let list = self.list.cast().map_err(|e| failed("IUnknown::QueryInterface", &e))?;
         let moment = self.gpu.anchors().submit(&[list])?;
+        // Whatever fails from here on: the queue works on these now.
+        self.working.push_back((moment, self.allocator.clone(), std::mem::take(&mut self.pages)));
+        self.used.clear();
+        self.filled = 0;
+        self.pending = false;
         let mut reusable = None;
         while self.working.front().is_some_and(|(moment, ..)| moment.reached()) {
             if let Some((_, allocator, pages)) = self.working.pop_front() {
@@ -132,11 +137,7 @@ impl Recorder {
         };
         // SAFETY: a closed list and an allocator that no list is recorded with.
         unsafe { self.list.Reset(&next, None) }.map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
-        let used = std::mem::replace(&mut self.allocator, next);
-        self.working.push_back((moment, used, std::mem::take(&mut self.pages)));
-        self.used.clear();
-        self.filled = 0;
-        self.pending = false;
+        self.allocator = next;
         Ok(())
     }
 
