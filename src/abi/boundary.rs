@@ -4,6 +4,7 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::results::{CAIRN_ERROR_INTERNAL, Failure, Outcome, cairn_result, remember};
+use crate::error::panic_text;
 
 /// Does the work of `function`: what it answers is given back, a failure's message is kept for the thread, and a panic
 /// ends here. Objects that the work had entered are poisoned while it unwinds.
@@ -39,11 +40,7 @@ fn discard(payload: Box<dyn Any + Send>) {
 }
 
 fn panicked(payload: &(dyn Any + Send)) -> Failure {
-    let what = match (payload.downcast_ref::<&str>(), payload.downcast_ref::<String>()) {
-        (Some(text), _) => text,
-        (_, Some(text)) => text.as_str(),
-        _ => "no message",
-    };
+    let what = panic_text(payload).unwrap_or("no message");
     Failure::new(CAIRN_ERROR_INTERNAL, format!("a fault of the library: {what}")).remedy("Please report it")
 }
 

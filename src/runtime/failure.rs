@@ -2,6 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::error::panic_text;
 use crate::{Error, ErrorKind, Result};
 
 /// Turns a failure of ONNX Runtime while it did `what` into an [`Error`].
@@ -23,10 +24,7 @@ pub(super) fn make<T, R>(what: &str, work: impl FnOnce() -> Result<T, ort::Error
     // What it had begun is dropped with it, and it changes nothing else.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(made) => made.map_err(|e| ort_failure(what, &e)),
-        Err(payload) => {
-            let text = payload.downcast_ref::<String>().map(String::as_str).or_else(|| payload.downcast_ref().copied());
-            Err(said(what, text.unwrap_or("a call that should not fail did")))
-        }
+        Err(payload) => Err(said(what, panic_text(&*payload).unwrap_or("a call that should not fail did"))),
     }
 }
 
