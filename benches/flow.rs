@@ -37,15 +37,6 @@ fn main() -> Result<()> {
             pool.install(|| extractor.extract(previous, current, &mut guidance))?;
             Ok(extractor.stage_times())
         }));
-        let mut guidance = Guidance::new(width, height, picture_flow::PROJECTION)?;
-        let mut extractor = Extractor::new();
-        extractor.extract(current, previous, &mut guidance)?;
-        let mut pictures = [current, previous].into_iter().cycle();
-        lines.push(Line::new("extract_next", threads, move || {
-            let next = pictures.next().expect("a cycle has no end");
-            pool.install(|| extractor.extract_next(next, &mut guidance))?;
-            Ok(extractor.stage_times())
-        }));
     }
     for turn in 0..=turns {
         for line in &mut lines {

@@ -147,81 +147,41 @@ impl Extractor {
             .field("previous"));
         }
         let start = Instant::now();
-        // Until all has gone well there is no picture to go on from.
-        self.current.clear();
+        out.make_per_pixel(size, PROJECTION)?;
         self.previous.build(self.level, previous)?;
-        self.times.pyramid = start.elapsed();
-        self.between(current, out)
-    }
-
-    /// As [`extract`](Self::extract), where the previous picture is the current one of the last call: what is known of
-    /// it is used again, which saves time. The result is the same to the bit.
-    ///
-    /// # Errors
-    /// `InvalidArgument` when there was no call before, the last one failed, or its pictures had another size;
-    /// `OutOfMemory` as there.
-    pub fn extract_next(&mut self, current: &Picture, out: &mut Guidance) -> Result<()> {
-        let size = (current.width() as usize, current.height() as usize);
-        match self.current.levels().first() {
-            Some(last) if (last.width, last.height) == size => {}
-            last => {
-                let have = last.map_or("no picture yet".to_owned(), |l| format!("one of {} x {}", l.width, l.height));
-                return Err(Error::new(
-                    ErrorKind::InvalidArgument,
-                    format!("a picture of {} x {} pixels cannot go on from {have}", size.0, size.1),
-                )
-                .field("current")
-                .remedy("Pass both pictures to extract"));
-            }
-        }
-        std::mem::swap(&mut self.previous, &mut self.current);
-        self.times.pyramid = Duration::ZERO;
-        self.between(current, out)
-    }
-
-    /// How long the stages of the last extraction took.
-    pub fn stage_times(&self) -> StageTimes {
-        self.times
-    }
-
-    /// The step from the picture whose pyramid stands to `current`.
-    fn between(&mut self, current: &Picture, out: &mut Guidance) -> Result<()> {
-        let start = Instant::now();
-        self.current.clear();
-        out.make_per_pixel(current.size(), PROJECTION)?;
-        // Taken for the time of the work: an error on the way leaves no picture to go on from.
-        let mut pyramid = std::mem::take(&mut self.current);
-        pyramid.build(self.level, current)?;
+        self.current.build(self.level, current)?;
         let built = Instant::now();
 
         // The way back is only for checking: half the size will do for large pictures.
         let finest = self.previous.finest_close();
-        let Self { level, previous, backward, forward, .. } = &mut *self;
-        let (level, previous) = (*level, &*previous);
-        let (back, forth) = rayon::join(
-            || backward.follow(level, &pyramid, previous, 0),
-            || forward.follow(level, previous, &pyramid, finest),
-        );
+        let Self { level, previous: from, current: to, backward, forward, .. } = &mut *self;
+        let (level, from, to) = (*level, &*from, &*to);
+        let (back, forth) =
+            rayon::join(|| backward.follow(level, to, from, 0), || forward.follow(level, from, to, finest));
         back.and(forth)?;
         let searched = Instant::now();
 
-        self.backward.spread(self.level, &pyramid, &self.previous, 0)?;
-        self.forward.spread(self.level, &self.previous, &pyramid, finest)?;
+        backward.spread(level, to, from, 0)?;
+        forward.spread(level, from, to, finest)?;
         let spread = Instant::now();
 
         self.trust.check(&self.backward.dense, &self.forward.dense, finest)?;
         let checked = Instant::now();
 
         self.write(current, out);
-        self.current = pyramid;
         self.times = StageTimes {
-            pyramid: self.times.pyramid + (built - start),
+            pyramid: built - start,
             search: searched - built,
             densify: spread - searched,
             check: checked - spread,
             write: checked.elapsed(),
         };
         Ok(())
+    }
+
+    /// How long the stages of the last extraction took.
+    pub fn stage_times(&self) -> StageTimes {
+        self.times
     }
 
     /// Writes the motion, filled where it is not to be trusted, and the depth.
@@ -288,6 +248,10 @@ impl Extractor {
 impl Direction {
     /// The patches' motion from `from` to `to`, coarse to fine down to level `finest`.
     fn follow(&mut self, simd: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
+        // The finest level ends up in the same one of the two every time, so that the other's memory stays small.
+        if (from.levels().len() - finest) % 2 == 1 {
+            std::mem::swap(&mut self.coarse, &mut self.fine);
+        }
         for level in (finest..from.levels().len()).rev() {
             let (from_plane, to_plane) = (&from.levels()[level], &to.levels()[level]);
             std::mem::swap(&mut self.coarse, &mut self.fine);

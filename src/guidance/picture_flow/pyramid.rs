@@ -95,11 +95,6 @@ impl Pyramid {
         self.levels().iter().position(|plane| plane.luma.len() <= LARGE).unwrap_or(0)
     }
 
-    /// Forgets the picture, but not the memory.
-    pub(super) fn clear(&mut self) {
-        self.used = 0;
-    }
-
     /// Takes the luma of `picture` and halves it as often as it bears.
     pub(super) fn build(&mut self, features: Level, picture: &Picture) -> Result<()> {
         let (mut width, mut height) = (picture.width() as usize, picture.height() as usize);

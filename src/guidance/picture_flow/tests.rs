@@ -250,29 +250,6 @@ fn vector_instructions_change_nothing() {
 }
 
 #[test]
-fn going_on_from_the_last_picture_is_extracting_from_both() {
-    let pictures = [0.0, 2.0, 5.0, 4.0].map(|shift| picture(131, 77, |x, y| texture(x + shift, y - 0.5 * shift)));
-    let mut out = Guidance::new(1, 1, PROJECTION).unwrap();
-    let mut extractor = Extractor::new();
-    let refused = |extractor: &mut Extractor, picture: &Picture, out: &mut Guidance| {
-        let error = extractor.extract_next(picture, out).unwrap_err();
-        assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("current")));
-    };
-    refused(&mut extractor, &pictures[0], &mut out);
-    extractor.extract(&pictures[0], &pictures[1], &mut out).unwrap();
-    for pair in pictures[1..].windows(2) {
-        // Another size is refused and changes nothing.
-        refused(&mut extractor, &Picture::new(131, 78).unwrap(), &mut out);
-        extractor.extract_next(&pair[1], &mut out).unwrap();
-        assert!(out == flow(&pair[0], &pair[1]));
-    }
-    // After a call that failed there is still the picture before it.
-    assert!(extractor.extract(&pictures[0], &Picture::new(4, 4).unwrap(), &mut out).is_err());
-    extractor.extract_next(&pictures[0], &mut out).unwrap();
-    assert!(out == flow(&pictures[3], &pictures[0]));
-}
-
-#[test]
 fn tiled_guidance_becomes_guidance_for_each_pixel() {
     let one = picture(40, 30, texture);
     let mut out =
