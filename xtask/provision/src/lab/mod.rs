@@ -1,7 +1,8 @@
 //! The lab: a Windows with Direct3D 12 and DirectML on a Linux machine that has neither.
 //!
 //! Wine and a software Vulkan driver in a Debian of their own, with two files of Wine rebuilt from Debian's source so that
-//! Microsoft's DirectML runs and programs may take their time to end. Debian's packages come through debootstrap from the mirror that the machine's own apt uses.
+//! Microsoft's DirectML runs and programs may take their time to end. Debian's packages come through debootstrap from the
+//! mirror that the machine's own apt uses.
 
 mod build;
 
@@ -101,7 +102,8 @@ pub fn possible() -> Result<()> {
     Ok(())
 }
 
-/// The lab; built on first use, which takes some five minutes and 2.5 GB of disk, 4 GB while it is built. A build that was interrupted goes on where it was.
+/// The lab; built on first use, which takes some three minutes and 2.5 GB of disk, 4 GB while it is built. A build that was
+/// interrupted goes on where it was.
 ///
 /// # Errors
 /// As [`possible`], an unreachable mirror, or a step that failed, with its last words.
