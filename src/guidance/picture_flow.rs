@@ -18,8 +18,8 @@
 //!          best the 5 x 5 pixels around each
 //! ```
 //!
-//! It runs from the current picture to the previous one, which is the motion given out, and back, above a megapixel at
-//! half the size. Where the two do not undo each other, lead out of the picture or to what looks otherwise, motion is
+//! It runs from the current picture to the previous one, which is the motion given out, and back. Of a picture of more
+//! than a megapixel the finest level is that which has less. Where the two do not undo each other, lead out of the picture or to what looks otherwise, motion is
 //! taken from near places where none of this is so, those of similar colour first. Removing each patch's mean makes it
 //! blind to a change of brightness.
 //!
@@ -45,7 +45,7 @@ use super::{Guidance, Projection, paper};
 use crate::{Error, ErrorKind, Picture, Result};
 use dense::Dense;
 use grid::Grid;
-use pyramid::{LARGE, Pyramid};
+use pyramid::Pyramid;
 use trust::Trust;
 
 /// The camera stated for the flat depth; the same as [`paper::PROJECTION`].
@@ -152,23 +152,22 @@ impl Extractor {
         self.current.build(self.level, current)?;
         let built = Instant::now();
 
-        // The way back is only for checking: half the size will do for large pictures.
-        let finest = self.previous.finest_close();
+        let finest = self.previous.finest();
         let Self { level, previous: from, current: to, backward, forward, .. } = &mut *self;
         let (level, from, to) = (*level, &*from, &*to);
         let (back, forth) =
-            rayon::join(|| backward.follow(level, to, from, 0), || forward.follow(level, from, to, finest));
+            rayon::join(|| backward.follow(level, to, from, finest), || forward.follow(level, from, to, finest));
         back.and(forth)?;
         let searched = Instant::now();
 
-        backward.spread(level, to, from, 0)?;
+        backward.spread(level, to, from, finest)?;
         forward.spread(level, from, to, finest)?;
         let spread = Instant::now();
 
-        self.trust.check(&self.backward.dense, &self.forward.dense, finest)?;
+        self.trust.check(&self.backward.dense, &self.forward.dense)?;
         let checked = Instant::now();
 
-        self.write(current, out);
+        self.write(current, finest, out);
         self.times = StageTimes {
             pyramid: built - start,
             search: searched - built,
@@ -184,62 +183,46 @@ impl Extractor {
         self.times
     }
 
-    /// Writes the motion, filled where it is not to be trusted, and the depth.
-    fn write(&self, current: &Picture, out: &mut Guidance) {
-        let (width, flow) = (current.width() as usize, &self.backward.dense);
+    /// Writes the motion, found on level `finest` and filled where it is not to be trusted, and the depth.
+    fn write(&self, current: &Picture, finest: usize, out: &mut Guidance) {
+        let width = current.width() as usize;
         let Guidance { motion, depth } = out;
         depth.depth_mut().fill(FLAT_DEPTH);
-        // In a large picture a fill does for the pixel below as well.
-        let height = if flow.flow.len() > LARGE { 2 } else { 1 };
-        motion.vectors_mut().par_chunks_mut(height * width).enumerate().for_each(|(j, rows)| {
-            let (upper, lower) = rows.split_at_mut(width);
-            self.write_row(current, height * j, upper, None);
-            if !lower.is_empty() {
-                self.write_row(current, height * j + 1, lower, Some(upper));
-            }
+        motion.vectors_mut().par_chunks_mut(width << finest).enumerate().for_each(|(y, rows)| {
+            let (first, others) = rows.split_at_mut(width);
+            self.write_row(current, finest, y, first);
+            others.chunks_exact_mut(width).for_each(|other| other.copy_from_slice(first));
         });
     }
 
-    /// Writes row `y` of the motion; what neither is trusted here nor was in the row `above`, where that is given, is as
-    /// there.
-    fn write_row(&self, current: &Picture, y: usize, row: &mut [[f16; 2]], above: Option<&[[f16; 2]]>) {
-        let (width, limit) = (row.len(), [current.width() as f32, current.height() as f32]);
-        let (flow, trust) = (&self.backward.dense, &self.trust);
-        let (flow_row, trusted_row) = (&flow.flow[y * width..][..width], trust.row(y));
-        let mut found = [[0.0_f32; 2]; RUN];
-        for (i, run) in row.chunks_mut(RUN).enumerate() {
+    /// Writes the motion of row `y` of level `finest` to a row of the picture.
+    fn write_row(&self, current: &Picture, finest: usize, y: usize, row: &mut [[f16; 2]]) {
+        let (flow, trusted) = (self.backward.dense.row(y), self.trust.row(y));
+        let (scale, limit) = ((1_u32 << finest) as f32, [current.width() as f32, current.height() as f32]);
+        let (mut found, mut vectors) = ([[0.0_f32; 2]; RUN], [[f16::ZERO; 2]; RUN]);
+        for (i, run) in row.chunks_mut(RUN << finest).enumerate() {
             let first = i * RUN;
-            let found = &mut found[..run.len()];
-            found.copy_from_slice(&flow_row[first..][..run.len()]);
-            let trusted = &trusted_row[first..][..found.len()];
-            let mut wanted = [false; RUN];
-            for (k, wanted) in wanted.iter_mut().enumerate().take(found.len()) {
-                *wanted = !trusted[k] && (above.is_none() || trust.row(y - 1)[first + k]);
+            let len = run.len().div_ceil(1 << finest);
+            let (found, vectors) = (&mut found[..len], &mut vectors[..len]);
+            found.copy_from_slice(&flow[first..][..len]);
+            let trusted = &trusted[first..][..len];
+            // Those between two others that are filled take the mean of them.
+            let is_between = |k: usize| k % 2 == 1 && trusted.get(k - 1..k + 2) == Some(&[false; 3]);
+            for k in (0..len).filter(|&k| !trusted[k] && !is_between(k)) {
+                found[k] = self.trust.filled(&self.backward.dense, current, finest, first + k, y);
             }
-            for k in 0..found.len() {
-                // Those between two others that are filled take the mean of them.
-                let is_between = k % 2 == 1 && wanted[k - 1] && wanted.get(k + 1) == Some(&true);
-                if wanted[k] && !is_between {
-                    found[k] = trust.filled(flow, current, first + k, y);
-                }
-            }
-            for k in (1..found.len().saturating_sub(1)).step_by(2) {
-                if wanted[k - 1..=k + 1] == [true; 3] {
-                    found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
-                }
+            for k in (1..len).step_by(2).filter(|&k| is_between(k)) {
+                found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
             }
             for vector in found.iter_mut() {
                 // Added to 0 so that no motion is +0.
-                vector[0] = 0.0 + vector[0].clamp(-limit[0], limit[0]);
-                vector[1] = 0.0 + vector[1].clamp(-limit[1], limit[1]);
+                vector[0] = 0.0 + (scale * vector[0]).clamp(-limit[0], limit[0]);
+                vector[1] = 0.0 + (scale * vector[1]).clamp(-limit[1], limit[1]);
             }
-            run.as_flattened_mut().convert_from_f32_slice(found.as_flattened());
-        }
-        let Some(above) = above else { return };
-        let untrusted = trusted_row.iter().zip(trust.row(y - 1)).map(|(here, above)| !here && !above);
-        for ((vector, above), is_as_above) in row.iter_mut().zip(above).zip(untrusted) {
-            if is_as_above {
-                *vector = *above;
+            vectors.as_flattened_mut().convert_from_f32_slice(found.as_flattened());
+            match finest {
+                0 => run.copy_from_slice(vectors),
+                _ => run.chunks_mut(1 << finest).zip(vectors).for_each(|(run, vector)| run.fill(*vector)),
             }
         }
     }
@@ -256,11 +239,11 @@ impl Direction {
             let (from_plane, to_plane) = (&from.levels()[level], &to.levels()[level]);
             std::mem::swap(&mut self.coarse, &mut self.fine);
             let coarse = (level + 1 < from.levels().len()).then_some(&self.coarse);
-            let is_large = from_plane.luma.len() > LARGE / 4 && from.levels()[0].luma.len() > LARGE;
+            let is_large = finest > 0 && level == finest;
             self.fine.search(simd, from_plane, to_plane, coarse, if is_large { grid::APART } else { grid::CLOSE })?;
             self.fine.smooth(simd)?;
             let rounds = match level {
-                0 => 0,
+                _ if level == finest => 0,
                 _ if from_plane.luma.len() <= SMALL => ROUNDS,
                 _ => 1,
             };
@@ -269,7 +252,7 @@ impl Direction {
                 self.fine.search_again(simd, from_plane, to_plane);
                 self.fine.smooth(simd)?;
             }
-            if level > 0 {
+            if level > finest {
                 self.fine.fit()?;
             }
         }

@@ -80,6 +80,11 @@ const ORDER_OF_9: [usize; 9] = [4, 3, 5, 1, 7, 0, 2, 6, 8];
 const ORDER_OF_16: [usize; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
 
 impl Dense {
+    /// The motion of the pixels of row `y`.
+    pub(super) fn row(&self, y: usize) -> &[[f32; 2]] {
+        &self.flow[y * self.width..][..self.width]
+    }
+
     /// Spreads the motion of `grid`'s patches over the pixels of `from`.
     pub(super) fn spread(&mut self, level: Level, from: &Plane, to: &Plane, grid: &Grid) -> Result<()> {
         self.width = from.width;

@@ -8,8 +8,8 @@ use crate::{Picture, Result};
 
 /// A level is halved again while its shorter side has at least this many pixels.
 const SHORT: usize = 24;
-/// A picture of more pixels is large: it has its patches farther apart, and the way back at half the size.
-pub(super) const LARGE: usize = 1 << 20;
+/// Pixels of the finest level that is searched at most: motion changes no faster in a larger picture.
+const LARGE: usize = 1 << 20;
 /// Rows that are worth a task of their own.
 const ROWS: usize = 16;
 
@@ -91,7 +91,7 @@ impl Pyramid {
     }
 
     /// The finest level that is not large.
-    pub(super) fn finest_close(&self) -> usize {
+    pub(super) fn finest(&self) -> usize {
         self.levels().iter().position(|plane| plane.luma.len() <= LARGE).unwrap_or(0)
     }
 

@@ -152,11 +152,11 @@ fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
     let back = field(&|x| half(x).map(|v| -v));
     let seen = picture(32, 16, |x, _| if x < 16.0 { 40.0 } else { 200.0 });
     let mut trust = Trust::default();
-    trust.check(&flow, &back, 0).unwrap();
+    trust.check(&flow, &back).unwrap();
     let y = 8;
     for x in 0..32 {
         assert_eq!(trust.row(y)[x], !wrong(x), "{x}");
-        let [u, v] = if wrong(x) { trust.filled(&flow, &seen, x, y) } else { flow.flow[y * 32 + x] };
+        let [u, v] = if wrong(x) { trust.filled(&flow, &seen, 0, x, y) } else { flow.flow[y * 32 + x] };
         let [tu, tv] = half(x);
         assert!((u - tu).hypot(v - tv) < 0.05, "column {x}: {u} {v}");
     }

@@ -31,9 +31,8 @@ pub(super) struct Trust {
 
 impl Trust {
     /// Finds where motion in `flow` shows the same at its end and is undone there by `back`. Motion out of the picture
-    /// cannot be checked, and is not trusted. `back` is `halvings` times half the size.
-    pub(super) fn check(&mut self, flow: &Dense, back: &Dense, halvings: usize) -> Result<()> {
-        let scale = (1_u32 << halvings) as f32;
+    /// cannot be checked, and is not trusted.
+    pub(super) fn check(&mut self, flow: &Dense, back: &Dense) -> Result<()> {
         let (width, height) = (flow.width, flow.flow.len() / flow.width);
         let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
         self.width = width;
@@ -43,9 +42,8 @@ impl Trust {
             for (x, (trusted, (&[u, v], &matched))) in trusted.iter_mut().zip(row.iter().zip(matched)).enumerate() {
                 let (there_x, there_y) = (x as f32 + u, y as f32 + v);
                 *trusted = matched && there_x >= 0.0 && there_y >= 0.0 && there_x <= right && there_y <= bottom && {
-                    let [i, j] = [floor(there_x + 0.5) as usize >> halvings, floor(there_y + 0.5) as usize >> halvings];
-                    let [bu, bv] = back.flow[j * back.width + i];
-                    let (bu, bv) = (scale * bu, scale * bv);
+                    let [i, j] = [floor(there_x + 0.5) as usize, floor(there_y + 0.5) as usize];
+                    let [bu, bv] = back.flow[j * width + i];
                     let miss = (u + bu) * (u + bu) + (v + bv) * (v + bv);
                     miss <= SLACK + SLACK_PER_LENGTH * (u * u + v * v + bu * bu + bv * bv)
                 };
@@ -60,12 +58,14 @@ impl Trust {
     }
 
     /// What to take for the motion of pixel (x, y) in place of its own: that of the nearest trusted pixels along eight
-    /// rays, drawn on to it, weighted by nearness and by likeness in `picture`; its own where there are none.
-    pub(super) fn filled(&self, flow: &Dense, picture: &Picture, x: usize, y: usize) -> [f32; 2] {
+    /// rays, drawn on to it, weighted by nearness and by likeness in `picture`; its own where there are none. All but
+    /// `picture` is `halvings` times half the size.
+    pub(super) fn filled(&self, flow: &Dense, picture: &Picture, halvings: usize, x: usize, y: usize) -> [f32; 2] {
         let (width, height) = (self.width as i32, (self.trusted.len() / self.width) as i32);
-        let pixels = picture.pixels();
-        let here = y * self.width + x;
-        let own = pixels[here].map(f32::from);
+        let colour = |x: usize, y: usize| {
+            picture.pixels()[(y << halvings) * picture.width() as usize + (x << halvings)].map(f32::from)
+        };
+        let own = colour(x, y);
         let (mut weight_sum, mut sum) = (0.0, [0.0_f32; 2]);
         for [dx, dy] in RAYS {
             for distance in STEPS {
@@ -75,7 +75,7 @@ impl Trust {
                 }
                 let k = (py * width + px) as usize;
                 if self.trusted[k] {
-                    let other = pixels[k].map(f32::from);
+                    let other = colour(px as usize, py as usize);
                     let unlike: f32 = (0..3).map(|c| (other[c] - own[c]).powi(2)).sum::<f32>() / 3.0;
                     let alike = 1.0 + unlike / (COLOUR_SCALE * COLOUR_SCALE);
                     let weight = 1.0 / (alike * alike * distance as f32);
@@ -87,7 +87,7 @@ impl Trust {
                 }
             }
         }
-        if weight_sum > 0.0 { sum.map(|s| s / weight_sum) } else { flow.flow[here] }
+        if weight_sum > 0.0 { sum.map(|s| s / weight_sum) } else { flow.row(y)[x] }
     }
 
     /// The motion of the trusted pixel `place`, drawn on in a line over `distance` steps back along `ray`, from as far
