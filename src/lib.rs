@@ -27,6 +27,8 @@ pub mod runtime;
 
 pub mod bundle;
 
+pub mod ffx;
+
 #[cfg(windows)]
 pub mod gpu;
 

@@ -17,7 +17,7 @@ const UNFINISHED: [(&str, &str); 6] =
     [("TO", "DO"), ("FIX", "ME"), ("XX", "X:"), ("todo", "!("), ("unimplemented", "!("), ("#[ign", "ore]")];
 
 /// The rooms of the library from the top down: each may use those after it only.
-const ROOMS: [&str; 8] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "gpu"];
+const ROOMS: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "ffx", "gpu"];
 
 /// Folders at the root; a path in a text that starts with one of them must exist.
 const FOLDERS: [&str; 9] =

@@ -1,0 +1,251 @@
+//! Formats of pixels and states of resources, and what DXGI and Direct3D 12 call them. Numbers, so that they are the same
+//! everywhere.
+
+use super::open_set;
+
+/// Names each format once: its number here, and those of DXGI that are it, the first of which it is there.
+macro_rules! formats {
+    ($( $word:ident = $value:literal: $($dxgi:literal),*; )*) => {
+        open_set! {
+            /// Format of a pixel.
+            SurfaceFormat: u32 {
+                $( #[doc = concat!("Number ", stringify!($value), ".")] $word = $value, )*
+            }
+        }
+
+        /// A format, and DXGI's that are it.
+        const FORMATS: &[(SurfaceFormat, &[u32])] = &[$( (SurfaceFormat::$word, &[$($dxgi),*]) ),*];
+    };
+}
+
+formats! {
+    UNKNOWN = 0: 0;
+    R32G32B32A32_TYPELESS = 1: 1;
+    R32G32B32A32_UINT = 2: 3;
+    R32G32B32A32_FLOAT = 3: 2;
+    R16G16B16A16_FLOAT = 4: 10;
+    R32G32B32_FLOAT = 5: 6;
+    R32G32_FLOAT = 6: 16;
+    // The stencil of a format with 24 or 32 bits of depth.
+    R8_UINT = 7: 62, 47, 22;
+    // Depth of 24 bits, with its stencil.
+    R32_UINT = 8: 42, 44, 45, 46;
+    R8G8B8A8_TYPELESS = 9: 27;
+    R8G8B8A8_UNORM = 10: 28;
+    R8G8B8A8_SNORM = 11: 31;
+    R8G8B8A8_SRGB = 12: 29;
+    B8G8R8A8_TYPELESS = 13: 90;
+    B8G8R8A8_UNORM = 14: 87;
+    B8G8R8A8_SRGB = 15: 91;
+    R11G11B10_FLOAT = 16: 26;
+    R10G10B10A2_UNORM = 17: 24;
+    R16G16_FLOAT = 18: 34;
+    R16G16_UINT = 19: 36;
+    R16G16_SINT = 20: 38;
+    R16_FLOAT = 21: 54;
+    R16_UINT = 22: 57;
+    R16_UNORM = 23: 56, 55;
+    R16_SNORM = 24: 58;
+    R8_UNORM = 25: 61, 65;
+    R8G8_UNORM = 26: 49;
+    R8G8_UINT = 27: 50;
+    // Depth of 32 bits, with and without stencil.
+    R32_FLOAT = 28: 41, 40, 19, 20, 21;
+    R9G9B9E5 = 29: 67;
+    R16G16B16A16_TYPELESS = 30: 9;
+    R32G32_TYPELESS = 31: 15;
+    R10G10B10A2_TYPELESS = 32: 23;
+    R16G16_TYPELESS = 33: 33;
+    R16_TYPELESS = 34: 53;
+    R8_TYPELESS = 35: 60;
+    R8G8_TYPELESS = 36: 48;
+    R32_TYPELESS = 37: 39;
+}
+
+impl SurfaceFormat {
+    /// What a DXGI_FORMAT is here; [`Self::UNKNOWN`] for one that ffx-api has not.
+    pub fn from_dxgi(dxgi: u32) -> Self {
+        FORMATS.iter().find(|(_, known)| known.contains(&dxgi)).map_or(Self::UNKNOWN, |(format, _)| *format)
+    }
+
+    /// What it is in DXGI; DXGI_FORMAT_UNKNOWN, 0, for a number that is none.
+    pub fn to_dxgi(self) -> u32 {
+        FORMATS.iter().find(|(format, _)| *format == self).map_or(0, |(_, known)| known[0])
+    }
+
+    /// The group in which a frame generator takes pictures with and without interface together: its bits and how it counts
+    /// them. None for one that it does not take at all.
+    pub fn precision(self) -> Option<Precision> {
+        Some(match self {
+            Self::R32G32B32A32_TYPELESS | Self::R32G32B32A32_FLOAT | Self::R32G32B32_FLOAT => Precision::Float32,
+            Self::R16G16B16A16_TYPELESS | Self::R16G16B16A16_FLOAT => Precision::Float16,
+            Self::R11G11B10_FLOAT => Precision::Float11,
+            Self::R9G9B9E5 => Precision::SharedExponent,
+            Self::R10G10B10A2_TYPELESS | Self::R10G10B10A2_UNORM => Precision::Unorm10,
+            Self::R8G8B8A8_TYPELESS | Self::R8G8B8A8_UNORM | Self::B8G8R8A8_TYPELESS | Self::B8G8R8A8_UNORM => {
+                Precision::Unorm8
+            }
+            Self::R8G8B8A8_SRGB | Self::B8G8R8A8_SRGB => Precision::Srgb8,
+            Self::R8G8B8A8_SNORM => Precision::Snorm8,
+            _ => return None,
+        })
+    }
+}
+
+/// Formats that a frame generator copies between.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// Floats of 32 bits.
+    Float32,
+    /// Floats of 16 bits.
+    Float16,
+    /// Floats of 11 and 10 bits.
+    Float11,
+    /// Fractions of 9 bits with one exponent.
+    SharedExponent,
+    /// 10 bits, 0 to 1.
+    Unorm10,
+    /// 8 bits, 0 to 1.
+    Unorm8,
+    /// 8 bits, sRGB.
+    Srgb8,
+    /// 8 bits, -1 to 1.
+    Snorm8,
+}
+
+/// Names each state with its number here and in Direct3D 12.
+macro_rules! states {
+    ($( $(#[$about:meta])* $word:ident = $value:literal: $d3d12:literal; )*) => {
+        open_set! {
+            /// The state of a resource.
+            ResourceState: u32 {
+                $( $(#[$about])* $word = $value, )*
+            }
+        }
+
+        /// A state, and Direct3D 12's.
+        const STATES: &[(ResourceState, u32)] = &[$( (ResourceState::$word, $d3d12) ),*];
+    };
+}
+
+states! {
+    /// Nothing in particular.
+    COMMON = 1: 0;
+    /// Written by shaders anywhere.
+    UNORDERED_ACCESS = 2: 0x8;
+    /// Read by compute shaders.
+    COMPUTE_READ = 4: 0x40;
+    /// Read by pixel shaders.
+    PIXEL_READ = 8: 0x80;
+    /// Read by shaders.
+    PIXEL_COMPUTE_READ = 12: 0xc0;
+    /// Copied from.
+    COPY_SOURCE = 16: 0x800;
+    /// Read by anything.
+    GENERIC_READ = 20: 0xac3;
+    /// Copied to.
+    COPY_DESTINATION = 32: 0x400;
+    /// Arguments of draws.
+    INDIRECT_ARGUMENT = 64: 0x200;
+    /// About to be presented.
+    PRESENT = 128: 0;
+    /// Drawn to.
+    RENDER_TARGET = 256: 0x4;
+    /// Depth drawn to. SDK 2.0 and later.
+    DEPTH_ATTACHMENT = 512: 0x10;
+}
+
+impl ResourceState {
+    /// What D3D12_RESOURCE_STATES are here. None for what ffx-api cannot say, such as depth that is read.
+    pub fn from_d3d12(states: u32) -> Option<Self> {
+        STATES.iter().find(|(_, known)| *known == states).map(|(state, _)| *state)
+    }
+
+    /// What it is in Direct3D 12. None for a number that is none.
+    pub fn to_d3d12(self) -> Option<u32> {
+        STATES.iter().find(|(state, _)| *state == self).map(|(_, known)| *known)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_there_and_back() {
+        for &(format, dxgi) in FORMATS {
+            assert_eq!(SurfaceFormat::from_dxgi(format.to_dxgi()), format);
+            for &one in dxgi {
+                assert_eq!(SurfaceFormat::from_dxgi(one), format);
+            }
+        }
+        // R8G8B8A8_UINT and R16G16_UNORM are none of ffx-api's.
+        assert_eq!([30, 35, 1000].map(SurfaceFormat::from_dxgi), [SurfaceFormat::UNKNOWN; 3]);
+        assert_eq!(SurfaceFormat(1000).to_dxgi(), 0);
+        assert_eq!(format!("{:?} {:?}", SurfaceFormat::R8_UNORM, SurfaceFormat(1000)), "R8_UNORM 0x3e8");
+        // Numbers are without a gap, and no number of DXGI is two formats.
+        for (number, (format, _)) in (0..).zip(FORMATS) {
+            assert_eq!(format.0, number);
+        }
+        let mut all: Vec<u32> = FORMATS.iter().flat_map(|(_, dxgi)| *dxgi).copied().collect();
+        let count = all.len();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), count);
+    }
+
+    #[test]
+    fn states_there_and_back() {
+        for &(state, d3d12) in STATES {
+            assert_eq!(state.to_d3d12(), Some(d3d12));
+            let back = ResourceState::from_d3d12(d3d12);
+            assert_eq!(back, Some(if state == ResourceState::PRESENT { ResourceState::COMMON } else { state }));
+        }
+        // DEPTH_READ cannot be said, nor can two states that are no reading.
+        assert_eq!([0x20, 0xc, 0x60].map(ResourceState::from_d3d12), [None; 3]);
+        assert_eq!(ResourceState(3).to_d3d12(), None);
+    }
+
+    #[test]
+    fn pictures_of_one_precision_go_together() {
+        use SurfaceFormat as F;
+        assert_eq!(F::R8G8B8A8_UNORM.precision(), F::B8G8R8A8_UNORM.precision());
+        assert_ne!(F::R8G8B8A8_UNORM.precision(), F::R8G8B8A8_SRGB.precision());
+        assert_eq!([F::R8_UNORM, F::R32G32B32A32_UINT, F::UNKNOWN, F(99)].map(F::precision), [None; 4]);
+    }
+
+    /// The numbers above against those that Microsoft's own headers gave.
+    #[cfg(windows)]
+    #[test]
+    fn numbers_are_those_of_the_system() {
+        use windows::Win32::Graphics::Direct3D12 as d3d12;
+        use windows::Win32::Graphics::Dxgi::Common as dxgi;
+        for (format, known) in [
+            (SurfaceFormat::R16G16B16A16_FLOAT, dxgi::DXGI_FORMAT_R16G16B16A16_FLOAT),
+            (SurfaceFormat::R11G11B10_FLOAT, dxgi::DXGI_FORMAT_R11G11B10_FLOAT),
+            (SurfaceFormat::R10G10B10A2_UNORM, dxgi::DXGI_FORMAT_R10G10B10A2_UNORM),
+            (SurfaceFormat::R8G8B8A8_UNORM, dxgi::DXGI_FORMAT_R8G8B8A8_UNORM),
+            (SurfaceFormat::R8G8B8A8_SRGB, dxgi::DXGI_FORMAT_R8G8B8A8_UNORM_SRGB),
+            (SurfaceFormat::B8G8R8A8_SRGB, dxgi::DXGI_FORMAT_B8G8R8A8_UNORM_SRGB),
+            (SurfaceFormat::R16G16_FLOAT, dxgi::DXGI_FORMAT_R16G16_FLOAT),
+            (SurfaceFormat::R32_FLOAT, dxgi::DXGI_FORMAT_D32_FLOAT_S8X24_UINT),
+            (SurfaceFormat::R32_FLOAT, dxgi::DXGI_FORMAT_D32_FLOAT),
+            (SurfaceFormat::R32_UINT, dxgi::DXGI_FORMAT_D24_UNORM_S8_UINT),
+            (SurfaceFormat::R16_UNORM, dxgi::DXGI_FORMAT_D16_UNORM),
+            (SurfaceFormat::R9G9B9E5, dxgi::DXGI_FORMAT_R9G9B9E5_SHAREDEXP),
+        ] {
+            assert_eq!(SurfaceFormat::from_dxgi(known.0.cast_unsigned()), format, "{known:?}");
+        }
+        for (state, known) in [
+            (ResourceState::UNORDERED_ACCESS, d3d12::D3D12_RESOURCE_STATE_UNORDERED_ACCESS),
+            (ResourceState::COMPUTE_READ, d3d12::D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE),
+            (ResourceState::GENERIC_READ, d3d12::D3D12_RESOURCE_STATE_GENERIC_READ),
+            (ResourceState::COPY_SOURCE, d3d12::D3D12_RESOURCE_STATE_COPY_SOURCE),
+            (ResourceState::COPY_DESTINATION, d3d12::D3D12_RESOURCE_STATE_COPY_DEST),
+            (ResourceState::RENDER_TARGET, d3d12::D3D12_RESOURCE_STATE_RENDER_TARGET),
+            (ResourceState::DEPTH_ATTACHMENT, d3d12::D3D12_RESOURCE_STATE_DEPTH_WRITE),
+        ] {
+            assert_eq!(state.to_d3d12(), Some(known.0.cast_unsigned()));
+        }
+    }
+}

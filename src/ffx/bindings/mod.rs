@@ -1,0 +1,104 @@
+//! The structs of ffx-api, written by hand from its published layout for x64; sizes and offsets are checked by the compiler, field
+//! by field. They hold pointers and numbers only, so they are the same on every 64-bit system.
+//!
+//! What a struct says of the release that brought it is the SDK's: a provider of an earlier one does not know it.
+
+mod formats;
+mod frame_generation;
+mod general;
+mod swapchain;
+mod upscale;
+mod words;
+
+use super::{Described, Extends};
+
+pub use formats::*;
+pub use frame_generation::*;
+pub use general::*;
+pub use swapchain::*;
+pub use upscale::*;
+pub use words::*;
+
+/// A struct of the interface: each field with its offset, its size and its type.
+macro_rules! plain {
+    ($(#[$doc:meta])* $name:ident, $size:literal align $align:literal: {
+        $( $(#[$about:meta])* $offset:literal $length:literal $field:ident: $type:ty, )*
+    }) => {
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Debug, Clone, Copy, Default)]
+        pub struct $name {
+            $( $(#[$about])* pub $field: $type, )*
+        }
+
+        const _: () = {
+            assert!(size_of::<$name>() == $size && align_of::<$name>() == $align);
+            $( assert!(std::mem::offset_of!($name, $field) == $offset && size_of::<$type>() == $length); )*
+        };
+    };
+}
+
+/// A struct that starts with a header: its id, and what it may follow.
+macro_rules! described {
+    ($(#[$doc:meta])* $name:ident = $id:ident $(extends [$($head:ty),*])?, $size:literal: {
+        $( $(#[$about:meta])* $offset:literal $length:literal $field:ident: $type:ty, )*
+    }) => {
+        $crate::ffx::bindings::plain! {
+            $(#[$doc])*
+            $name, $size align 8: {
+                /// What it is and what follows, written by the chain.
+                0 16 header: $crate::ffx::Header,
+                $( $(#[$about])* $offset $length $field: $type, )*
+            }
+        }
+
+        // SAFETY: the layout, header first, is checked above.
+        unsafe impl $crate::ffx::Described for $name {
+            const ID: $crate::ffx::bindings::StructId = $crate::ffx::bindings::StructId::$id;
+        }
+        $($( impl $crate::ffx::Extends<$head> for $name {} )*)?
+    };
+}
+
+pub(crate) use {described, plain};
+
+/// A struct that `ffxCreateContext` starts with.
+pub trait Creates: Described {
+    /// The struct that tells a provider of SDK 2.1 or later for which release this was written.
+    type Version: Extends<Self> + From<u32>;
+    /// The oldest release that has all that is used here, as its headers number it.
+    const WRITTEN_FOR: u32;
+}
+
+impl<Head: Creates> Extends<Head> for CreateBackendDx12 {}
+impl<Head: Creates> Extends<Head> for OverrideVersion {}
+
+/// Names for numbers of a set that other releases extend: any number is one of them.
+macro_rules! open_set {
+    ($(#[$doc:meta])* $name:ident: $number:ty { $( $(#[$about:meta])* $word:ident = $value:expr, )* }) => {
+        $(#[$doc])*
+        #[repr(transparent)]
+        #[derive(Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub struct $name(pub $number);
+
+        impl $name {
+            $( $(#[$about])* pub const $word: Self = Self($value); )*
+
+            /// What the number is called, where it is one that is known here.
+            pub fn name(self) -> Option<&'static str> {
+                [$( (Self::$word, stringify!($word)) ),*].into_iter().find(|(known, _)| *known == self).map(|(_, name)| name)
+            }
+        }
+
+        impl std::fmt::Debug for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                match self.name() {
+                    Some(name) => f.write_str(name),
+                    None => write!(f, "{:#x}", self.0),
+                }
+            }
+        }
+    };
+}
+
+pub(crate) use open_set;

@@ -1,0 +1,227 @@
+//! Structs that point to the next: chains that own all of their links.
+
+use std::fmt;
+use std::marker::PhantomData;
+use std::ptr::{NonNull, null_mut};
+
+use super::bindings::StructId;
+
+/// How every struct of ffx-api starts: what it is, and what follows it. Written by a [`Chain`] and by nothing else.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Header {
+    id: StructId,
+    next: *mut Header,
+}
+
+const _: () = {
+    assert!(size_of::<Header>() == 16 && align_of::<Header>() == 8);
+    assert!(std::mem::offset_of!(Header, id) == 0 && std::mem::offset_of!(Header, next) == 8);
+};
+
+impl Default for Header {
+    fn default() -> Self {
+        Self { id: StructId(0), next: null_mut() }
+    }
+}
+
+impl Header {
+    /// What the struct that starts with it is.
+    pub fn id(&self) -> StructId {
+        self.id
+    }
+
+    /// What follows, or null.
+    pub fn next(&self) -> *const Header {
+        self.next
+    }
+}
+
+/// The id says it all; where the next link lies is of no use to a reader.
+impl fmt::Debug for Header {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.id)
+    }
+}
+
+/// A struct that may stand in a [`Chain`].
+///
+/// # Safety
+/// It is `repr(C)`, starts with a [`Header`], and has the layout that ffx-api knows under [`Self::ID`].
+pub unsafe trait Described: fmt::Debug + Sized + 'static {
+    /// What ffx-api calls it.
+    const ID: StructId;
+}
+
+/// A struct that may follow `Head` in its chain.
+pub trait Extends<Head>: Described {}
+
+/// A struct with those that extend it, linked as ffx-api reads them. It owns them all, so that no link can dangle, and keeps
+/// them at their places while it lives: a chain that is used every frame is made once and altered.
+pub struct Chain<Head: Described> {
+    /// The head first.
+    links: Vec<Link>,
+    head: PhantomData<Head>,
+}
+
+/// A box's memory. A raw pointer, as ffx-api reads and writes through its own while the chain stands.
+struct Link {
+    id: StructId,
+    place: NonNull<dyn fmt::Debug>,
+}
+
+impl<Head: Described> Chain<Head> {
+    /// A chain of `head` alone.
+    pub fn new(head: Head) -> Self {
+        let mut chain = Self { links: Vec::with_capacity(4), head: PhantomData };
+        chain.push(head);
+        chain
+    }
+
+    /// Appends a link; one of the same kind that is there already is replaced.
+    #[must_use]
+    pub fn with<T: Extends<Head>>(mut self, link: T) -> Self {
+        match self.find::<T>() {
+            Some(mut place) => {
+                // SAFETY: a live link of this type, which nobody else refers to while we hold the chain.
+                let there = unsafe { place.as_mut() };
+                *there = link;
+            }
+            None => self.push(link),
+        }
+        self.stamp();
+        self
+    }
+
+    /// The first struct.
+    pub fn head(&self) -> &Head {
+        // SAFETY: the first link is a live `Head`, borrowed as the chain is.
+        unsafe { self.links[0].place.cast().as_ref() }
+    }
+
+    /// The first struct, to alter it.
+    pub fn head_mut(&mut self) -> &mut Head {
+        // SAFETY: as in `head`; the chain is borrowed for writing.
+        unsafe { self.links[0].place.cast().as_mut() }
+    }
+
+    /// The link of that kind, to alter it.
+    pub fn link_mut<T: Extends<Head>>(&mut self) -> Option<&mut T> {
+        // SAFETY: a live link of this type; the chain is borrowed for writing.
+        self.find::<T>().map(|mut place| unsafe { place.as_mut() })
+    }
+
+    /// What the links are, in their order.
+    pub fn ids(&self) -> impl Iterator<Item = StructId> {
+        self.links.iter().map(|link| link.id)
+    }
+
+    /// What ffx-api is given: the first link's header. Valid, and linked to the end, until the chain is next touched.
+    pub fn as_ptr(&mut self) -> *mut Header {
+        self.stamp();
+        self.links[0].place.as_ptr().cast()
+    }
+
+    fn push<T: Described>(&mut self, link: T) {
+        let link: Box<dyn fmt::Debug> = Box::new(link);
+        self.links.push(Link { id: T::ID, place: NonNull::from(Box::leak(link)) });
+        self.stamp();
+    }
+
+    fn find<T: Described>(&self) -> Option<NonNull<T>> {
+        self.links.iter().find(|link| link.id == T::ID).map(|link| link.place.cast())
+    }
+
+    /// Writes all headers: who altered a struct may have put another's in its place.
+    fn stamp(&mut self) {
+        for (index, link) in self.links.iter().enumerate() {
+            let next = self.links.get(index + 1).map_or(null_mut(), |next| next.place.as_ptr().cast());
+            // SAFETY: every link is live and starts with a header, by the contract of `Described`.
+            unsafe { link.place.cast::<Header>().write(Header { id: link.id, next }) };
+        }
+    }
+}
+
+impl<Head: Described> Drop for Chain<Head> {
+    fn drop(&mut self) {
+        for link in &self.links {
+            // SAFETY: `push` leaked this box, and nothing but this frees it.
+            drop(unsafe { Box::from_raw(link.place.as_ptr()) });
+        }
+    }
+}
+
+/// All that the links hold.
+impl<Head: Described> fmt::Debug for Chain<Head> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, link) in self.links.iter().enumerate() {
+            let between = if index == 0 { "" } else { " -> " };
+            // SAFETY: a live link, borrowed as the chain is.
+            write!(f, "{between}{:?}", unsafe { link.place.as_ref() })?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bindings::*;
+    use super::*;
+
+    /// Ids as somebody else reads them, from memory.
+    fn walk(first: *const Header) -> Vec<u64> {
+        let mut ids = Vec::new();
+        let mut at = first;
+        while !at.is_null() {
+            // SAFETY: links of a live chain.
+            let header = unsafe { &*at };
+            ids.push(header.id().0);
+            at = header.next();
+        }
+        ids
+    }
+
+    fn chain() -> Chain<CreateFrameGeneration> {
+        Chain::new(CreateFrameGeneration { flags: CreateFlags::DEPTH_INFINITE, ..Default::default() })
+            .with(OverrideVersion { version_id: 7, ..Default::default() })
+            .with(CreateBackendDx12 { device: 0x1234 as *mut _, ..Default::default() })
+    }
+
+    #[test]
+    fn links_are_found_from_the_head_on_in_their_order() {
+        let mut chain = chain();
+        assert_eq!(walk(chain.as_ptr()), [0x2_0001, 5, 2]);
+        // It may move; its links do not.
+        let before = chain.as_ptr();
+        let mut moved = Box::new(chain);
+        assert_eq!(moved.as_ptr(), before);
+        assert_eq!(walk(moved.as_ptr()), [0x2_0001, 5, 2]);
+    }
+
+    #[test]
+    fn links_can_be_altered_and_one_of_a_kind_stands_in_a_chain() {
+        let mut chain = chain().with(OverrideVersion { version_id: 8, ..Default::default() });
+        assert_eq!(walk(chain.as_ptr()), [0x2_0001, 5, 2]);
+        assert_eq!(chain.link_mut::<OverrideVersion>().expect("it is there").version_id, 8);
+        assert!(chain.link_mut::<CreateFrameGenerationHudless>().is_none());
+        chain.head_mut().display_size = Dimensions { width: 640, height: 360 };
+        assert_eq!(chain.head().display_size.width, 640);
+        assert_eq!(chain.head().flags, CreateFlags::DEPTH_INFINITE);
+    }
+
+    #[test]
+    fn a_header_that_was_taken_from_another_struct_is_put_right() {
+        let mut other = Chain::new(QueryProviderVersion::default());
+        let mut chain = chain();
+        chain.head_mut().header = other.head().header;
+        *chain.link_mut::<OverrideVersion>().expect("it is there") = OverrideVersion::default();
+        assert_eq!(walk(chain.as_ptr()), [0x2_0001, 5, 2]);
+        assert_eq!(walk(other.as_ptr()), [6]);
+    }
+
+    #[test]
+    fn a_chain_tells_what_is_in_it() {
+        let text = format!("{:?}", chain());
+        assert!(text.contains("DEPTH_INFINITE") && text.contains("version_id: 7") && text.contains("0x1234"), "{text}");
+    }
+}

@@ -1,0 +1,10 @@
+//! AMD's ffx-api: its structs, its libraries loaded at run time, and the providers in them. Nothing of AMD's SDK is needed to
+//! build.
+//!
+//! The interface is five functions over structs that name themselves by an id and point to the next ([`Chain`]). Which of the
+//! structs a library understands differs from release to release, 1.1 to 2.4 of the SDK.
+
+pub mod bindings;
+mod chain;
+
+pub use chain::{Chain, Described, Extends, Header};
