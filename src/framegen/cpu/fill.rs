@@ -13,6 +13,7 @@ use super::colour::Colour;
 use super::kernels::{self, BLOCK, Source, TILE, claims};
 use super::layer::{self, EMPTY, Grid, HOLE, Key, Layer, alike, is_nearer, key, part};
 use super::leaving::Leaving;
+use super::perspective::Way;
 use super::sized;
 use crate::Result;
 
@@ -37,8 +38,8 @@ struct Level {
 pub(super) struct Evidence<'a, P> {
     /// The current anchor's motion.
     pub(super) field: &'a Layer,
-    /// How far the layer lies from the current anchor, of the way to the previous one, see [`WHOLE`](layer::WHOLE).
-    pub(super) reach: i32,
+    /// From the current anchor to the layer.
+    pub(super) way: Way,
     /// The anchor that shows what is looked for, where one does.
     pub(super) shown: Option<Source<'a, P>>,
     /// What leaves the picture, where that was looked for.
@@ -358,7 +359,9 @@ impl<P: Colour> Evidence<'_, P> {
     #[inline(always)]
     fn is_contradicted(&self, grid: Grid, [x, y]: [usize; 2], key: Key) -> bool {
         let [vx, vy] = layer::vector(key);
-        let there = [64 * x as i32 - part(vx, self.reach), 64 * y as i32 - part(vy, self.reach)];
+        let at = [x as i32, y as i32];
+        let reach = self.way.reach(key, at);
+        let there = [64 * at[0] - part(vx, reach), 64 * at[1] - part(vy, reach)];
         grid.nearest(there).is_some_and(|[u, v]| {
             let shown = self.field.owner(u, v);
             alike(shown, key) || is_nearer(key, shown)

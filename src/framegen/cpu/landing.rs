@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::kernels::claims::{self, Places};
 use super::kernels::{BLOCK, Level, TILE};
 use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile, key, landed};
+use super::perspective::Way;
 use super::{reserve, sized};
 use crate::Result;
 
@@ -17,11 +18,11 @@ const BAND: usize = 8;
 const RIM: usize = 1;
 /// A place that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
 pub(super) const SMOOTH: i32 = 48;
-/// A layer to carry and how far: by `reach` of its vectors, see [`WHOLE`](layer::WHOLE).
+/// A layer to carry and how far.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pass<'a> {
     pub(super) layer: &'a Layer,
-    pub(super) reach: i32,
+    pub(super) way: Way,
     pub(super) of: Carried,
 }
 
@@ -132,14 +133,14 @@ impl Filling {
         band.is_rough.fill(false);
         for pass in passes {
             self.each_tile(pass, |column, row, tile| match (pass.of, tile.kind) {
-                (Carried::Own, Kind::Smooth) => self.cover(pass.reach, column, row, tile, &mut band.covers),
+                (Carried::Own, Kind::Smooth) => self.cover(&pass.way, column, row, tile, &mut band.covers),
                 (Carried::Own, Kind::Rough) => {
                     let keys = &pass.layer.keys[row * self.grid.columns + column];
-                    self.carry_pixels(pass.reach, column, row, keys, band);
+                    self.carry_pixels(pass.way, column, row, keys, band);
                 }
                 (Carried::Borrowed, _) if tile.holes > 0 => {
                     let keys = &pass.layer.borrowed[row * self.grid.columns + column];
-                    self.carry_pixels(pass.reach, column, row, keys, band);
+                    self.carry_pixels(pass.way, column, row, keys, band);
                 }
                 (Carried::Borrowed, _) => {}
             });
@@ -165,7 +166,7 @@ impl Filling {
         for pass in passes.iter().filter(|pass| pass.of == Carried::Own) {
             self.each_tile(pass, |column, row, tile| {
                 if tile.kind == Kind::Smooth {
-                    self.carry_tile(pass.reach, column, row, tile, &rough, band);
+                    self.carry_tile(&pass.way, column, row, tile, &rough, band);
                 }
             });
         }
@@ -187,10 +188,12 @@ impl Filling {
     fn each_tile(&self, pass: &Pass<'_>, mut visit: impl FnMut(usize, usize, &Tile)) {
         let rim = RIM as i32;
         let band = (self.top * TILE) as i32 - rim..((self.top + self.rows) * TILE) as i32 + rim;
+        let bounds = pass.way.bounds();
         let reaches = |row: usize, low: i32, high: i32| {
             let first = (row * TILE) as i32;
-            let ends = [landed(first, low, pass.reach), landed(first, high, pass.reach)];
-            ends[0].min(ends[1]) < band.end && ends[0].max(ends[1]) + TILE as i32 > band.start
+            let [a, b] = bounds.map(|reach| [landed(first, low, reach), landed(first, high, reach)]);
+            let [least, most] = [a[0].min(a[1]).min(b[0]).min(b[1]), a[0].max(a[1]).max(b[0]).max(b[1])];
+            least < band.end && most + TILE as i32 > band.start
         };
         for row in 0..self.grid.rows {
             let [low, high] = pass.layer.spans[row];
@@ -206,8 +209,9 @@ impl Filling {
     }
 
     /// Where the corner of a smooth tile lands.
-    fn corner(&self, reach: i32, column: usize, row: usize, key: Key) -> [i32; 2] {
+    fn corner(&self, way: &Way, column: usize, row: usize, key: Key) -> [i32; 2] {
         let [x, y] = layer::vector(key);
+        let reach = way.reach_of_tile(key, [column * TILE, row * TILE]);
         [landed((column * TILE) as i32, x, reach), landed((row * TILE) as i32, y, reach)]
     }
 
@@ -227,8 +231,8 @@ impl Filling {
 
     /// Notes that a smooth tile covers parts of others.
     #[inline(never)]
-    fn cover(&self, reach: i32, column: usize, row: usize, tile: &Tile, covers: &mut [Cover]) {
-        let [x, y] = self.corner(reach, column, row, tile.key);
+    fn cover(&self, way: &Way, column: usize, row: usize, tile: &Tile, covers: &mut [Cover]) {
+        let [x, y] = self.corner(way, column, row, tile.key);
         let [across, down] = self.grid.extent(column, row);
         let vector = layer::vector(tile.key);
         let columns = Self::touched(x, across, 0..self.grid.columns);
@@ -248,10 +252,11 @@ impl Filling {
     }
 
     /// Carries pixels one by one.
-    fn carry_pixels(&self, reach: i32, column: usize, row: usize, keys: &[Key; BLOCK], band: &mut Band) {
-        let from = [column * TILE + RIM, row * TILE + RIM].map(|at| at as i32);
+    fn carry_pixels(&self, way: Way, column: usize, row: usize, keys: &[Key; BLOCK], band: &mut Band) {
+        let at = [column * TILE, row * TILE].map(|at| at as i32);
+        let shift = [RIM as i32, RIM as i32 - (self.top * TILE) as i32];
         let mut places = Places { keys: &mut band.places, stride: stride(self.grid), is_rough: &mut band.is_rough };
-        claims::carry(self.level, keys, [from[0], from[1] - (self.top * TILE) as i32], reach, &mut places);
+        claims::carry(self.level, keys, at, shift, way, &mut places);
     }
 
     /// What a tile is that is covered so.
@@ -275,8 +280,8 @@ impl Filling {
 
     /// Carries all of a smooth tile, if it touches one that is not; those lie within the columns `rough`.
     #[inline(never)]
-    fn carry_tile(&self, reach: i32, column: usize, row: usize, tile: &Tile, rough: &Range<usize>, band: &mut Band) {
-        let [x, y] = self.corner(reach, column, row, tile.key);
+    fn carry_tile(&self, way: &Way, column: usize, row: usize, tile: &Tile, rough: &Range<usize>, band: &mut Band) {
+        let [x, y] = self.corner(way, column, row, tile.key);
         let [across, down] = self.grid.extent(column, row);
         let rim = RIM as i32;
         let columns = Self::touched(x - rim, across + 2 * RIM, rough.clone());

@@ -87,7 +87,8 @@ pub(super) const LONGEST: i32 = 4095 * 64;
 /// `reach` of a component of a vector, in 1/64 px.
 #[inline(always)]
 pub(super) fn part(component: i32, reach: i32) -> i32 {
-    (component * reach + WHOLE / 2) >> 12
+    // Of what claims nothing the vector is longer than any; its parts are not used.
+    component.wrapping_mul(reach).wrapping_add(WHOLE / 2) >> 12
 }
 
 /// Where `reach` of a component of a vector carries: from a whole pixel to the nearest whole pixel.

@@ -9,7 +9,9 @@
 //! 3. `landing`: the vectors go to phase 0, where they tell which pixels of the previous anchor have an owner in the
 //!    current one. The rest is what only the previous anchor shows; `fill` gives it the motion of the surface beside it.
 //!    `leaving`: what passed over an edge in front of all else moves at least so far.
-//! 4. `landing` once more: both go to phase t. Tiles are carried whole where that is smooth, pixel by pixel where
+//! 4. `perspective`: what comes nearer moves faster on the screen. Where motion and depth of most of the picture are those of
+//!    a world at rest, each claim has a phase of its own for t.
+//!    `landing` once more: both go to phase t. Tiles are carried whole where that is smooth, pixel by pixel where
 //!    surfaces meet, the nearest first; cracks are closed, and places nothing lands on are filled.
 //! 5. `render`: both anchors are sampled by six pixels to a side at the displaced places. Where they agree, the nearer in time is
 //!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture. A pixel beside
@@ -35,6 +37,7 @@ mod landing;
 mod layer;
 mod leaving;
 mod overlay;
+mod perspective;
 mod render;
 #[cfg(test)]
 mod tests;
@@ -49,6 +52,7 @@ use kernels::{Level, Source};
 use landing::{Bands, Carried, Pass};
 use layer::{HOLE, Layer, ORPHAN, WHOLE};
 use leaving::Leaving;
+use perspective::{Moment, Perspective, Way};
 use render::Between;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
@@ -121,20 +125,22 @@ impl CpuGenerator {
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
 
-        self.owners.land(self.level, &[Pass { layer: &self.field, reach: WHOLE, of: Carried::Own }], &self.bands)?;
+        let way = Way::from_current(Moment::previous());
+        self.owners.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
         let margin = foreign::margin(previous, current);
         self.leaving.find(&mut self.owners, previous, current, margin)?;
         let (shown, leaving) = (Some(previous), Some(&self.leaving));
-        let evidence = Evidence { field: &self.field, reach: WHOLE, shown, leaving, mark: ORPHAN };
+        let evidence = Evidence { field: &self.field, way, shown, leaving, mark: ORPHAN };
         let orphans = self.filler.fill(self.level, &mut self.owners, &evidence)?;
 
+        let moment = Moment::new(phase, Perspective::find(pair.guidance(), Some(&inside)));
+        let way = Way::from_current(moment);
         let passes = [
-            Pass { layer: &self.field, reach: WHOLE - phase, of: Carried::Own },
-            Pass { layer: &self.owners, reach: -phase, of: Carried::Borrowed },
+            Pass { layer: &self.field, way, of: Carried::Own },
+            Pass { layer: &self.owners, way: Way::from_previous(moment), of: Carried::Borrowed },
         ];
         self.places.land(self.level, &passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
-        let evidence =
-            Evidence::<P> { field: &self.field, reach: WHOLE - phase, shown: None, leaving: None, mark: HOLE };
+        let evidence = Evidence::<P> { field: &self.field, way, shown: None, leaving: None, mark: HOLE };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
@@ -146,6 +152,7 @@ impl CpuGenerator {
             field: &self.field,
             owners: &self.owners,
             phase,
+            moment,
             margin,
         };
         let rendered = between.render(out, &mut self.hidden);
@@ -161,11 +168,13 @@ impl CpuGenerator {
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
-        self.places.land(self.level, &[Pass { layer: &self.field, reach: -phase, of: Carried::Own }], &self.bands)?;
-        let evidence = Evidence::<P> { field: &self.field, reach: -phase, shown: None, leaving: None, mark: HOLE };
+        let moment = Moment::new(WHOLE + phase, Perspective::find(anchor.guidance(), None));
+        let way = Way::from_current(moment);
+        self.places.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
+        let evidence = Evidence::<P> { field: &self.field, way, shown: None, leaving: None, mark: HOLE };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
         sized(&mut self.hidden, grid.tiles(), 0)?;
-        let rendered = render::beyond(self.level, current, &self.places, &self.field, phase, out, &mut self.hidden);
+        let rendered = render::beyond(self.level, current, &self.places, &self.field, moment, out, &mut self.hidden);
         if rendered.hidden > 0 {
             self.inpainter.paint(grid, &self.hidden, out)?;
         }

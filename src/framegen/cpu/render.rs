@@ -10,6 +10,7 @@ use super::kernels::claims;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
 use super::layer::{self, EMPTY, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part, slopes};
 use super::overlay::Overlays;
+use super::perspective::{Moment, Way};
 use crate::Raster;
 
 /// Samples that differ by no more than this many levels agree, and the one nearer in time is taken as it is.
@@ -40,6 +41,8 @@ pub(super) struct Between<'a, P> {
     pub(super) owners: &'a Layer,
     /// Phase t of [`WHOLE`].
     pub(super) phase: i32,
+    /// The same, as seen by claims.
+    pub(super) moment: Moment,
     /// See [`foreign::margin`](super::foreign::margin).
     pub(super) margin: f32,
 }
@@ -103,13 +106,14 @@ impl<P: Colour> Between<'_, P> {
         let [across, down] = grid.extent(column, row);
         let corner = [column * TILE, row * TILE];
         *hidden = 0;
-        let spots = self.spots(corner, tile.key);
+        let phase = self.moment.phase_of_tile(tile.key, corner);
+        let spots = self.spots(corner, tile.key, phase);
         if tile.kind == Kind::Smooth && [across, down] == [TILE, TILE] && self.is_clear(tile.key, spots) {
             let mask =
                 P::tile(self.level, self.previous, spots.before, self.current, spots.after, rule, pixels, grid.width);
             each_bit(mask, |place| {
                 let [i, j] = [place % TILE, place / TILE];
-                let spots = self.spots([corner[0] + i, corner[1] + j], tile.key);
+                let spots = self.spots([corner[0] + i, corner[1] + j], tile.key, phase);
                 let pixel = &mut pixels[j * grid.width + i];
                 match self.decide([corner[0] + i, corner[1] + j], tile.key, spots, true, None) {
                     Choice::Merged => {}
@@ -146,9 +150,9 @@ impl<P: Colour> Between<'_, P> {
             uncovered += orphans.count_ones() as usize;
             questionable |= orphans;
         }
-        let from = corner.map(|at| 64 * at as i32);
+        let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
-        questionable |= claims::spots(self.level, &keys, from, self.phase, size, &mut before, &mut after);
+        questionable |= claims::spots(self.level, &keys, from, self.moment, size, &mut before, &mut after);
         // What decides will be asked for while the pixels are sampled.
         for place in (0..BLOCK).step_by(TILE).flat_map(|first| [first, first + TILE - 1]) {
             self.owners.fetch([before.x[place], before.y[place]]);
@@ -165,8 +169,9 @@ impl<P: Colour> Between<'_, P> {
                 return;
             }
             let at = [corner[0] + i, corner[1] + j];
+            let spots = Spots { before: [before.x[place], before.y[place]], after: [after.x[place], after.y[place]] };
             if has_front >> place & 1 == 1 {
-                let is_seen = self.is_seen(keys[place], self.spots(at, keys[place]));
+                let is_seen = self.is_seen(keys[place], spots);
                 let own = if is_seen { apart(block.before[place], block.after[place]) } else { UNSEEN };
                 let apart = apart(rims.before[place], rims.after[place]);
                 if has_rim >> place & 1 == 1 && apart <= RIM && apart < own {
@@ -177,7 +182,7 @@ impl<P: Colour> Between<'_, P> {
             let is_doubtful =
                 questionable >> place & 1 == 1 || P::merge(block.before[place], block.after[place], rule).1;
             let seen = Some(block.before[place]);
-            match self.decide(at, keys[place], self.spots(at, keys[place]), is_doubtful, seen) {
+            match self.decide(at, keys[place], spots, is_doubtful, seen) {
                 Choice::Merged => {}
                 Choice::Before => block.merged[place] = block.before[place],
                 Choice::After => block.merged[place] = block.after[place],
@@ -191,12 +196,12 @@ impl<P: Colour> Between<'_, P> {
         uncovered
     }
 
-    /// Where the anchors show what is at a place with a claim.
+    /// Where the anchors show what is at a place with a claim, by even motion at `phase`.
     #[inline(always)]
-    fn spots(&self, [x, y]: [usize; 2], key: Key) -> Spots {
+    fn spots(&self, [x, y]: [usize; 2], key: Key, phase: i32) -> Spots {
         let at = [64 * x as i32, 64 * y as i32];
         let vector = layer::vector(key);
-        let before: [i32; 2] = std::array::from_fn(|c| at[c] + part(vector[c], self.phase));
+        let before: [i32; 2] = std::array::from_fn(|c| at[c] + part(vector[c], phase));
         Spots { before, after: std::array::from_fn(|c| before[c] - vector[c]) }
     }
 
@@ -227,7 +232,7 @@ impl<P: Colour> Between<'_, P> {
         let mut before = Positions { x: [0; BLOCK], y: [0; BLOCK] };
         let mut after = before;
         let size = [grid.width, grid.height];
-        let beyond = claims::spots(self.level, &claims, from, self.phase, size, &mut before, &mut after);
+        let beyond = claims::spots(self.level, &claims, from, self.moment, size, &mut before, &mut after);
         let has_rim = has_front & !beyond;
         if has_rim.count_ones() < FEW {
             each_bit(has_rim, |place| {
@@ -322,23 +327,24 @@ enum Choice {
     Neither,
 }
 
-/// Writes the picture `phase` after `current`; in `hidden` what it does not show.
+/// Writes the picture of a `moment` after `current`; in `hidden` what it does not show.
 #[inline(never)]
 pub(super) fn beyond<P: Colour>(
     level: Level,
     current: Source<'_, P>,
     places: &Layer,
     field: &Layer,
-    phase: i32,
+    moment: Moment,
     out: &mut Raster<P>,
     hidden: &mut [u64],
 ) -> Rendered {
     let grid = places.grid;
     let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let spot = |[x, y]: [usize; 2], key: Key| -> [i32; 2] {
+    let way = Way::from_current(moment);
+    let spot = |[x, y]: [usize; 2], key: Key, reach: i32| -> [i32; 2] {
         let at = [64 * x as i32, 64 * y as i32];
         let vector = layer::vector(key);
-        std::array::from_fn(|c| at[c] + part(vector[c], phase))
+        std::array::from_fn(|c| at[c] + part(vector[c], -reach))
     };
     let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
     rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
@@ -352,7 +358,8 @@ pub(super) fn beyond<P: Colour>(
             let pixels = &mut pixels[column * TILE..];
             *hidden = 0;
             if tile.kind == Kind::Smooth && [across, down] == [TILE, TILE] {
-                P::tile_of_one(level, current, spot(corner, tile.key), pixels, grid.width);
+                let spot = spot(corner, tile.key, way.reach_of_tile(tile.key, corner));
+                P::tile_of_one(level, current, spot, pixels, grid.width);
                 continue;
             }
             let mut at = Positions { x: [0; BLOCK], y: [0; BLOCK] };
@@ -364,7 +371,7 @@ pub(super) fn beyond<P: Colour>(
                 }
                 let own = if tile.kind == Kind::Smooth { tile.key } else { places.keys[index][place] };
                 let claim = if own == EMPTY { places.borrowed[index][place] } else { own };
-                let spot = spot(pixel, claim);
+                let spot = spot(pixel, claim, way.reach(claim, pixel.map(|at| at as i32)));
                 (at.x[place], at.y[place]) = (spot[0], spot[1]);
                 if own == EMPTY {
                     loose += 1;

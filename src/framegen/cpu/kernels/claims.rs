@@ -3,6 +3,7 @@
 //! What a claim is, and what may be said of two, is in `layer`; here it is written so that compilers make vectors of it.
 
 use super::super::layer::{EMPTY, Key, is_nearer, landed, part, vector};
+use super::super::perspective::{Moment, Way};
 use super::at_every_level;
 use super::sampled::{BLOCK, Positions, TILE};
 
@@ -61,9 +62,11 @@ impl Places<'_> {
 }
 
 at_every_level! {
-    /// Carries the pixels of a tile by `reach` of their vectors, the first of them standing at the place `from`.
-    pub(in super::super) fn carry(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mut Places<'_>)
-        = scalar::carry | carry_in_vectors
+    /// Carries the pixels of a tile, the first of them standing at `at` of the picture. Its first pixel is the place
+    /// `shift`.
+    pub(in super::super) fn carry(
+        keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>,
+    ) = scalar::carry | carry_in_vectors
 }
 
 at_every_level! {
@@ -94,11 +97,12 @@ at_every_level! {
 }
 
 at_every_level! {
-    /// Where the two anchors of a size show the pixels of a tile with these claims, the first of which is at `from`
-    /// (1/64 px), at `phase` of [`WHOLE`](super::super::layer::WHOLE). Bit `8 j + i` of the result says that one of them
+    /// Where the two anchors of a size show (1/64 px) the pixels of a tile with these claims, the first of which is at
+    /// `at`, at a moment between them. Bit `8 j + i` of the result says that one of them
     /// does not.
     pub(in super::super) fn spots(
-        keys: &[Key; BLOCK], from: [i32; 2], phase: i32, size: [usize; 2], before: &mut Positions, after: &mut Positions,
+        keys: &[Key; BLOCK], at: [i32; 2], moment: Moment, size: [usize; 2], before: &mut Positions,
+        after: &mut Positions,
     ) -> u64 = scalar::spots | spots_in_vectors
 }
 
@@ -130,15 +134,17 @@ fn row(keys: &[Key]) -> &Row<Key> {
 // Plain loops: closures of `from_fn` are at times left as functions of their own, which have no vectors.
 
 #[inline(always)]
-fn carry_in_vectors(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mut Places<'_>) {
+fn carry_in_vectors(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
+    let from = [at[0] + shift[0], at[1] + shift[1]];
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
+        let reaches = way.reaches(keys, [at[0], at[1] + j as i32]);
         let (mut x, mut y) = ([0; TILE], [0; TILE]);
         let (mut common, mut is_any_empty) = (EMPTY, false);
         for i in 0..TILE {
             let [vx, vy] = vector(keys[i]);
-            x[i] = landed(from[0] + i as i32, vx, reach);
-            y[i] = landed(from[1] + j as i32, vy, reach);
+            x[i] = landed(from[0] + i as i32, vx, reaches[i]);
+            y[i] = landed(from[1] + j as i32, vy, reaches[i]);
             common &= keys[i];
             is_any_empty |= keys[i] == EMPTY;
         }
@@ -254,21 +260,23 @@ fn span_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
 #[inline(always)]
 fn spots_in_vectors(
     keys: &[Key; BLOCK],
-    from: [i32; 2],
-    phase: i32,
+    at: [i32; 2],
+    moment: Moment,
     size: [usize; 2],
     before: &mut Positions,
     after: &mut Positions,
 ) -> u64 {
     let [width, height] = size.map(|len| 64 * len as u32);
+    let from = at.map(|at| 64 * at);
     let mut beyond = [0; TILE];
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
+        let phases = moment.phases(keys, [at[0], at[1] + j as i32]);
         let (mut u, mut v, mut s, mut t) = ([0; TILE], [0; TILE], [0; TILE], [0; TILE]);
         for i in 0..TILE {
             let [x, y] = vector(keys[i]);
-            u[i] = from[0] + 64 * i as i32 + part(x, phase);
-            v[i] = from[1] + 64 * j as i32 + part(y, phase);
+            u[i] = from[0] + 64 * i as i32 + part(x, phases[i]);
+            v[i] = from[1] + 64 * j as i32 + part(y, phases[i]);
             s[i] = u[i] - x;
             t[i] = v[i] - y;
             // As unsigned numbers, what is negative is far beyond.
@@ -301,13 +309,13 @@ fn having_in_vectors(keys: &[Key; BLOCK], mark: u8) -> u64 {
 /// The same, place by place.
 mod scalar {
     use super::super::super::layer::{self, Grid, alike, is_nearer};
-    use super::{Around, BLOCK, EMPTY, Key, Places, Positions, TILE, landed, part, vector};
+    use super::{Around, BLOCK, EMPTY, Key, Moment, Places, Positions, TILE, Way, landed, part, vector};
 
-    pub(super) fn carry(keys: &[Key; BLOCK], from: [i32; 2], reach: i32, places: &mut Places<'_>) {
+    pub(super) fn carry(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
         for (place, &key) in keys.iter().enumerate() {
-            let (i, j) = ((place % TILE) as i32, (place / TILE) as i32);
-            let [x, y] = vector(key);
-            places.claim(landed(from[0] + i, x, reach), landed(from[1] + j, y, reach), key);
+            let at = [at[0] + (place % TILE) as i32, at[1] + (place / TILE) as i32];
+            let ([x, y], reach) = (vector(key), way.reach(key, at));
+            places.claim(landed(at[0], x, reach) + shift[0], landed(at[1], y, reach) + shift[1], key);
         }
     }
 
@@ -347,8 +355,8 @@ mod scalar {
 
     pub(super) fn spots(
         keys: &[Key; BLOCK],
-        from: [i32; 2],
-        phase: i32,
+        at: [i32; 2],
+        moment: Moment,
         [width, height]: [usize; 2],
         before: &mut Positions,
         after: &mut Positions,
@@ -356,9 +364,9 @@ mod scalar {
         let grid = Grid { width, height, ..Grid::default() };
         let mut beyond = 0;
         for (place, &key) in keys.iter().enumerate() {
-            let [x, y] = vector(key);
-            before.x[place] = from[0] + 64 * (place % TILE) as i32 + part(x, phase);
-            before.y[place] = from[1] + 64 * (place / TILE) as i32 + part(y, phase);
+            let at = [at[0] + (place % TILE) as i32, at[1] + (place / TILE) as i32];
+            let ([x, y], phase) = (vector(key), moment.phase(key, at));
+            (before.x[place], before.y[place]) = (64 * at[0] + part(x, phase), 64 * at[1] + part(y, phase));
             (after.x[place], after.y[place]) = (before.x[place] - x, before.y[place] - y);
             let is_on = grid.holds([before.x[place], before.y[place]]) && grid.holds([after.x[place], after.y[place]]);
             beyond |= u64::from(!is_on) << place;

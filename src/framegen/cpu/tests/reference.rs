@@ -19,6 +19,7 @@ use crate::framegen::cpu::layer::{
 };
 use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
+use crate::framegen::cpu::perspective::{Moment, Perspective, Way};
 use crate::framegen::cpu::render::{AGREE, CAREFUL, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
 use crate::framegen::cpu::source;
 use crate::framegen::{Anchor, AnchorPair};
@@ -31,28 +32,37 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
     let inside = Inside::find(Level::SCALAR, previous, current);
     let field = moved_by(pair.guidance(), Some((previous, current, &inside)));
 
-    let mut owners = settled(&field, &claims_of(&field), WHOLE);
+    let mut owners = settled(&field, &claims_of(&field), Way::from_current(Moment::previous()));
     let mut leaving = Leaving::default();
     leaving.find(&mut owners, previous, current, foreign::margin(previous, current)).unwrap();
-    let evidence =
-        Evidence { field: &field, reach: WHOLE, shown: Some(previous), leaving: Some(&leaving), mark: ORPHAN };
+    let evidence = Evidence {
+        field: &field,
+        way: Way::from_current(Moment::previous()),
+        shown: Some(previous),
+        leaving: Some(&leaving),
+        mark: ORPHAN,
+    };
     fill(&mut owners, &evidence);
 
     // Both go to phase t: what the current anchor shows, and what only the previous one does.
-    let mut moving: Vec<_> = claims_of(&field).into_iter().map(|claim| claim.carried(WHOLE - phase)).collect();
-    moving.extend(borrowed_of(&owners).into_iter().map(|claim| claim.carried(-phase)));
+    let moment = Moment::new(phase, Perspective::find(pair.guidance(), Some(&inside)));
+    let [way, back] = [Way::from_current(moment), Way::from_previous(moment)];
+    let mut moving: Vec<_> = claims_of(&field).into_iter().map(|claim| claim.carried(way)).collect();
+    moving.extend(borrowed_of(&owners).into_iter().map(|claim| claim.carried(back)));
     let mut places = gathered(field.grid, &moving);
-    fill(&mut places, &Evidence::<P> { field: &field, reach: WHOLE - phase, shown: None, leaving: None, mark: HOLE });
+    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, leaving: None, mark: HOLE });
 
-    render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase })
+    render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase, moment })
 }
 
 /// The picture `phase` of [`WHOLE`] after an anchor, and the same share.
 pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P>, f32) {
     let current = source(anchor.picture());
     let field = moved_by::<P>(anchor.guidance(), None);
-    let mut places = settled(&field, &claims_of(&field), -phase);
-    fill(&mut places, &Evidence::<P> { field: &field, reach: -phase, shown: None, leaving: None, mark: HOLE });
+    let moment = Moment::new(WHOLE + phase, Perspective::find(anchor.guidance(), None));
+    let way = Way::from_current(moment);
+    let mut places = settled(&field, &claims_of(&field), way);
+    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, leaving: None, mark: HOLE });
 
     let grid = field.grid;
     let mut out = anchor.picture().clone();
@@ -61,6 +71,7 @@ pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P
         let (own, tile, place) = (places.owner(x, y), grid.place(x, y).0, grid.place(x, y).1);
         let claim = if own == EMPTY { places.borrowed[tile][place] } else { own };
         let vector = layer::vector(claim);
+        let phase = phase_at(&places, &moment, [x, y], claim, true) - WHOLE;
         let from = [64 * x as i32 + part(vector[0], phase), 64 * y as i32 + part(vector[1], phase)];
         out.pixels_mut()[y * grid.width + x] = P::sample(current, from);
         if own == EMPTY {
@@ -194,8 +205,11 @@ struct Claim {
 }
 
 impl Claim {
-    fn carried(self, reach: i32) -> Self {
+    fn carried(self, way: Way) -> Self {
         let vector = layer::vector(self.key);
+        // A tile goes as its middle does.
+        let middle = if self.extent.is_some() { TILE as i32 / 2 } else { 0 };
+        let reach = way.reach(self.key, self.at.map(|at| at + middle));
         Self { at: [0, 1].map(|c| landed(self.at[c], vector[c], reach)), ..self }
     }
 
@@ -233,9 +247,9 @@ fn pixel((key, at): (Key, [usize; 2])) -> Option<Claim> {
     (key != EMPTY).then_some(Claim { key, at: at.map(|v| v as i32), extent: None })
 }
 
-/// Claims carried by `reach`, and settled.
-fn settled(field: &Layer, claims: &[Claim], reach: i32) -> Layer {
-    gathered(field.grid, &claims.iter().map(|claim| claim.carried(reach)).collect::<Vec<_>>())
+/// Claims carried some way, and settled.
+fn settled(field: &Layer, claims: &[Claim], way: Way) -> Layer {
+    gathered(field.grid, &claims.iter().map(|claim| claim.carried(way)).collect::<Vec<_>>())
 }
 
 /// What a picture holds on which claims have landed: a tile that smooth ones cover for the most part, and alike, is
@@ -341,7 +355,8 @@ fn cost<P: Colour>(
     from: [usize; 2],
 ) -> (bool, u64, u64) {
     let [vx, vy] = layer::vector(key);
-    let there = [64 * x as i32 - part(vx, evidence.reach), 64 * y as i32 - part(vy, evidence.reach)];
+    let reach = evidence.way.reach(key, [x as i32, y as i32]);
+    let there = [64 * x as i32 - part(vx, reach), 64 * y as i32 - part(vy, reach)];
     let is_contradicted = grid.nearest(there).is_some_and(|[u, v]| {
         let shown = evidence.field.owner(u, v);
         alike(shown, key) || is_nearer(key, shown)
@@ -383,6 +398,18 @@ struct Shown<'a, P> {
     field: &'a Layer,
     owners: &'a Layer,
     phase: i32,
+    moment: Moment,
+}
+
+/// The phase at which even motion has what claims a place: with `is_whole` that of its tile, if that is smooth.
+fn phase_at(places: &Layer, moment: &Moment, [x, y]: [usize; 2], key: Key, is_whole: bool) -> i32 {
+    let grid = places.grid;
+    let corner = [x, y].map(|at| at / TILE * TILE);
+    let tile = grid.place(x, y).0;
+    let is_full = grid.extent(x / TILE, y / TILE) == [TILE, TILE];
+    let is_one = is_whole && is_full && places.tiles[tile].kind == Kind::Smooth;
+    let at = if is_one { corner.map(|at| at + TILE / 2) } else { [x, y] };
+    moment.phase(key, at.map(|at| at as i32))
 }
 
 fn render<P: Colour>(shown: &Shown<'_, P>) -> (Raster<P>, f32) {
@@ -415,17 +442,17 @@ impl<P: Colour> Shown<'_, P> {
         Rule { weight, nearer_is_current: 2 * self.phase >= WHOLE, agree: AGREE, careful }
     }
 
-    /// Where the two anchors show what is at (x, y).
-    fn spots(&self, [x, y]: [usize; 2], key: Key) -> [[i32; 2]; 2] {
-        let vector = layer::vector(key);
-        let before = [64 * x as i32 + part(vector[0], self.phase), 64 * y as i32 + part(vector[1], self.phase)];
+    /// Where the two anchors show what is at (x, y), at the phase of its tile or at its own.
+    fn spots(&self, [x, y]: [usize; 2], key: Key, is_whole: bool) -> [[i32; 2]; 2] {
+        let (vector, phase) = (layer::vector(key), phase_at(self.places, &self.moment, [x, y], key, is_whole));
+        let before = [64 * x as i32 + part(vector[0], phase), 64 * y as i32 + part(vector[1], phase)];
         [before, [before[0] - vector[0], before[1] - vector[1]]]
     }
 
     /// The colour at a place, if an anchor shows it.
     fn pixel(&self, at: [usize; 2], tile: usize, own: Key, key: Key) -> Option<P> {
         let grid = self.places.grid;
-        let [before, after] = self.spots(at, key);
+        let [before, after] = self.spots(at, key, self.is_clear(tile));
         let (of_previous, of_current) = (P::sample(self.previous, before), P::sample(self.current, after));
         let rule = self.rule(CAREFUL);
         let (merged, is_far_apart) = P::merge(of_previous, of_current, &rule);
@@ -439,7 +466,7 @@ impl<P: Colour> Shown<'_, P> {
         let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height))
             .flat_map(|y| (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| [x, y]));
         let front = around.map(|[x, y]| self.places.claim(x, y)).min().unwrap();
-        let [front_before, front_after] = self.spots(at, front);
+        let [front_before, front_after] = self.spots(at, front, false);
         let is_beside = is_nearer(front, key) && !alike(front, key) && !self.is_clear(tile);
         if is_beside && grid.holds(front_before) && grid.holds(front_after) {
             let (a, b) = (P::sample(self.previous, front_before), P::sample(self.current, front_after));
@@ -498,7 +525,7 @@ impl<P: Colour> Shown<'_, P> {
                         shown.kind == Kind::Smooth && (alike(shown.key, key) || slopes(shown.key, key))
                     })
                 };
-                let [before, after] = self.spots(pixel, key);
+                let [before, after] = self.spots(pixel, key, true);
                 is_seen(self.owners, before) && is_seen(self.field, after)
             })
     }

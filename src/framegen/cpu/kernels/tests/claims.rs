@@ -1,6 +1,7 @@
 //! Claims of tiles.
 
 use super::super::super::layer::{self, EMPTY, HOLE, Key, LONGEST, ORPHAN, WHOLE};
+use super::super::super::perspective::{Moment, Perspective, Way};
 use super::super::claims::{self, Around, Places};
 use super::*;
 
@@ -23,6 +24,16 @@ fn claim(random: &mut Random) -> Key {
     }
 }
 
+/// Some change of distances, or none.
+fn perspective(random: &mut Random) -> Perspective {
+    if random.below(3) == 0 {
+        return Perspective::default();
+    }
+    let mut part = |most: f32| (random.below(2001) as f32 / 1000.0 - 1.0) * most;
+    let slope = [part(0.01), part(0.01)];
+    Perspective { nearness: part(2.0), slope, corner: part(0.5), least: -0.25 - part(0.25), most: 0.45 + part(0.45) }
+}
+
 /// A tile in which rows of one surface are common.
 fn tile(random: &mut Random) -> [Key; BLOCK] {
     let mut keys = [EMPTY; BLOCK];
@@ -42,8 +53,11 @@ fn all_levels_carry_claims_to_the_same_places() {
         let rough = (columns + 2) * (lines.div_ceil(TILE) + 1);
         for _ in 0..200 {
             let keys = tile(&mut random);
-            let from = [0, 1].map(|_| random.below(120) as i32 - 40);
-            let reach = random.below(2 * WHOLE as u64 + 1) as i32 - WHOLE;
+            let at = [0, 1].map(|_| random.below(120) as i32);
+            let shift = [0, 1].map(|_| random.below(80) as i32 - 60);
+            let phase = random.below(2 * WHOLE as u64 + 1) as i32;
+            let way = if phase > WHOLE || random.below(2) == 0 { Way::from_current } else { Way::from_previous };
+            let way = way(Moment::new(phase, perspective(&mut random)));
             let ground: Vec<Key> = (0..stride * lines).map(|_| claim(&mut random)).collect();
             let laid = claim(&mut random);
             let carried = |level| {
@@ -51,15 +65,16 @@ fn all_levels_carry_claims_to_the_same_places() {
                 claims::carry(
                     level,
                     &keys,
-                    from,
-                    reach,
+                    at,
+                    shift,
+                    way,
                     &mut Places { keys: &mut places, stride, is_rough: &mut is_rough },
                 );
                 claims::lay(level, laid, &mut places, stride, stride + 1, [TILE - lines % 2, 2]);
                 (places, is_rough)
             };
             let truth = carried(Level::SCALAR);
-            assert!(Level::available().all(|level| carried(level) == truth), "from {from:?} by {reach}");
+            assert!(Level::available().all(|level| carried(level) == truth), "from {at:?} by {way:?}");
         }
     }
 }
@@ -76,7 +91,7 @@ fn a_row_that_stays_together_lands_as_pixels_do() {
         for (x, y) in (-1..12).flat_map(|x| (-1..4).map(move |y| (x, y))) {
             let (mut places, mut is_rough) = (vec![EMPTY; stride * lines], vec![false; 3 * (columns + 2)]);
             let mut room = Places { keys: &mut places, stride, is_rough: &mut is_rough };
-            claims::carry(level, &keys, [x + 1, y - 2], WHOLE, &mut room);
+            claims::carry(level, &keys, [x + 1, y - 2], [0, 0], Way::from_current(Moment::previous()), &mut room);
             for (place, &found) in places.iter().enumerate() {
                 let [u, v] = [place % stride, place / stride].map(|at| at as i32);
                 assert_eq!(found == key, v == y && (x..x + TILE as i32).contains(&u), "{x}, {y}");
@@ -95,8 +110,8 @@ fn all_levels_find_the_same_in_tiles() {
         let mut around: Around = [[EMPTY; TILE + 2]; TILE + 2];
         around.iter_mut().for_each(|line| line.iter_mut().for_each(|key| *key = claim(&mut random)));
         let size = [0, 1].map(|_| 1 + random.below(200) as usize);
-        let from = [0, 1].map(|_| 64 * random.below(200) as i32);
-        let phase = random.below(WHOLE as u64) as i32;
+        let at = [0, 1].map(|_| random.below(200) as i32);
+        let moment = Moment::new(random.below(WHOLE as u64) as i32, perspective(&mut random));
         let found = |level| {
             let mut nearest = [EMPTY; BLOCK];
             let mut closed = [EMPTY; BLOCK];
@@ -104,7 +119,7 @@ fn all_levels_find_the_same_in_tiles() {
             let left = claims::close(level, around.as_flattened(), TILE + 2, &mut closed);
             let empty = Positions { x: [0; BLOCK], y: [0; BLOCK] };
             let (mut before, mut after) = (empty, empty);
-            let beyond = claims::spots(level, &keys, from, phase, size, &mut before, &mut after);
+            let beyond = claims::spots(level, &keys, at, moment, size, &mut before, &mut after);
             let spots = [before.x, before.y, after.x, after.y];
             let marks = [0, 24, ORPHAN, HOLE].map(|mark| claims::having(level, &keys, mark));
             (nearest, changes, closed, left, beyond, spots, marks, claims::span(level, &keys))
