@@ -1,7 +1,8 @@
 """What the transformer is trained on: clips as latents, with the controls that caused them.
 
-A file holds one walk, as it is and mirrored: `moving` `[2, N, h, w, C]`, the latents of steps 1 to N; `still` `[2, N + 1, h, w, C]`,
-the latents of stills, as a rollout's seed is one, at the ends of steps 0 to N; and `controls` `[2, N, 3 + 256]`. float16.
+A file holds one walk, as it is and mirrored: `moving` `[2, N, h, w, C]`, the latents of steps 1 to N; `still`
+`[2, N // STILL_EVERY + 1, h, w, C]`, the latents of stills, as a rollout's seed is one, at the ends of steps 0, STILL_EVERY and so on;
+and `controls` `[2, N, 3 + 256]`. float16.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from .clips import BUTTONS, PICTURES_PER_LATENT, Clip
 
 # Key codes that a mirror swaps: A and D.
 LEFT, RIGHT = 65, 68
+# A rollout can start at every so many steps of a walk: stills cost as much to encode as what moves.
+STILL_EVERY = 4
 # Clips of four pictures that are encoded at once.
 AT_ONCE = 16
 
@@ -58,7 +61,7 @@ def encode_clip(encoder: Encoder, clip: Clip, path: Path) -> None:
         turned = pictures[:, :, ::turn]
         quads = turned[1:].reshape(steps, PICTURES_PER_LATENT, *pictures.shape[1:])
         moving.append(encoder(quads))
-        still.append(encoder(np.repeat(turned[::PICTURES_PER_LATENT, None], PICTURES_PER_LATENT, 1)))
+        still.append(encoder(np.repeat(turned[:: PICTURES_PER_LATENT * STILL_EVERY, None], PICTURES_PER_LATENT, 1)))
     partial = path.with_name(path.name + ".partial")
     path.parent.mkdir(parents=True, exist_ok=True)
     both = np.stack([controls, mirrored(controls)]).astype(np.float16)
@@ -85,10 +88,11 @@ class Walks:
         if not len(long_enough):
             raise ValueError(f"no walk has {frames - 1} steps; the longest has {self.steps.max()}")
         # A long walk has more windows than a short one.
-        shares = (self.steps[long_enough] - frames + 2).astype(float)
-        walk = self.walks[rng.choice(long_enough, p=shares / shares.sum())]
-        side = rng.integers(2)
-        at = int(rng.integers(walk["moving"].shape[1] - frames + 2))
-        latents = np.concatenate([walk["still"][side, at : at + 1], walk["moving"][side, at : at + frames - 1]])
+        starts = (self.steps[long_enough] - frames + 1) // STILL_EVERY + 1
+        chosen = rng.choice(len(long_enough), p=starts / starts.sum())
+        walk = self.walks[long_enough[chosen]]
+        side, start = rng.integers(2), int(rng.integers(starts[chosen]))
+        at = start * STILL_EVERY
+        latents = np.concatenate([walk["still"][side, start : start + 1], walk["moving"][side, at : at + frames - 1]])
         controls = walk["controls"][side, at : at + frames - 1]
         return latents, np.concatenate([np.zeros_like(controls[:1]), controls])

@@ -1,7 +1,12 @@
-"""Adam with decoupled weight decay, a clipped gradient and a running mean of the parameters, as pure functions."""
+"""Adam, or for matrices Muon, with decoupled weight decay, a clipped gradient and a running mean of the parameters, as pure functions.
+
+Muon [Jordan et al. 2024, https://kellerjordan.github.io/posts/muon/] moves a matrix by its momentum's nearest orthogonal matrix, here
+scaled as in [Liu et al. 2025, arXiv:2502.16982], so that its numbers move about as far as Adam's would.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +23,7 @@ class State(NamedTuple):
     parameters: Parameters
     mean: Parameters  # running mean of the parameters: what is evaluated and exported
     first: Parameters  # Adam's first moments
-    second: Parameters  # and second
+    second: Parameters  # and second; empty for what Muon moves
     step: Array  # int32 []
 
 
@@ -34,21 +39,34 @@ class Settings:
     betas: tuple[float, float] = (0.9, 0.99)
     clip: float = 1.0
     horizon: float = 500.0  # of the running mean, in steps
+    muon_rate: float = 3e-3
+    muon_momentum: float = 0.95
 
 
-def start(parameters: dict) -> State:
-    """The state before the first step."""
+def start(parameters: dict, by_muon: Callable[[str], bool] = lambda _: False) -> State:
+    """The state before the first step; matrices whose names `by_muon` takes are moved by Muon."""
     # Four arrays of their own for each: a step takes the state's memory over.
     copies = [{name: jnp.array(value) for name, value in parameters.items()} for _ in range(2)]
-    zeros = [{name: jnp.zeros_like(value) for name, value in copies[0].items()} for _ in range(2)]
-    return State(*copies, *zeros, jnp.zeros((), jnp.int32))
+    first = {name: jnp.zeros_like(value) for name, value in copies[0].items()}
+    second = {name: jnp.zeros((0,)) if by_muon(name) else jnp.zeros_like(value) for name, value in copies[0].items()}
+    return State(*copies, first, second, jnp.zeros((), jnp.int32))
 
 
-def rate(s: Settings, step: Array) -> Array:
-    """The learning rate at a step."""
+def share(s: Settings, step: Array) -> Array:
+    """What part of its full rate a step learns at."""
     rising = jnp.minimum(1.0, (step + 1) / s.warm_up)
     falling = jnp.clip((s.steps - step) / (s.cool_down * s.steps), 0.0, 1.0)
-    return s.rate * rising * falling
+    return rising * falling
+
+
+def orthogonal(x: Array) -> Array:
+    """About the nearest orthogonal matrix: five steps of the Newton-Schulz iteration with Muon's coefficients."""
+    wide = x if x.shape[0] <= x.shape[1] else x.T
+    wide = wide / (jnp.linalg.norm(wide) + 1e-7)
+    for _ in range(5):
+        square = wide @ wide.T
+        wide = 3.4445 * wide + (-4.7750 * square + 2.0315 * (square @ square)) @ wide
+    return wide if x.shape[0] <= x.shape[1] else wide.T
 
 
 def update(s: Settings, state: State, gradient: Parameters) -> tuple[State, Array]:
@@ -57,17 +75,20 @@ def update(s: Settings, state: State, gradient: Parameters) -> tuple[State, Arra
     good = jnp.isfinite(norm)
     scale = jnp.where(good, jnp.minimum(1.0, s.clip / (norm + 1e-9)), 0.0)
     gradient = jax.tree.map(lambda g: jnp.where(good, g, 0.0) * scale, gradient)
-    b1, b2 = s.betas
     n = state.step + 1
-    first = jax.tree.map(lambda m, g: b1 * m + (1 - b1) * g, state.first, gradient)
-    second = jax.tree.map(lambda v, g: b2 * v + (1 - b2) * g * g, state.second, gradient)
-    lr = rate(s, state.step)
-
-    def moved(p: Array, m: Array, v: Array) -> Array:
-        direction = (m / (1 - b1**n)) / (jnp.sqrt(v / (1 - b2**n)) + 1e-8)
-        return p - lr * (direction + (s.decay * p if p.ndim > 1 else 0.0))
-
-    parameters = jax.tree.map(moved, state.parameters, first, second)
+    now = share(s, state.step)
+    parameters, first, second = {}, {}, {}
+    for name, p in state.parameters.items():
+        g, m, v = gradient[name], state.first[name], state.second[name]
+        if v.shape == p.shape:
+            b1, b2 = s.betas
+            m, v = b1 * m + (1 - b1) * g, b2 * v + (1 - b2) * g * g
+            direction, speed = (m / (1 - b1**n)) / (jnp.sqrt(v / (1 - b2**n)) + 1e-8), s.rate
+        else:
+            m = s.muon_momentum * m + g
+            direction, speed = 0.2 * max(p.shape) ** 0.5 * orthogonal(g + s.muon_momentum * m), s.muon_rate
+        parameters[name] = p - now * speed * (direction + (s.decay * p if p.ndim > 1 else 0.0))
+        first[name], second[name] = m, v
     # A young mean follows fast, so that it holds nothing of the beginning.
     keep = jnp.minimum(1 - 1 / s.horizon, n / (n + 9.0))
     mean = jax.tree.map(lambda e, p: keep * e + (1 - keep) * p, state.mean, parameters)

@@ -36,34 +36,52 @@ def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
 
 
 def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, controls: Array, key: Array):
-    """Mean squared error of the velocity over the noisy frames after the seed."""
-    n, F = latents.shape[:2]
+    """Mean squared error of the velocity over the noisy frames after the seed, of one window."""
+    F = len(latents)
     keys = jax.random.split(key, 6)
-    copies = stage.noisy
     clean = latents.astype(jnp.float32)
-    level = KEPT_NOISE * jax.random.uniform(keys[0], (n, F, 1, 1, 1)) * (jax.random.uniform(keys[1], (n, 1, 1, 1, 1)) < 0.75)
+    level = KEPT_NOISE * jax.random.uniform(keys[0], (F, 1, 1, 1)) * (jax.random.uniform(keys[1]) < 0.75)
     kept = (1 - level) * clean + level * jax.random.normal(keys[2], clean.shape)
-    sigma = noise_levels(keys[3], (n, copies, F))
-    noise = jax.random.normal(keys[4], (n, copies, *clean.shape[1:]))
+    sigma = noise_levels(keys[3], (stage.noisy, F))
+    noise = jax.random.normal(keys[4], (stage.noisy, *clean.shape))
     s = sigma[..., None, None, None]
-    noisy = (1 - s) * clean[:, None] + s * noise
-    x = jnp.concatenate([kept[:, None], noisy], 1)
-    told = jnp.concatenate([jnp.zeros((n, 1, F)), sigma], 1)
-    driven = controls.astype(jnp.float32) * (jax.random.uniform(keys[5], (n, 1, 1)) >= DROPPED)
-    remember = jax.checkpoint if stage.forget else lambda f: f
-    v = transformer.velocity(p, g, x, told, driven, window, remember)[:, 1:, 1:]
-    error = jnp.mean(jnp.square(v - (noise - clean[:, None])[:, :, 1:]), (3, 4, 5))
+    x = jnp.concatenate([kept[None], (1 - s) * clean + s * noise])
+    told = jnp.concatenate([jnp.zeros((1, F)), sigma])
+    driven = controls.astype(jnp.float32) * (jax.random.uniform(keys[5]) >= DROPPED)
+    v = transformer.velocity(p, g, x, told, driven, window)[1:, 1:]
+    error = jnp.mean(jnp.square(v - (noise - clean)[:, 1:]), (2, 3, 4))
     # The same error, as that of the clean latent which the velocity points to.
-    clean_error = jnp.mean(error * jnp.square(sigma[:, :, 1:]))
+    clean_error = jnp.mean(error * jnp.square(sigma[:, 1:]))
     return jnp.mean(error), {"loss": jnp.mean(error), "latent_error": clean_error}
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2), donate_argnums=4)
 def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.State, latents, controls, key):
-    """One step of training on one batch."""
-    gradient, figures = jax.grad(loss, has_aux=True)(state.parameters, g, stage, window, latents, controls, key)
+    """One step of training on one batch, `stage.together` windows after the others."""
+    parts, together = len(latents) // stage.together, stage.together
+    assert parts * together == len(latents), f"{len(latents)} windows are not parts of {together}"
+
+    def mean_loss(p, *items):
+        if together == 1:
+            return loss(p, g, stage, window, *(x[0] for x in items))
+        losses, figures = jax.vmap(lambda *item: loss(p, g, stage, window, *item))(*items)
+        return losses.mean(), jax.tree.map(jnp.mean, figures)
+
+    def add(sums, items):
+        of_part = jax.grad(mean_loss, has_aux=True)(state.parameters, *items)
+        return jax.tree.map(lambda total, one: total + one / parts, sums, of_part), None
+
+    items = latents, controls, jax.random.split(key, len(latents))
+    items = jax.tree.map(lambda x: x.reshape(parts, together, *x.shape[1:]), items)
+    nothing = jax.tree.map(jnp.zeros_like, state.parameters), {"loss": jnp.zeros(()), "latent_error": jnp.zeros(())}
+    (gradient, figures), _ = jax.lax.scan(add, nothing, items)
     state, norm = optimiser.update(settings, state, gradient)
     return state, {**figures, "gradient": norm}
+
+
+def by_muon(name: str) -> bool:
+    """Whether Muon moves a parameter: the matrices within the transformer, not those that take in or give out."""
+    return name.startswith("blocks.") and name.endswith(".weight") or name.startswith("cond_head.cond_proj.")
 
 
 def batch(rng: np.random.Generator, walks: Walks, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
@@ -84,13 +102,13 @@ def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float
         return step(settings, g, stage, window, state, latents, controls, jax.random.fold_in(jax.random.key(SEED), n))
 
     def initial() -> optimiser.State:
-        return optimiser.start(transformer.initial(g, SEED))
+        return optimiser.start(transformer.initial(g, SEED), by_muon)
 
     return store.train(path, initial, one_step, plan.steps, minutes, lambda n: flops(g, plan.stage(n)), say)
 
 
 def flops(g: Geometry, stage: Stage) -> float:
-    """Floating-point operations of one step: three times those of the forward pass, four with layers computed twice."""
+    """Floating-point operations of one step: three times those of the forward pass. What is computed twice is counted once."""
     frames = stage.batch * (1 + stage.noisy) * stage.frames
     D, hidden = g.width, g.width * g.mlp_ratio
     controlled = sum(g.sees_controls(i) for i in range(g.layers))
@@ -100,4 +118,4 @@ def flops(g: Geometry, stage: Stage) -> float:
         seen = -(-stage.frames // g.global_dilation) if g.is_global(i) else min(stage.frames, 2 * g.local_window)
         keys += (seen + 1) * g.tokens
     frame = 4 * D * (128 + D) + g.layers * 6 * D * D
-    return (8.0 if stage.forget else 6.0) * frames * (g.tokens * (token + 2 * D * keys) + frame)
+    return 6.0 * frames * (g.tokens * (token + 2 * D * keys) + frame)

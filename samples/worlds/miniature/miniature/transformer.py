@@ -4,9 +4,12 @@ Parameters are a dictionary by the names and in the layout of `cairn.build.weigh
 number for each channel, as released. `cairn.build` writes the same network as an ONNX graph that computes one frame over a ring; a
 test holds the two together.
 
-A sequence is a rollout from its seed: frame 0 is the seed's latent at ring clock 0. It is computed in *copies* side by side: copy
+A window is a rollout from its seed: frame 0 is the seed's latent at ring clock 0. It is computed in *copies* side by side: copy
 0 holds the frames as the cache pass keeps them, every other copy holds the same frames with noise. Frame q of any copy sees
 itself, and of copy 0 those frames that the rings show at clock q. So one call trains every frame on the past that a rollout has.
+
+Memory decides the speed on a CPU: matrices multiply four times as fast as main memory takes their results. So a layer goes from
+block to block of a few hundred tokens, whose activations stay in the caches, and computes them anew in the backward pass.
 """
 
 from __future__ import annotations
@@ -20,12 +23,11 @@ from cairn.build.geometry import Geometry
 from cairn.build.transformer import FOURIER_WIDTH, RMS_EPSILON, SIGMA_SCALE, fourier_frequencies
 from cairn.build.weights import MODULATIONS, transformer_weights
 from jax import Array
+from jax.ad_checkpoint import checkpoint_name
 
 Parameters = dict[str, Array]
-# Stands for minus infinity in masks, as in the graphs.
-HIDDEN = -1e4
-# Frames whose scores in global layers are in memory at once.
-FRAMES_AT_ONCE = 64
+# What a block leaves to the backward pass beside its input: small next to what computing it takes.
+KEPT = "kept"
 
 
 def initial(g: Geometry, seed: int) -> dict[str, np.ndarray]:
@@ -91,47 +93,53 @@ def rms(x: Array) -> Array:
     return (wide / jnp.sqrt(jnp.mean(wide * wide, -1, keepdims=True) + RMS_EPSILON)).astype(x.dtype)
 
 
-def velocity(
-    p: Parameters, g: Geometry, x: Array, sigma: Array, controls: Array, window: int | Array, remember: Callable = lambda f: f
-) -> Array:
-    """Velocities of all frames of all copies.
+def velocity(p: Parameters, g: Geometry, x: Array, sigma: Array, controls: Array, window: int | Array) -> Array:
+    """Velocities of all frames of all copies of a window.
 
-    `x` `[n, copies, F, h, w, C]`, `sigma` `[n, copies, F]`, `controls` `[n, F, 2 + buttons + 1]`; the result is shaped as `x`.
-    `window` is the global window g in latents; as an array it is no constant of what is compiled. `remember` wraps a layer: `jax.checkpoint` saves memory.
+    `x` `[copies, F, h, w, C]`, `sigma` `[copies, F]`, `controls` `[F, 2 + buttons + 1]`; the result is shaped as `x`. F is at most
+    the local window, or a multiple of it. `window` is the global window g in latents; as an array it is no constant of what is
+    compiled.
     """
-    n, copies, F = sigma.shape
+    copies, F = sigma.shape
     rows, columns = g.grid
     T, D = g.tokens, g.width
     ph, pw = g.patch
-    assert x.shape == (n, copies, F, g.latent_height, g.latent_width, g.latent_channels), x.shape
+    assert x.shape == (copies, F, g.latent_height, g.latent_width, g.latent_channels), x.shape
     kind = x.dtype
     p = {name: value.astype(kind) for name, value in p.items()} if kind != jnp.float32 else p
+    B = min(F, g.local_window)
+    assert F % B == 0, f"{F} frames are not blocks of {B}"
 
-    cond = _noise_condition(p, sigma)  # [n, copies, F, D]
-    ctrl = rms(jax.nn.silu(controls.astype(kind) @ p["ctrl_emb.mlp.fc1.weight"]) @ p["ctrl_emb.mlp.fc2.weight"])[:, None]
+    def blocks(frames: Array) -> Array:
+        """`[copies, F, ...]` -> `[F / B, copies, B, ...]`."""
+        return frames.reshape(-1, F // B, B, *frames.shape[2:]).swapaxes(0, 1)
+
+    cond = blocks(_noise_condition(p, sigma))  # [F / B, copies, B, D]
+    lit = jax.nn.silu(cond + p["cond_head.bias_in"][:, None, None, None])
+    shared = jnp.concatenate([p[f"cond_head.cond_proj.{j}.weight"] for j in range(len(MODULATIONS))], 1)
+    modulations = jnp.split((lit @ shared)[..., None, :], len(MODULATIONS), -1)  # [layers, F / B, copies, B, 1, D] each
+    ctrl = rms(jax.nn.silu(controls.astype(kind) @ p["ctrl_emb.mlp.fc1.weight"]) @ p["ctrl_emb.mlp.fc2.weight"])
+    ctrl = ctrl.reshape(F // B, B, 1, D)
 
     # A token's numbers are ordered (c, row in patch, column in patch).
-    cells = x.reshape(n, copies, F, rows, ph, columns, pw, g.latent_channels).transpose(0, 1, 2, 3, 5, 7, 4, 6)
-    h = cells.reshape(n, copies, F, T, g.patch_width) @ p["patchify.weight"].reshape(D, -1).T
-    rope = rope_tables(g, F)
+    cells = x.reshape(copies, F, rows, ph, columns, pw, g.latent_channels).transpose(0, 1, 2, 4, 6, 3, 5)
+    h = blocks(cells.reshape(copies, F, T, g.patch_width)) @ p["patchify.weight"].reshape(D, -1).T
+    rope = tuple(table.reshape(F // B, B, T, -1) for table in rope_tables(g, F))
     first_value = None
     for i in range(g.layers):
-        layer = remember(lambda h, first, p=_of_layer(p, i), i=i: _layer(p, g, i, h, cond, ctrl, first, rope, window))
-        h, first_value = layer(h, first_value)
+        h, first_value = _layer(_of_layer(p, i), g, i, h, [m[i] for m in modulations], ctrl, first_value, rope, window)
 
-    scale, shift = jnp.split(jax.nn.silu(cond) @ p["out_norm.fc.weight"], 2, -1)
-    y = jax.nn.silu(rms(h) * (1 + scale[..., None, :]) + shift[..., None, :])
+    scale, shift = jnp.split((jax.nn.silu(cond) @ p["out_norm.fc.weight"])[..., None, :], 2, -1)
+    y = jax.nn.silu(rms(h) * (1 + scale) + shift)
     y = y @ p["unpatchify.weight"] + p["unpatchify.bias"].repeat(ph * pw)
-    y = y.reshape(n, copies, F, rows, columns, g.latent_channels, ph, pw).transpose(0, 1, 2, 3, 6, 4, 7, 5)
+    y = y.swapaxes(0, 1).reshape(copies, F, rows, columns, g.latent_channels, ph, pw).transpose(0, 1, 2, 5, 3, 6, 4)
     return y.reshape(x.shape)
 
 
 def _of_layer(p: Parameters, i: int) -> Parameters:
-    """The parameters that layer i reads."""
+    """The parameters that layer i alone reads."""
     block = f"blocks.{i}."
-    own = {name.removeprefix(block): value for name, value in p.items() if name.startswith(block)}
-    shared = {f"cond.{j}": p[f"cond_head.cond_proj.{j}.weight"] for j in range(len(MODULATIONS))}
-    return own | shared | {"bias_in": p["cond_head.bias_in"][i]}
+    return {name.removeprefix(block): value for name, value in p.items() if name.startswith(block)}
 
 
 def _noise_condition(p: Parameters, sigma: Array) -> Array:
@@ -143,98 +151,143 @@ def _noise_condition(p: Parameters, sigma: Array) -> Array:
     return jax.nn.silu(waves.astype(first.dtype) @ first) @ p["denoise_step_emb.mlp.fc2.weight"]
 
 
-def _layer(p, g: Geometry, i: int, h: Array, cond: Array, ctrl: Array, first_value, rope, window: int | Array):
-    """One layer of the transformer: the tokens after it, and layer 0's values."""
-    lit = jax.nn.silu(cond + p["bias_in"])
-    s0, b0, g0, s1, b1, g1 = ((lit @ p[f"cond.{j}"])[..., None, :] for j in range(len(MODULATIONS)))
-    y, first_value = _attention(p, g, i, rms(h) * (1 + s0) + b0, first_value, rope, window)
-    h = h + g0 * y
-    if g.sees_controls(i):
-        mixed = rms(h) @ p["ctrl_mlpfusion.fc1_x.weight"] + (ctrl @ p["ctrl_mlpfusion.fc1_c.weight"])[..., None, :]
-        h = h + jax.nn.silu(mixed) @ p["ctrl_mlpfusion.fc2.weight"]
-    y = jax.nn.silu((rms(h) * (1 + s1) + b1) @ p["mlp.fc1.weight"]) @ p["mlp.fc2.weight"]
-    return h + g1 * y, first_value
+def _layer(p, g: Geometry, i: int, h: Array, modulation: list[Array], ctrl: Array, first_value, rope, window: int | Array):
+    """One layer of the transformer: the tokens after it, `[F / B, copies, B, T, D]`, and layer 0's values."""
+    blocks, _, B, T, _ = h.shape
+    d = g.head_width
+    s0, b0, g0, s1, b1, g1 = modulation  # [F / B, copies, B, 1, D] each
+    # Neighbours are turned into halves: with every head's even columns first, both are halves.
+    q, k = (_even_first(p[f"attn.{name}_proj.weight"], heads) for name, heads in (("q", g.heads), ("k", g.kv_heads)))
+    inwards = _both_ways(jnp.concatenate([q, k, p["attn.v_proj.weight"]], 1))
+    matrices = {name: _both_ways(value) for name, value in p.items() if value.ndim > 1}
+
+    def project(h, s, b, first, cos, sin):
+        """Queries `[kv, B, group, T, d]`, keys and values `[kv, B, T, d]` of a block of one copy."""
+        y = _matmul(rms(h) * (1 + s) + b, inwards).reshape(B, T, -1, d)
+        q, k, v = jnp.split(y, [g.heads, g.heads + g.kv_heads], 2)
+        v = v.transpose(2, 0, 1, 3)
+        if first is not None:
+            v = v + p["attn.v_lamb"] * (first - v)
+        q = (_turn(q, cos, sin) * d**-0.5).reshape(B, T, g.kv_heads, g.group, d).transpose(2, 0, 3, 1, 4)
+        return q, _turn(k, cos, sin).transpose(2, 0, 1, 3), v
+
+    q, k, v = _each_block(project, (h, s0, b0, first_value), rope)
+    first_value = v if first_value is None else first_value
+    past = _past(g, i, k[:, 0], v[:, 0], window)
+    driven = ctrl @ p["ctrl_mlpfusion.fc1_c.weight"] if g.sees_controls(i) else None
+
+    def mix(h, q, k, v, g0, s1, b1, g1, kept_k, kept_v, table, driven):
+        """A block of one copy after attention, controls and MLP."""
+        y = _matmul(_see(q, k, v, kept_k, kept_v, table), matrices["attn.out_proj.weight"])
+        h = h + g0 * checkpoint_name(y, KEPT)
+        if driven is not None:
+            y = jax.nn.silu(_matmul(rms(h), matrices["ctrl_mlpfusion.fc1_x.weight"]) + driven)
+            h = h + checkpoint_name(_matmul(y, matrices["ctrl_mlpfusion.fc2.weight"]), KEPT)
+        y = jax.nn.silu(_matmul(rms(h) * (1 + s1) + b1, matrices["mlp.fc1.weight"]))
+        return h + g1 * checkpoint_name(_matmul(y, matrices["mlp.fc2.weight"]), KEPT)
+
+    return _each_block(mix, (h, q, k, v, g0, s1, b1, g1), (*past, driven)), first_value
 
 
-def _rotate(x: Array, rope: tuple[Array, Array]) -> Array:
-    """Turns `[n, copies, F, T, heads, d]`: neighbours in, halves out."""
-    cos, sin = (table[:, :, None] for table in rope)
-    even, odd = x[..., 0::2].astype(jnp.float32), x[..., 1::2].astype(jnp.float32)
+def _each_block(f: Callable, own: tuple, shared: tuple):
+    """`f(*own, *shared)` of every block `[F / B]` and copy `[copies]`: `own` has both axes, `shared` the first."""
+    policy = jax.checkpoint_policies.save_only_these_names(KEPT)
+
+    def of_copies(block):
+        own, shared = block
+        return jax.lax.map(jax.checkpoint(lambda one: f(*one, *shared), prevent_cse=False, policy=policy), own)
+
+    return jax.lax.map(of_copies, (own, shared))
+
+
+def _past(g: Geometry, i: int, k: Array, v: Array, window: int | Array) -> tuple[Array, Array, Array]:
+    """What layer i keeps for every block, of keys and values `[F / B, kv, B, T, d]`: both `[F / B, kv, S, T, d]`, and which of the
+    S frames a frame sees, `[F / B, B, S]`.
+    """
+    blocks, kv, B, T, d = k.shape
+    if g.is_global(i):
+        step = g.global_dilation
+        kept = (a.swapaxes(0, 1).reshape(kv, -1, T, d)[:, ::step] for a in (k, v))
+        table = jnp.asarray(global_table(blocks * B, window, step)).reshape(blocks, B, -1)
+        return *(jnp.broadcast_to(a, (blocks, *a.shape)) for a in kept), table
+    if blocks == 1:
+        return k, v, jnp.asarray(local_table(B, g.local_window))[None]
+    # A block is as long as the window: it and the block before hold all that is seen.
+    k, v = (jnp.concatenate([jnp.concatenate([jnp.zeros_like(a[:1]), a[:-1]]), a], 2) for a in (k, v))
+    table = local_table(2 * B, g.local_window)[B:]
+    # What lies before the first block is no frame.
+    there = (np.arange(blocks) > 0)[:, None, None] | (np.arange(2 * B) >= B)
+    return k, v, jnp.asarray(table & there)
+
+
+def _even_first(w: Array, heads: int) -> Array:
+    """The columns of a projection with every head's even ones before its odd ones."""
+    D, width = w.shape
+    return w.reshape(D, heads, -1, 2).swapaxes(2, 3).reshape(D, width)
+
+
+def _turn(x: Array, cos: Array, sin: Array) -> Array:
+    """Normalises and turns `[B, T, heads, d]`, whose halves are the two parts of each pair."""
+    even, odd = jnp.split(rms(x).astype(jnp.float32), 2, -1)
+    cos, sin = cos[:, :, None], sin[:, :, None]
     return jnp.concatenate([even * cos - odd * sin, odd * cos + even * sin], -1).astype(x.dtype)
 
 
-def _attention(p, g: Geometry, i: int, x: Array, first_value, rope, window: int | Array):
-    """Attention of one layer: (`[n, copies, F, T, D]`, layer 0's values)."""
-    n, copies, F, T, D = x.shape
-    d = g.head_width
-    q = (x @ p["attn.q_proj.weight"]).reshape(n, copies, F, T, g.heads, d)
-    k = (x @ p["attn.k_proj.weight"]).reshape(n, copies, F, T, g.kv_heads, d)
-    v = (x @ p["attn.v_proj.weight"]).reshape(n, copies, F, T, g.kv_heads, d)
-    if first_value is None:
-        first_value = v
-    else:
-        v = v + p["attn.v_lamb"] * (first_value - v)
-    q, k = _rotate(rms(q), rope) * d**-0.5, _rotate(rms(k), rope)
-    q = q.reshape(n, copies, F, T, g.kv_heads, g.group, d)
+def _see(q: Array, k: Array, v: Array, kept_k: Array, kept_v: Array, table: Array) -> Array:
+    """Attention of a block over each frame's own tokens and over those of S kept frames that `table` `[B, S]` shows: `[B, T, D]`.
 
-    if g.is_global(i):
-        step = g.global_dilation
-        y = _see_in_parts(q, k, v, k[:, 0, ::step], v[:, 0, ::step], global_table(F, window, step))
-    elif F <= g.local_window:
-        y = _see(q, k, v, k[:, 0], v[:, 0], local_table(F, g.local_window))
-    else:
-        y = _see_in_blocks(q, k, v, g.local_window)
-    return y.reshape(n, copies, F, T, D) @ p["attn.out_proj.weight"], first_value
-
-
-def _see(q: Array, k: Array, v: Array, kept_k: Array, kept_v: Array, table: np.ndarray | Array) -> Array:
-    """Attention of every frame over itself and over those of S kept frames that `table` `[F, S]` shows.
-
-    `q` `[n, c, F, T, kv, group, d]`, `k` and `v` `[n, c, F, T, kv, d]`, the kept ones `[n, S, T, kv, d]`.
+    Queries and keys are normalised, so that a score is at most sqrt(d) and its exponential needs no maximum taken off. The sum of
+    a row's shares is one more column of what they weigh: no pass over the shares of its own.
     """
-    n, c, F, T, kv, group, d = q.shape
+    kv, B, group, T, d = q.shape
     S = kept_k.shape[1]
-    past = jnp.einsum("ncfthgd,nsuhd->ncfhgtsu", q, kept_k)
-    past = past + jnp.where(jnp.asarray(table), 0, HIDDEN).astype(q.dtype)[:, None, None, None, :, None]
-    own = jnp.einsum("ncfthgd,ncfuhd->ncfhgtu", q, k)
-    scores = jnp.concatenate([past.reshape(n, c, F, kv, group, T, S * T), own], -1).astype(jnp.float32)
-    shares = jax.nn.softmax(scores, -1).astype(q.dtype)
-    y = jnp.einsum("ncfhgtsu,nsuhd->ncfthgd", shares[..., : S * T].reshape(past.shape), kept_v)
-    return y + jnp.einsum("ncfhgtu,ncfuhd->ncfthgd", shares[..., S * T :], v)
+    kept_v, v = (jnp.concatenate([a, jnp.ones_like(a[..., :1])], -1) for a in (kept_v, v))
+    scores = q.reshape(kv, -1, d) @ kept_k.reshape(kv, S * T, d).swapaxes(-1, -2)
+    past = _shares(scores.reshape(kv, B, group * T, S * T), table.repeat(T, 1)[:, None])
+    own = _shares(q.reshape(kv, B, group * T, d) @ k.swapaxes(-1, -2), True)
+    y = (past.reshape(kv, -1, S * T) @ kept_v.reshape(kv, S * T, d + 1)).reshape(kv, B, group * T, d + 1) + own @ v
+    y = (y[..., :d] / y[..., d:]).reshape(kv, B, group, T, d)
+    return y.transpose(1, 3, 0, 2, 4).reshape(B, T, -1)
 
 
-def _see_in_parts(q: Array, k: Array, v: Array, kept_k: Array, kept_v: Array, table: np.ndarray | Array) -> Array:
-    """`_see`, in a long sequence for so many frames at once, which bounds the memory of the scores."""
-    F = q.shape[2]
-    if F <= FRAMES_AT_ONCE:
-        return _see(q, k, v, kept_k, kept_v, table)
-    assert F % FRAMES_AT_ONCE == 0, f"{F} frames are not parts of {FRAMES_AT_ONCE}"
-
-    def cut(x: Array) -> Array:
-        return jnp.moveaxis(x.reshape(*x.shape[:2], -1, FRAMES_AT_ONCE, *x.shape[3:]), 2, 0)
-
-    see = jax.checkpoint(lambda part: _see(*part[:3], kept_k, kept_v, part[3]))
-    y = jax.lax.map(see, (cut(q), cut(k), cut(v), jnp.asarray(table).reshape(-1, FRAMES_AT_ONCE, table.shape[1])))
-    return jnp.moveaxis(y, 0, 2).reshape(q.shape)
+@jax.custom_vjp
+def _shares(scores: Array, seen: Array | bool) -> Array:
+    """Exponentials of what is seen; their derivative is they themselves, and nothing else is kept for it."""
+    return jnp.where(seen, jnp.exp(scores), 0)
 
 
-def _see_in_blocks(q: Array, k: Array, v: Array, window: int) -> Array:
-    """Local attention of long sequences: blocks of `window` frames, one after the other, each over itself and the one before."""
-    n, copies, F = q.shape[:3]
-    assert F % window == 0, f"{F} frames are not blocks of {window}"
+def _shares_forward(scores, seen):
+    shares = _shares(scores, seen)
+    return shares, shares
 
-    def cut(x: Array) -> Array:
-        return jnp.moveaxis(x.reshape(n, copies, -1, window, *x.shape[3:]), 2, 0)
 
-    def two(x: Array) -> Array:
-        here = cut(x)[:, :, 0]
-        before = jnp.concatenate([jnp.zeros_like(here[:1]), here[:-1]])
-        return jnp.concatenate([before, here], 2)
+def _shares_backward(shares, change):
+    return shares * change, None
 
-    age = np.arange(window)[:, None] + window - np.arange(2 * window)[None]
-    # What lies before the first block is no frame.
-    there = (np.arange(F // window) > 0)[:, None, None] | (np.arange(2 * window) >= window)
-    table = ((age >= 1) & (age < window))[None] & there
-    see = jax.checkpoint(lambda block: _see(*block))
-    y = jax.lax.map(see, (cut(q), cut(k), cut(v), two(k), two(v), jnp.asarray(table)))
-    return jnp.moveaxis(y, 0, 2).reshape(q.shape)
+
+_shares.defvjp(_shares_forward, _shares_backward)
+
+
+def _both_ways(w: Array) -> tuple[Array, Array]:
+    """A matrix and, for the backward pass, its transposition: made once, not in every block."""
+    return w, jax.lax.optimization_barrier(jax.lax.stop_gradient(w).T)
+
+
+@jax.custom_vjp
+def _matmul(x: Array, w: tuple[Array, Array]) -> Array:
+    """`x` times a matrix of `_both_ways`."""
+    return x @ w[0]
+
+
+def _matmul_forward(x, w):
+    return x @ w[0], (x, w[1])
+
+
+def _matmul_backward(kept, change):
+    x, turned = kept
+    # Without the barrier, what made either is fused with its transposition, which is ten times slower than both.
+    x, change = jax.lax.optimization_barrier((x, change))
+    return change @ turned, (x.reshape(-1, x.shape[-1]).T @ change.reshape(-1, change.shape[-1]), None)
+
+
+_matmul.defvjp(_matmul_forward, _matmul_backward)

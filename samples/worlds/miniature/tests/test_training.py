@@ -4,7 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from miniature import autoencoder, clips, held_out, latents, optimiser, scripts, store, train_autoencoder, train_world, transformer
+from miniature import autoencoder, clips, held_out, latents, optimiser, pieces, scripts, store
+from miniature import train_autoencoder, train_world, transformer
 from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage, WorldPlan
 
 # These tests compile longer than they run.
@@ -98,7 +99,7 @@ def test_the_autoencoder_learns(drawn, tmp_path):
 
 
 def test_the_transformer_learns_and_goes_through_its_curriculum(walks, tmp_path):
-    stages = (Stage(60, frames=8, batch=2, noisy=2), Stage(2, frames=8, batch=1, noisy=1, forget=True))
+    stages = (Stage(60, frames=8, batch=2, noisy=2), Stage(2, frames=8, batch=1, noisy=1))
     plan = WorldPlan(2, 0.5, 0, 0.0, rate=3e-3, decay=0.0, stages=stages)
     shown = []
     state = train_world.train(tmp_path / "world.npz", SMOKE, plan, walks, minutes=60, say=shown.append)
@@ -107,16 +108,70 @@ def test_the_transformer_learns_and_goes_through_its_curriculum(walks, tmp_path)
     assert loss[2] < 0.9 * loss[0], shown
 
 
-def test_forgetting_layers_changes_no_gradient(walks):
+def test_gradients_are_those_of_differences(walks):
+    """Derivatives that the transformer states itself, against differences of the loss."""
     g = SMOKE.with_(layers=2, control_period=2, global_period=2)
-    p = {name: jnp.asarray(value) + 0.02 for name, value in transformer.initial(g, 1).items()}
-    latents_, controls = train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=4, batch=1, noisy=1))
-    remembered, forgotten = (
-        jax.jit(jax.grad(lambda p, f=f: train_world.loss(p, g, Stage(1, 4, 1, 1, forget=f), 128, latents_, controls, KEY)[0]))(p)
-        for f in (False, True)
-    )
-    for name, value in remembered.items():
-        assert np.allclose(value, forgotten[name], rtol=1e-3, atol=1e-5), name
+    rng = np.random.default_rng(2)
+    start = transformer.initial(g, 1)
+    p = {name: jnp.asarray(v + 0.05 * rng.standard_normal(v.shape), jnp.float32) for name, v in start.items()}
+    latents_, controls = train_world.batch(rng, walks, Stage(1, frames=4, batch=1, noisy=1))
+    of = jax.jit(lambda p: train_world.loss(p, g, Stage(1, 4, 1, 1), 128, latents_[0], controls[0], KEY)[0])
+    gradient = jax.jit(jax.grad(of))(p)
+    for name in ("attn.q_proj", "attn.k_proj", "attn.v_proj", "attn.out_proj", "mlp.fc1", "mlp.fc2"):
+        name = f"blocks.1.{name}.weight"
+        along = gradient[name] / jnp.linalg.norm(gradient[name])
+        far = 0.02
+        slope = (of(p | {name: p[name] + far * along}) - of(p | {name: p[name] - far * along})) / (2 * far)
+        assert np.isclose(slope, jnp.linalg.norm(gradient[name]), rtol=0.02), name
+
+
+def test_windows_side_by_side_are_windows_one_by_one(walks):
+    g = SMOKE.with_(layers=2, control_period=2, global_period=2)
+    settings = optimiser.Settings(rate=0.0, steps=10, muon_rate=0.0)
+    batch = train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=4, batch=4, noisy=2))
+    figures = []
+    for together in (1, 2, 4):
+        stage = Stage(1, frames=4, batch=4, noisy=2, together=together)
+        state = optimiser.start(transformer.initial(g, 1))
+        figures.append(train_world.step(settings, g, stage, 128, state, *batch, KEY)[1])
+    for name, value in figures[0].items():
+        assert np.allclose([f[name] for f in figures], value, rtol=1e-4) and value > 0, name
+
+
+def test_muon_moves_a_matrix_by_about_an_orthogonal_one():
+    rng = np.random.default_rng(1)
+    for shape in ((24, 8), (8, 24), (16, 16)):
+        values = np.linalg.svd(optimiser.orthogonal(jnp.asarray(rng.standard_normal(shape), jnp.float32)), compute_uv=False)
+        assert 0.5 < values.min() and values.max() < 1.3, values
+    settings = optimiser.Settings(rate=0.1, steps=10, warm_up=1, muon_rate=0.5, muon_momentum=0.0)
+    state = optimiser.start({"a": np.zeros((8, 4), np.float32), "b": np.zeros(4, np.float32)}, lambda name: name == "a")
+    after, _ = optimiser.update(settings, state, {"a": 1e-3 * jnp.ones((8, 4)), "b": jnp.ones(4)})
+    assert after.second["a"].size == 0 and after.second["b"].size == 4
+    # A matrix of rank one: its orthogonal part has length one, which the scale of 0.2 sqrt(8) and the rate multiply.
+    assert np.isclose(np.linalg.norm(after.parameters["a"]), 0.5 * 0.2 * 8**0.5, rtol=0.35)
+    assert np.allclose(after.parameters["b"], -0.1, rtol=1e-3)
+
+
+def test_a_state_travels_in_pieces(tmp_path):
+    content = np.random.default_rng(1).bytes(2500)
+    (tmp_path / "state.npz").write_bytes(content)
+    written = pieces.split(tmp_path / "state.npz", tmp_path / "pieces", longest=1000)
+    assert [piece.stat().st_size for piece in written] == [1000, 1000, 500]
+    (tmp_path / "state.npz").unlink()
+    pieces.join(tmp_path / "pieces", tmp_path / "state.npz")
+    assert (tmp_path / "state.npz").read_bytes() == content
+    (tmp_path / "state.npz").unlink()
+    written[1].write_bytes(bytes(1000))
+    with pytest.raises(pieces.BrokenPieces, match="another file"):
+        pieces.join(tmp_path / "pieces", tmp_path / "state.npz")
+    written[1].unlink()
+    with pytest.raises(pieces.BrokenPieces, match="state.npz.001"):
+        pieces.join(tmp_path / "pieces", tmp_path / "state.npz")
+    assert not (tmp_path / "state.npz").exists()
+    # A shorter file leaves no piece of the longer one.
+    (tmp_path / "state.npz").write_bytes(content[:900])
+    pieces.split(tmp_path / "state.npz", tmp_path / "pieces", longest=1000)
+    assert sorted(p.name for p in (tmp_path / "pieces").iterdir()) == ["state.npz.000", "state.npz.pieces"]
 
 
 def test_a_gradient_that_is_not_finite_moves_nothing():
