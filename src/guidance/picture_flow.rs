@@ -152,28 +152,30 @@ impl Extractor {
         self.current.build(self.level, current)?;
         let built = Instant::now();
 
+        // The way back is only for checking: where the finest level is left out, half its size will do.
         let finest = self.previous.finest();
+        let checked = if finest > 0 { (finest + 1).min(self.previous.levels().len() - 1) } else { 0 };
         let Self { level, previous: from, current: to, backward, forward, .. } = &mut *self;
         let (level, from, to) = (*level, &*from, &*to);
         let (back, forth) =
-            rayon::join(|| backward.follow(level, to, from, finest), || forward.follow(level, from, to, finest));
+            rayon::join(|| backward.follow(level, to, from, finest), || forward.follow(level, from, to, checked));
         back.and(forth)?;
         let searched = Instant::now();
 
         backward.spread(level, to, from, finest)?;
-        forward.spread(level, from, to, finest)?;
+        forward.spread(level, from, to, checked)?;
         let spread = Instant::now();
 
-        self.trust.check(&self.backward.dense, &self.forward.dense)?;
-        let checked = Instant::now();
+        self.trust.check(&self.backward.dense, &self.forward.dense, checked - finest)?;
+        let compared = Instant::now();
 
         self.write(current, finest, out);
         self.times = StageTimes {
             pyramid: built - start,
             search: searched - built,
             densify: spread - searched,
-            check: checked - spread,
-            write: checked.elapsed(),
+            check: compared - spread,
+            write: compared.elapsed(),
         };
         Ok(())
     }
@@ -186,33 +188,48 @@ impl Extractor {
     /// Writes the motion, found on level `finest` and filled where it is not to be trusted, and the depth.
     fn write(&self, current: &Picture, finest: usize, out: &mut Guidance) {
         let width = current.width() as usize;
+        // In a large picture a fill does for the row below as well.
+        let (height, together) = (1 << finest, if finest > 0 { 2 } else { 1 });
         let Guidance { motion, depth } = out;
-        depth.depth_mut().fill(FLAT_DEPTH);
-        motion.vectors_mut().par_chunks_mut(width << finest).enumerate().for_each(|(y, rows)| {
-            let (first, others) = rows.split_at_mut(width);
-            self.write_row(current, finest, y, first);
-            others.chunks_exact_mut(width).for_each(|other| other.copy_from_slice(first));
+        let depths = depth.depth_mut().par_chunks_mut(together * height * width);
+        let motions = motion.vectors_mut().par_chunks_mut(together * height * width);
+        motions.zip(depths).enumerate().for_each(|(n, (motion, depths))| {
+            depths.fill(FLAT_DEPTH);
+            let mut above = None;
+            for (y, rows) in (n * together..).zip(motion.chunks_mut(height * width)) {
+                let (first, others) = rows.split_at_mut(width);
+                self.write_row(current, finest, y, first, above);
+                others.chunks_exact_mut(width).for_each(|other| other.copy_from_slice(first));
+                above = Some(&*first);
+            }
         });
     }
 
-    /// Writes the motion of row `y` of level `finest` to a row of the picture.
-    fn write_row(&self, current: &Picture, finest: usize, y: usize, row: &mut [[f16; 2]]) {
-        let (flow, trusted) = (self.backward.dense.row(y), self.trust.row(y));
+    /// Writes the motion of row `y` of level `finest` to a row of the picture; what neither is trusted here nor was in the
+    /// row `above`, where that is given, is as there.
+    fn write_row(&self, current: &Picture, finest: usize, y: usize, row: &mut [[f16; 2]], above: Option<&[[f16; 2]]>) {
+        let (flow, trust) = (&self.backward.dense, &self.trust);
         let (scale, limit) = ((1_u32 << finest) as f32, [current.width() as f32, current.height() as f32]);
         let (mut found, mut vectors) = ([[0.0_f32; 2]; RUN], [[f16::ZERO; 2]; RUN]);
         for (i, run) in row.chunks_mut(RUN << finest).enumerate() {
             let first = i * RUN;
             let len = run.len().div_ceil(1 << finest);
             let (found, vectors) = (&mut found[..len], &mut vectors[..len]);
-            found.copy_from_slice(&flow[first..][..len]);
-            let trusted = &trusted[first..][..len];
-            // Those between two others that are filled take the mean of them.
-            let is_between = |k: usize| k % 2 == 1 && trusted.get(k - 1..k + 2) == Some(&[false; 3]);
-            for k in (0..len).filter(|&k| !trusted[k] && !is_between(k)) {
-                found[k] = self.trust.filled(&self.backward.dense, current, finest, first + k, y);
-            }
-            for k in (1..len).step_by(2).filter(|&k| is_between(k)) {
-                found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
+            found.copy_from_slice(&flow.row(y)[first..][..len]);
+            let trusted = &trust.row(y)[first..][..len];
+            let is_as_above = |k: usize| !trusted[k] && above.is_some() && !trust.row(y - 1)[first + k];
+            let all_trusted = trusted.iter().all(|trusted| *trusted);
+            if !all_trusted {
+                let mut wanted = [false; RUN];
+                (0..len).for_each(|k| wanted[k] = !trusted[k] && !is_as_above(k));
+                // Those between two others that are filled take the mean of them.
+                let is_between = |k: usize| k % 2 == 1 && wanted.get(k - 1..k + 2) == Some(&[true; 3]);
+                for k in (0..len).filter(|&k| wanted[k] && !is_between(k)) {
+                    found[k] = trust.filled(flow, current, finest, first + k, y);
+                }
+                for k in (1..len).step_by(2).filter(|&k| is_between(k)) {
+                    found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
+                }
             }
             for vector in found.iter_mut() {
                 // Added to 0 so that no motion is +0.
@@ -220,8 +237,15 @@ impl Extractor {
                 vector[1] = 0.0 + (scale * vector[1]).clamp(-limit[1], limit[1]);
             }
             vectors.as_flattened_mut().convert_from_f32_slice(found.as_flattened());
+            if let (Some(above), false) = (above, all_trusted) {
+                let above = &above[first << finest..];
+                (0..len).filter(|&k| is_as_above(k)).for_each(|k| vectors[k] = above[k << finest]);
+            }
             match finest {
                 0 => run.copy_from_slice(vectors),
+                1 if run.len() == 2 * RUN => {
+                    run.as_chunks_mut::<2>().0.iter_mut().zip(vectors).for_each(|(pair, vector)| *pair = [*vector; 2]);
+                }
                 _ => run.chunks_mut(1 << finest).zip(vectors).for_each(|(run, vector)| run.fill(*vector)),
             }
         }
@@ -239,7 +263,7 @@ impl Direction {
             let (from_plane, to_plane) = (&from.levels()[level], &to.levels()[level]);
             std::mem::swap(&mut self.coarse, &mut self.fine);
             let coarse = (level + 1 < from.levels().len()).then_some(&self.coarse);
-            let is_large = finest > 0 && level == finest;
+            let is_large = level > 0 && level == from.finest();
             self.fine.search(simd, from_plane, to_plane, coarse, if is_large { grid::APART } else { grid::CLOSE })?;
             self.fine.smooth(simd)?;
             let rounds = match level {

@@ -73,7 +73,7 @@ impl Template {
         if template.whole {
             template.centre(simd, plane);
         } else {
-            template.centre_at_edge(plane);
+            template.centre_at_edge(simd, plane);
         }
         template
     }
@@ -111,40 +111,37 @@ impl Template {
     }
 
     /// As [`centre`](Self::centre), where pixels outside the picture do not count and those at its edge are repeated.
-    #[inline(never)]
-    fn centre_at_edge(&mut self, plane: &Plane) {
+    #[inline(always)]
+    fn centre_at_edge<S: Simd>(&mut self, simd: S, plane: &Plane) {
         let around = plane.block::<{ SIDE + 2 }>(self.origin[0] - 1, self.origin[1] - 1);
-        let mut inside = [[0.0_f32; SIDE]; SIDE];
-        let (mut count, mut sums) = (0.0, [0.0_f32; 3]);
-        for y in 0..SIDE {
-            for x in 0..SIDE {
-                let values = [
-                    around[y + 1][x + 1],
-                    0.5 * (around[y + 1][x + 2] - around[y + 1][x]),
-                    0.5 * (around[y + 2][x + 1] - around[y][x + 1]),
-                ];
-                [self.value[y][x], self.gradient[0][y][x], self.gradient[1][y][x]] = values;
-                if plane.holds(self.origin[0] + x as i32, self.origin[1] + y as i32, 1) {
-                    inside[y][x] = 1.0;
-                    count += 1.0;
-                    (0..3).for_each(|n| sums[n] += values[n]);
-                }
-            }
+        let [columns, rows] = [plane.width, plane.height];
+        let (across, down) = (inside(self.origin[0], columns), inside(self.origin[1], rows));
+        let count = across.iter().sum::<f32>() * down.iter().sum::<f32>();
+        let (across, none) = (f32x8::from_slice(simd, &across), f32x8::splat(simd, 0.0));
+        let (mut gradient, mut sums) = ([[none; SIDE]; 2], [none; 3]);
+        for j in 0..SIDE {
+            let value = lanes(simd, &around[j + 1], 1);
+            gradient[0][j] = (lanes(simd, &around[j + 1], 2) - lanes(simd, &around[j + 1], 0)) * 0.5;
+            gradient[1][j] = (lanes(simd, &around[j + 2], 1) - lanes(simd, &around[j], 1)) * 0.5;
+            value.store_slice(&mut self.value[j]);
+            let counts = across * down[j];
+            sums[0] += value * counts;
+            sums[1] += gradient[0][j] * counts;
+            sums[2] += gradient[1][j] * counts;
         }
-        let [mean, mean_x, mean_y] = sums.map(|sum| sum / count);
-        let mut hessian = [0.0_f32; 3];
-        for (y, inside) in inside.iter().enumerate() {
-            for (x, inside) in inside.iter().enumerate() {
-                let gx = (self.gradient[0][y][x] - mean_x) * inside;
-                let gy = (self.gradient[1][y][x] - mean_y) * inside;
-                (self.gradient[0][y][x], self.gradient[1][y][x]) = (gx, gy);
-                hessian[0] += gx * gx;
-                hessian[1] += gx * gy;
-                hessian[2] += gy * gy;
-            }
+        let [mean, mean_x, mean_y] = sums.map(|sum| sum_of(sum) / count);
+        let mut hessian = [none; 3];
+        for j in 0..SIDE {
+            let counts = across * down[j];
+            let (gx, gy) = ((gradient[0][j] - mean_x) * counts, (gradient[1][j] - mean_y) * counts);
+            hessian[0] += gx * gx;
+            hessian[1] += gx * gy;
+            hessian[2] += gy * gy;
+            gx.store_slice(&mut self.gradient[0][j]);
+            gy.store_slice(&mut self.gradient[1][j]);
         }
         self.mean = mean;
-        self.hessian = hessian.map(|sum| sum / count);
+        self.hessian = hessian.map(|sum| sum_of(sum) / count);
     }
 
     /// The best motion into `target` that can be reached from one of `starts`; the first of them where all are bad.
@@ -211,7 +208,7 @@ impl Template {
         let [fx, fy] = [flow[0] - whole[0] as f32, flow[1] - whole[1] as f32];
         let (x, y) = (self.origin[0].saturating_add(whole[0]), self.origin[1].saturating_add(whole[1]));
         if !(self.whole && target.holds(x, y, SIDE + 1)) {
-            return self.compare_at_edge(target, x, y, [fx, fy]);
+            return self.compare_at_edge(simd, target, [x, y], [fx, fy]);
         }
         let none = f32x8::splat(simd, 0.0);
         let (mut sum, mut squares, mut slope) = (none, none, [none; 2]);
@@ -235,55 +232,69 @@ impl Template {
     }
 
     /// As [`compare`](Self::compare), where pixels outside one of the pictures do not count.
-    #[inline(never)]
-    fn compare_at_edge(&self, target: &Plane, x: i32, y: i32, [fx, fy]: [f32; 2]) -> Comparison {
-        let block = target.block::<{ SIDE + 1 }>(x, y);
-        let mut difference = [[0.0_f32; SIDE]; SIDE];
-        let mut inside = [[false; SIDE]; SIDE];
-        let (mut own, mut shared, mut sum) = (0.0, 0.0, 0.0);
-        for j in 0..SIDE {
-            for i in 0..SIDE {
-                let mix = |row: &[f32; SIDE + 1]| row[i] + (row[i + 1] - row[i]) * fx;
-                let (above, below) = (mix(&block[j]), mix(&block[j + 1]));
-                difference[j][i] = above + (below - above) * fy - self.value[j][i];
-                let within = |plane: &Plane, x: i32, y: i32| {
-                    plane.holds(x.saturating_add(i as i32), y.saturating_add(j as i32), 1)
-                };
-                // Both pictures have one size.
-                let here = within(target, self.origin[0], self.origin[1]);
-                inside[j][i] = here && within(target, x, y);
-                own += f32::from(here);
-                if inside[j][i] {
-                    shared += 1.0;
-                    sum += difference[j][i];
-                }
-            }
-        }
-        if shared < FEWEST.min(own) {
+    #[inline(always)]
+    fn compare_at_edge<S: Simd>(&self, simd: S, target: &Plane, place: [i32; 2], [fx, fy]: [f32; 2]) -> Comparison {
+        // Both pictures have one size.
+        let size = [target.width, target.height];
+        let own = [0, 1].map(|axis| inside(self.origin[axis], size[axis]));
+        let there = [0, 1].map(|axis| inside(place[axis], size[axis]));
+        let both: [[f32; SIDE]; 2] = [0, 1].map(|axis| std::array::from_fn(|i| own[axis][i] * there[axis][i]));
+        let count = |[across, down]: &[[f32; SIDE]; 2]| across.iter().sum::<f32>() * down.iter().sum::<f32>();
+        let shared = count(&both);
+        // The first also where the patch itself is all outside.
+        if shared == 0.0 || shared < FEWEST.min(count(&own)) {
             return Comparison { slope: [0.0; 2], residual: f32::INFINITY, brightening: 0.0 };
         }
-        let mean = sum / shared;
-        let (mut squares, mut slope) = (0.0, [0.0_f32; 2]);
+        let block = target.block::<{ SIDE + 1 }>(place[0], place[1]);
+        let [columns, rows] = &both;
+        let (columns, none) = (f32x8::from_slice(simd, columns), f32x8::splat(simd, 0.0));
+        let (mut differences, mut sum) = ([none; SIDE], none);
+        let mut above = across(simd, &block[0], fx);
         for j in 0..SIDE {
-            for i in 0..SIDE {
-                if inside[j][i] {
-                    // The gradients are centred over more than what counts here: the mean must go first.
-                    let d = difference[j][i] - mean;
-                    squares += d * d;
-                    slope[0] += self.gradient[0][j][i] * d;
-                    slope[1] += self.gradient[1][j][i] * d;
-                }
-            }
+            let below = across(simd, &block[j + 1], fx);
+            differences[j] = above + (below - above) * fy - f32x8::from_slice(simd, &self.value[j]);
+            sum += differences[j] * (columns * rows[j]);
+            above = below;
         }
-        Comparison { slope: slope.map(|s| s / shared), residual: squares / shared, brightening: mean }
+        let mean = sum_of(sum) / shared;
+        let (mut squares, mut slope) = (none, [none; 2]);
+        for j in 0..SIDE {
+            // The gradients are centred over more than what counts here: the mean must go first.
+            let difference = (differences[j] - mean) * (columns * rows[j]);
+            squares += difference * difference;
+            slope[0] += f32x8::from_slice(simd, &self.gradient[0][j]) * difference;
+            slope[1] += f32x8::from_slice(simd, &self.gradient[1][j]) * difference;
+        }
+        Comparison {
+            slope: slope.map(|sum| sum_of(sum) / shared),
+            residual: sum_of(squares) / shared,
+            brightening: mean,
+        }
     }
 }
 
-/// The mean over a patch of which each lane holds the sum of a column; summed in a tree.
+/// For each pixel of a patch along an axis 1 where it lies in the picture, 0 where it does not.
+#[inline(always)]
+fn inside(first: i32, len: usize) -> [f32; SIDE] {
+    let mut inside = [0.0; SIDE];
+    for (i, inside) in (0..).zip(&mut inside) {
+        let at = i64::from(first) + i;
+        *inside = if at >= 0 && at < len as i64 { 1.0 } else { 0.0 };
+    }
+    inside
+}
+
+/// The sum over a patch of which each lane holds the sum of a column, in a tree.
+#[inline(always)]
+fn sum_of<S: Simd>(lanes: f32x8<S>) -> f32 {
+    let [a, b, c, d, e, f, g, h] = <[f32; SIDE]>::from(lanes);
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
+
+/// The mean over a whole patch, as [`sum_of`].
 #[inline(always)]
 fn mean_of<S: Simd>(lanes: f32x8<S>) -> f32 {
-    let [a, b, c, d, e, f, g, h] = <[f32; SIDE]>::from(lanes);
-    (((a + e) + (c + g)) + ((b + f) + (d + h))) * (1.0 / AREA as f32)
+    sum_of(lanes) * (1.0 / AREA as f32)
 }
 
 /// Eight pixels of a row, from number `x` on.

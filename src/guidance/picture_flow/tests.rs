@@ -152,7 +152,7 @@ fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
     let back = field(&|x| half(x).map(|v| -v));
     let seen = picture(32, 16, |x, _| if x < 16.0 { 40.0 } else { 200.0 });
     let mut trust = Trust::default();
-    trust.check(&flow, &back).unwrap();
+    trust.check(&flow, &back, 0).unwrap();
     let y = 8;
     for x in 0..32 {
         assert_eq!(trust.row(y)[x], !wrong(x), "{x}");

@@ -31,8 +31,9 @@ pub(super) struct Trust {
 
 impl Trust {
     /// Finds where motion in `flow` shows the same at its end and is undone there by `back`. Motion out of the picture
-    /// cannot be checked, and is not trusted.
-    pub(super) fn check(&mut self, flow: &Dense, back: &Dense) -> Result<()> {
+    /// cannot be checked, and is not trusted. `back` is `halvings` times half the size.
+    pub(super) fn check(&mut self, flow: &Dense, back: &Dense, halvings: usize) -> Result<()> {
+        let scale = (1_u32 << halvings) as f32;
         let (width, height) = (flow.width, flow.flow.len() / flow.width);
         let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
         self.width = width;
@@ -42,8 +43,9 @@ impl Trust {
             for (x, (trusted, (&[u, v], &matched))) in trusted.iter_mut().zip(row.iter().zip(matched)).enumerate() {
                 let (there_x, there_y) = (x as f32 + u, y as f32 + v);
                 *trusted = matched && there_x >= 0.0 && there_y >= 0.0 && there_x <= right && there_y <= bottom && {
-                    let [i, j] = [floor(there_x + 0.5) as usize, floor(there_y + 0.5) as usize];
-                    let [bu, bv] = back.flow[j * width + i];
+                    let [i, j] = [floor(there_x + 0.5) as usize >> halvings, floor(there_y + 0.5) as usize >> halvings];
+                    let [bu, bv] = back.flow[j * back.width + i];
+                    let (bu, bv) = (scale * bu, scale * bv);
                     let miss = (u + bu) * (u + bu) + (v + bv) * (v + bv);
                     miss <= SLACK + SLACK_PER_LENGTH * (u * u + v * v + bu * bu + bv * bv)
                 };
