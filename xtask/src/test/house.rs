@@ -24,7 +24,7 @@ const FOLDERS: [&str; 9] =
     ["src/", "include/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
 
 /// Endings of files that texts refer to.
-const ENDINGS: [&str; 11] = ["rs", "c", "h", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
+const ENDINGS: [&str; 12] = ["rs", "hlsl", "c", "h", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let clone = context.clone;
@@ -62,7 +62,7 @@ fn long_files(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
 
 fn unfinished(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
     let mut finds = Vec::new();
-    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "py", "md", "toml"])) {
+    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "hlsl", "py", "md", "toml"])) {
         for (number, line) in clone.read(file)?.lines().enumerate() {
             for (first, second) in UNFINISHED {
                 if line.contains(&format!("{first}{second}")) {

@@ -11,6 +11,7 @@ mod nightly;
 mod python;
 mod quality;
 mod readme;
+mod shaders;
 mod skips;
 mod study;
 mod tally;
@@ -61,6 +62,7 @@ const RUNNERS: &[Runner] = &[
         what: "the Python package, parity with the oracle, and training at its smallest",
         run: python::run,
     },
+    Runner { name: "shaders", what: "compiled shaders are what their text compiles to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },

@@ -1,0 +1,67 @@
+// One picture of a decoder's planes, red, green, blue, each [height, width], into a texture of another size: bilinear,
+// half-pixel centres, edges repeated, numbers clamped to [0, 1] before they are mixed. The same as the processor's own, to the
+// operation.
+
+cbuffer Constants : register(b0)
+{
+    uint2 From;      // width, height of a plane
+    uint2 To;        // width, height of the texture
+    uint First;      // the first number of the picture, counted in numbers
+    uint Half;       // 1: the numbers are halves, 0: floats
+    uint Levels;     // 255: rounded to bytes; 0: written as they are
+};
+
+ByteAddressBuffer Planes : register(t0);
+RWTexture2D<float4> Picture : register(u0);
+
+float number(uint index)
+{
+    if (Half != 0)
+    {
+        uint pair = Planes.Load((index >> 1) * 4);
+        return f16tof32((index & 1) != 0 ? pair >> 16 : pair & 0xffff);
+    }
+    return asfloat(Planes.Load(index * 4));
+}
+
+// The two samples of place `i` of `to` on `from` samples, and how far the place is from the first to the second. In whole
+// numbers, so that it is exact: the place is (2 i + 1) from / (2 to) - 1/2.
+void samples(uint i, uint from, uint to, out uint low, out uint high, out float t)
+{
+    uint place = (2 * i + 1) * from;
+    place = place > to ? place - to : 0;
+    low = min(place / (2 * to), from - 1);
+    high = min(low + 1, from - 1);
+    t = float(place - low * 2 * to) / float(2 * to);
+}
+
+[numthreads(8, 8, 1)]
+void main(uint3 at : SV_DispatchThreadID)
+{
+    if (any(at.xy >= To))
+    {
+        return;
+    }
+    uint2 low, high;
+    float2 t;
+    samples(at.x, From.x, To.x, low.x, high.x, t.x);
+    samples(at.y, From.y, To.y, low.y, high.y, t.y);
+    float4 pixel = 1;
+    [unroll]
+    for (uint channel = 0; channel < 3; channel++)
+    {
+        uint plane = First + channel * From.x * From.y;
+        uint top = plane + low.y * From.x;
+        uint bottom = plane + high.y * From.x;
+        // What is not a number counts as 0.
+        float4 corners = float4(number(top + low.x), number(top + high.x), number(bottom + low.x), number(bottom + high.x));
+        corners = min(max(corners, 0), 1);
+        precise float above = corners.x + (corners.y - corners.x) * t.x;
+        precise float below = corners.z + (corners.w - corners.z) * t.x;
+        precise float value = above + (below - above) * t.y;
+        // How a float becomes a byte is the adapter's choice within limits; a whole number of levels leaves it none.
+        precise float rounded = floor(value * Levels + 0.5) / Levels;
+        pixel[channel] = Levels != 0 ? rounded : value;
+    }
+    Picture[at.xy] = pixel;
+}

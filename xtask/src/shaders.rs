@@ -1,0 +1,160 @@
+//! `cargo xtask shaders`: HLSL to the DXBC that the library carries, with Microsoft's compiler in the lab or on Windows.
+//!
+//! Each `NAME.hlsl` of the folder has its `NAME.dxbc` beside it, and `compiled.txt` says which text which blob was made of, so that
+//! a machine without the lab also sees when one has changed without the other.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::{Console, tools};
+use sha2::{Digest, Sha256};
+
+use crate::clone::Clone;
+use crate::{lab, shell};
+
+/// Where they are.
+const FOLDER: &str = "src/gpu/shaders";
+/// The Windows program that hands texts to the compiler.
+const COMPILER: &str = "tests/lab/compile.rs";
+/// Which blob was made of which text.
+const RECORD: &str = "compiled.txt";
+/// The first lines of the record.
+const RECORD_HEAD: &str = "# Written by `cargo xtask shaders`: each shader, the SHA-256 of its text and of all that may be included, and of its blob.\n";
+
+/// The shaders of a clone.
+pub(crate) struct Shaders {
+    folder: PathBuf,
+    /// Names without endings.
+    pub(crate) names: Vec<String>,
+    /// What each may include, with its line ends as Linux has them.
+    included: Vec<u8>,
+}
+
+impl Shaders {
+    pub(crate) fn find(clone: &Clone) -> Result<Self, String> {
+        let folder = clone.root.join(FOLDER);
+        let entries = fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        files.sort();
+        let (mut names, mut included) = (Vec::new(), Vec::new());
+        for file in &files {
+            match file.extension().and_then(|ending| ending.to_str()) {
+                Some("hlsl") => names.push(file.file_stem().unwrap_or_default().to_string_lossy().into_owned()),
+                Some("hlsli") => included.extend(text(file)?),
+                _ => {}
+            }
+        }
+        Ok(Self { folder, names, included })
+    }
+
+    fn source(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.hlsl"))
+    }
+
+    /// The committed blob of a shader.
+    pub(crate) fn blob(&self, name: &str) -> PathBuf {
+        self.folder.join(format!("{name}.dxbc"))
+    }
+
+    /// The two sums of a shader.
+    fn line(&self, name: &str) -> Result<String, String> {
+        let mut made_of = Sha256::new();
+        made_of.update(text(&self.source(name))?);
+        made_of.update(&self.included);
+        let blob = self.blob(name);
+        let blob = fs::read(&blob).map_err(|e| format!("{}: {e}", blob.display()))?;
+        Ok(format!("{name} {} {}", hex(&made_of.finalize()), hex(&Sha256::digest(blob))))
+    }
+
+    /// What is wrong with a shader by the record, if anything.
+    pub(crate) fn differs(&self, name: &str) -> Option<String> {
+        let remedy = "run cargo xtask shaders";
+        let line = match self.line(name) {
+            Ok(line) => line,
+            Err(why) => return Some(format!("{why}: {remedy}")),
+        };
+        match self.record().map(|record| record.get(name).cloned()) {
+            Ok(Some(recorded)) if recorded == line => None,
+            Ok(_) => Some(format!("{FOLDER}/{name}: the text or the blob is another than {RECORD} says: {remedy}")),
+            Err(why) => Some(format!("{why}: {remedy}")),
+        }
+    }
+
+    /// Blobs and lines of the record that belong to no shader.
+    pub(crate) fn left_over(&self) -> Result<Vec<String>, String> {
+        let entries = fs::read_dir(&self.folder).map_err(|e| format!("{}: {e}", self.folder.display()))?;
+        let blobs =
+            entries.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "dxbc"));
+        let blobs = blobs.map(|path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+        let known = |name: &String| self.names.contains(name);
+        Ok(blobs.chain(self.record()?.into_keys()).filter(|name| !known(name)).collect())
+    }
+
+    fn record(&self) -> Result<BTreeMap<String, String>, String> {
+        let lines = text(&self.folder.join(RECORD))?;
+        let lines = String::from_utf8_lossy(&lines).into_owned();
+        let named = |line: &str| Some((line.split_once(' ')?.0.to_owned(), line.to_owned()));
+        Ok(lines.lines().filter(|line| !line.starts_with('#')).filter_map(named).collect())
+    }
+
+    /// A command that compiles all of them into `out`; builds the program that does it.
+    pub(crate) fn compiler(&self, clone: &Clone, out: &Path) -> Result<Command, String> {
+        let console = Console::new();
+        let library = provision::d3dcompiler(&console).map_err(|e| e.to_string())?;
+        fs::create_dir_all(out).map_err(|e| format!("{}: {e}", out.display()))?;
+        let program = out.join("compile.exe");
+        let mut rustc = Command::new("rustc");
+        rustc.args(["--edition=2024", "-o"]).arg(&program).arg(COMPILER).current_dir(&clone.root);
+        if !cfg!(windows) {
+            tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
+            tools::mingw(&console).map_err(|e| e.to_string())?;
+            rustc.args(["--target", tools::WINDOWS_TARGET]);
+        }
+        shell::output(&mut rustc)?;
+        let mut command = lab::command(&program)?;
+        // Wine has a compiler of its own, which is not this one.
+        command.env("WINEDLLOVERRIDES", "mscoree,mshtml=;d3dcompiler_47=n").arg(library);
+        for name in &self.names {
+            command.arg(self.source(name)).arg(made(out, name));
+        }
+        Ok(command)
+    }
+}
+
+/// Where [`Shaders::compiler`] puts a blob.
+pub(crate) fn made(out: &Path, name: &str) -> PathBuf {
+    out.join(format!("{name}.dxbc"))
+}
+
+/// Compiles every shader, and writes blobs and record anew.
+pub(crate) fn compile(clone: &Clone) -> Result<(), String> {
+    let shaders = Shaders::find(clone)?;
+    let out = clone.target.join("xtask").join("shaders");
+    shell::pass_through(&mut shaders.compiler(clone, &out)?)?;
+    let mut record = RECORD_HEAD.to_owned();
+    for name in &shaders.names {
+        let (from, to) = (made(&out, name), shaders.blob(name));
+        fs::copy(&from, &to).map_err(|e| format!("{}: {e}", to.display()))?;
+        record += &shaders.line(name)?;
+        record.push('\n');
+    }
+    for name in shaders.left_over().unwrap_or_default() {
+        _ = fs::remove_file(shaders.blob(&name));
+    }
+    let path = shaders.folder.join(RECORD);
+    fs::write(&path, record).map_err(|e| format!("{}: {e}", path.display()))?;
+    eprintln!("{} shaders compiled into {FOLDER}", shaders.names.len());
+    Ok(())
+}
+
+/// A text with its line ends as Linux has them, so that a checkout of Windows has the same sum.
+fn text(path: &Path) -> Result<Vec<u8>, String> {
+    let bytes = fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    Ok(bytes.into_iter().filter(|byte| *byte != b'\r').collect())
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

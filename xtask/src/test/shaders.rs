@@ -1,0 +1,39 @@
+//! The shaders that the library carries are those whose text stands beside them.
+
+use std::fs;
+
+use super::Context;
+use super::tally::{Skip, Tally};
+use crate::shaders::{Shaders, made};
+use crate::shell::Log;
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    let shaders = Shaders::find(context.clone)?;
+    if shaders.names.is_empty() {
+        return Err("there is no shader".to_owned());
+    }
+    for name in &shaders.names {
+        tally.check(shaders.differs(name));
+    }
+    let left_over = shaders.left_over()?;
+    tally.check((!left_over.is_empty()).then(|| format!("blobs or lines of no shader: {}", left_over.join(", "))));
+    if !cfg!(windows)
+        && let Err(why) = provision::lab::possible()
+    {
+        let name = "the shaders compiled again".to_owned();
+        tally.skips.push(Skip { name, reason: format!("needs lab: {why}") });
+        return Ok(tally);
+    }
+    let out = context.clone.target.join("xtask").join("shaders");
+    let ended = log.run(&mut shaders.compiler(context.clone, &out)?)?;
+    if !ended.success {
+        return Err("the shaders do not compile".to_owned());
+    }
+    for name in &shaders.names {
+        let same =
+            fs::read(made(&out, name)).ok().is_some_and(|again| fs::read(shaders.blob(name)).ok() == Some(again));
+        tally.check((!same).then(|| format!("{name}.dxbc is not what its text compiles to: run cargo xtask shaders")));
+    }
+    Ok(tally)
+}
