@@ -6,6 +6,8 @@ import argparse
 import hashlib
 import os
 import sys
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 HELP = """\
@@ -13,6 +15,8 @@ Trains the miniature world from nothing, with fixed seeds. Every command goes on
 runs them one after the other. A command that has done its work ends with status 0, one that --minutes ended before that with 3.
 """
 UNFINISHED = 3
+# Walks that are drawn side by side.
+DRAWN_AT_ONCE = 3
 
 
 def default_folder() -> Path:
@@ -109,15 +113,26 @@ def encode_walks(job: Job) -> bool:
         path = folder / f"{clip.path.name}.npz"
         if not path.is_file():
             latents.encode_clip(encoder, clip, path)
-    for walk in range(plan.walks):
+    def draw(walk: int) -> tuple[clips.Clip, Path] | None:
         number = job.preset.autoencoder.clips + walk
         family, seed = clips.clip_name(number)
         path = folder / f"{family}-{seed}.npz"
-        if not path.is_file():
-            clip = clips.render(job.renderer, job.folder / "walks", number, plan.seconds_of(walk), job.geometry.decoded)
-            latents.encode_clip(encoder, clip, path)
-            clips.remove(clip)
-            job.say(f"walk {walk + 1}/{plan.walks}: {path.stem}")
+        if path.is_file():
+            return None
+        return clips.render(job.renderer, job.folder / "walks", number, plan.seconds_of(walk), job.geometry.decoded), path
+
+    # The next walks are drawn while one is encoded.
+    with ThreadPoolExecutor(DRAWN_AT_ONCE) as pool:
+        coming = deque(pool.submit(draw, walk) for walk in range(min(DRAWN_AT_ONCE, plan.walks)))
+        for walk in range(plan.walks):
+            drawn = coming.popleft().result()
+            if walk + DRAWN_AT_ONCE < plan.walks:
+                coming.append(pool.submit(draw, walk + DRAWN_AT_ONCE))
+            if drawn is not None:
+                clip, path = drawn
+                latents.encode_clip(encoder, clip, path)
+                clips.remove(clip)
+                job.say(f"walk {walk + 1}/{plan.walks}: {path.stem}")
     return True
 
 
