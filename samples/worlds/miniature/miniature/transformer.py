@@ -26,6 +26,8 @@ from jax import Array
 from jax.ad_checkpoint import checkpoint_name
 
 Parameters = dict[str, Array]
+# Of one mouse count, at the start of training.
+MOUSE_SCALES = (0.01, 0.05)
 # What a block leaves to the backward pass beside its input: small next to what computing it takes.
 KEPT = "kept"
 
@@ -45,7 +47,10 @@ def initial(g: Geometry, seed: int) -> dict[str, np.ndarray]:
         elif weight.name == "cond_head.bias_in":
             value = rng.standard_normal(weight.shape, np.float32) * np.float32(0.5)
         elif weight.name == "ctrl_emb.mlp.fc1.weight":
-            value = rng.standard_normal(weight.shape, np.float32) * np.float32(0.3)
+            # The mouse comes in counts, from one to a hundred, and only what bends its numbers tells a large motion from a small one:
+            # the embedding is normalised. So every hidden number has a mouse scale of its own.
+            value = rng.standard_normal(weight.shape, np.float32)
+            value[:2] *= np.exp(rng.uniform(*np.log(MOUSE_SCALES), weight.shape[1])).astype(np.float32)
         else:
             value = rng.standard_normal(weight.shape, np.float32) / np.float32(np.sqrt(weight.fan_in))
         out[weight.name] = value
