@@ -20,7 +20,7 @@ pub enum ErrorKind {
     InvalidBundle,
     /// A valid request that this build, platform, device or version cannot serve.
     Unsupported,
-    /// ONNX Runtime is missing or has the wrong version.
+    /// A library that is loaded at run time, ONNX Runtime or AMD's, is missing or has the wrong version.
     RuntimeMissing,
     /// More memory is needed than there is, or than was allowed.
     OutOfMemory,

@@ -105,15 +105,16 @@ impl<Head: Described> Chain<Head> {
         unsafe { self.links[0].place.cast().as_mut() }
     }
 
+    /// The link of that kind.
+    pub fn link<T: Extends<Head>>(&self) -> Option<&T> {
+        // SAFETY: a live link of this type, borrowed as the chain is.
+        self.find::<T>().map(|place| unsafe { place.as_ref() })
+    }
+
     /// The link of that kind, to alter it.
     pub fn link_mut<T: Extends<Head>>(&mut self) -> Option<&mut T> {
         // SAFETY: a live link of this type; the chain is borrowed for writing.
         self.find::<T>().map(|mut place| unsafe { place.as_mut() })
-    }
-
-    /// What the links are, in their order.
-    pub fn ids(&self) -> impl Iterator<Item = StructId> {
-        self.links.iter().map(|link| link.id)
     }
 
     /// What ffx-api is given: the first link's header. Valid, and linked to the end, until the chain is next touched.

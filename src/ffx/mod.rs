@@ -2,9 +2,21 @@
 //! build.
 //!
 //! The interface is five functions over structs that name themselves by an id and point to the next ([`Chain`]). Which of the
-//! structs a library understands differs from release to release, 1.1 to 2.4 of the SDK.
+//! structs a library understands differs from release to release, 1.1 to 2.4 of the SDK; what it does is decided by what it
+//! answers ([`Provider`]).
 
+mod api;
 pub mod bindings;
 mod chain;
+mod context;
+mod library;
+mod message;
+mod provider;
 
+pub use api::{Api, Effect};
 pub use chain::{Chain, Described, Extends, Header};
+pub use context::{Context, Provider};
+pub use library::Part;
+#[cfg(windows)]
+pub use library::{File, FileVersion, Library, LoadOptions};
+pub use provider::{Choice, Dialect, Family, Version, choose, versions};

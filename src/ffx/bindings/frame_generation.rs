@@ -4,6 +4,7 @@ use std::ffi::c_void;
 
 use super::{Coordinates, Dimensions, MemoryUsage, Rect, Resource, described};
 use super::{CreateFlags, Creates, FrameFlags, ReturnCode, SurfaceFormat, TransferFunction};
+use crate::ffx::Chain;
 
 /// Composes a frame that is about to be presented.
 pub type PresentCallback = unsafe extern "C" fn(*mut CallbackPresent, *mut c_void) -> ReturnCode;
@@ -28,6 +29,25 @@ impl Creates for CreateFrameGeneration {
     type Version = CreateFrameGenerationVersion;
     /// 4.0.0, of SDK 2.1.
     const WRITTEN_FOR: u32 = 4 << 22;
+
+    fn fault(chain: &Chain<Self>) -> Option<(&'static str, &'static str)> {
+        let head = chain.head();
+        if let Some(why) = head.display_size.fault() {
+            return Some(("display_size", why));
+        }
+        if let Some(why) = head.max_render_size.fault() {
+            return Some(("max_render_size", why));
+        }
+        let Some(precision) = head.back_buffer_format.precision() else {
+            return Some(("back_buffer_format", "a frame generator takes no pictures of this format"));
+        };
+        match chain.link::<CreateFrameGenerationHudless>() {
+            Some(hudless) if hudless.format.precision() != Some(precision) => {
+                Some(("format", "pictures with and without interface must be of one precision"))
+            }
+            _ => None,
+        }
+    }
 }
 
 described! {

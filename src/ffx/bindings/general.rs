@@ -45,6 +45,18 @@ plain! {
     }
 }
 
+impl Dimensions {
+    /// What Direct3D 12 makes no texture for.
+    pub(super) fn fault(self) -> Option<&'static str> {
+        const LARGEST: u32 = 16384;
+        match (self.width.min(self.height), self.width.max(self.height)) {
+            (0, _) => Some("a size must be above 0"),
+            (_, side) if side > LARGEST => Some("a side must be no longer than 16384"),
+            _ => None,
+        }
+    }
+}
+
 plain! {
     /// Two coordinates.
     Coordinates, 8 align 4: {

@@ -10,7 +10,7 @@ mod swapchain;
 mod upscale;
 mod words;
 
-use super::{Described, Extends};
+use super::{Chain, Described, Extends};
 
 pub use formats::*;
 pub use frame_generation::*;
@@ -63,11 +63,16 @@ macro_rules! described {
 pub(crate) use {described, plain};
 
 /// A struct that `ffxCreateContext` starts with.
-pub trait Creates: Described {
+pub trait Creates: Described + Copy {
     /// The struct that tells a provider of SDK 2.1 or later for which release this was written.
     type Version: Extends<Self> + From<u32>;
     /// The oldest release that has all that is used here, as its headers number it.
     const WRITTEN_FOR: u32;
+
+    /// A field that no provider takes, with the reason: some fail without a word, or crash, when they are given it.
+    fn fault(_chain: &Chain<Self>) -> Option<(&'static str, &'static str)> {
+        None
+    }
 }
 
 impl<Head: Creates> Extends<Head> for CreateBackendDx12 {}

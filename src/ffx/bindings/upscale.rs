@@ -4,6 +4,7 @@ use std::ffi::c_void;
 
 use super::{Coordinates, Creates, Dimensions, MemoryUsage, MessageCallback, Resource, described, open_set};
 use super::{QualityMode, ReactiveFlags, UpscaleCreateFlags, UpscaleFlags, UpscaleResources};
+use crate::ffx::Chain;
 
 open_set! {
     /// What [`ConfigureUpscaleKeyValue`] sets; its pointer leads to an `f32`.
@@ -39,6 +40,12 @@ impl Creates for CreateUpscale {
     type Version = CreateUpscaleVersion;
     /// 4.0.3, of SDK 2.1.
     const WRITTEN_FOR: u32 = 4 << 22 | 3;
+
+    fn fault(chain: &Chain<Self>) -> Option<(&'static str, &'static str)> {
+        let head = chain.head();
+        let render = head.max_render_size.fault().map(|why| ("max_render_size", why));
+        render.or_else(|| head.max_upscale_size.fault().map(|why| ("max_upscale_size", why)))
+    }
 }
 
 described! {

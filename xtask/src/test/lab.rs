@@ -19,13 +19,11 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
+    if let Some(skip) = or_skip("everything of Windows: its own tests, Direct3D 12, DirectML")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
     if !cfg!(windows) {
-        if let Err(why) = provision::lab::possible() {
-            let name = "everything of Windows: its own tests, Direct3D 12, DirectML".to_owned();
-            tally.skips.push(Skip { name, reason: format!("needs lab: {why}") });
-            return Ok(tally);
-        }
-        provision::lab::lab(&Console::new()).map_err(|e| e.to_string())?;
         passes_through(context, log, &mut tally)?;
     }
     tally.add(own_tests(context, log)?);
@@ -51,22 +49,42 @@ fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let console = Console::new();
     let mut command =
         context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast", "--test", "d3d12*", "--test", "directml"]);
-    if !cfg!(windows) {
-        tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
-        if tools::mingw(&console).map_err(|e| e.to_string())? != tools::Mingw::Gcc {
-            return Err(
-                "MinGW-w64's GCC is needed to link programs for the lab: apt install gcc-mingw-w64-x86-64".to_owned()
-            );
-        }
-        let runner = lab_run()?;
-        let words: Vec<_> = std::iter::once(runner.get_program()).chain(runner.get_args()).map(quoted).collect();
-        let runner = format!("target.{}.runner=[{}]", tools::WINDOWS_TARGET, words.join(","));
-        command.args(["--target", tools::WINDOWS_TARGET, "--config", &runner]);
-    }
+    for_windows(&mut command)?;
     let library = provision::onnxruntime_for_windows(&console).map_err(|e| e.to_string())?;
     context.provide_worlds(&mut command)?;
     command.env("CAIRN_ONNXRUNTIME", library);
     Ok(cargo::count(&log.run(&mut command)?))
+}
+
+/// Has a cargo command, whose own arguments are all there, build for Windows and run what it built in the lab.
+pub(super) fn for_windows(command: &mut Command) -> Result<(), String> {
+    if cfg!(windows) {
+        return Ok(());
+    }
+    let console = Console::new();
+    tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
+    if tools::mingw(&console).map_err(|e| e.to_string())? != tools::Mingw::Gcc {
+        return Err(
+            "MinGW-w64's GCC is needed to link programs for the lab: apt install gcc-mingw-w64-x86-64".to_owned()
+        );
+    }
+    let runner = lab_run()?;
+    let words: Vec<_> = std::iter::once(runner.get_program()).chain(runner.get_args()).map(quoted).collect();
+    let runner = format!("target.{}.runner=[{}]", tools::WINDOWS_TARGET, words.join(","));
+    command.args(["--target", tools::WINDOWS_TARGET, "--config", &runner]);
+    Ok(())
+}
+
+/// Makes the lab where it is missing; what is skipped, with the reason, where this machine cannot have it.
+pub(super) fn or_skip(what: &str) -> Result<Option<Skip>, String> {
+    if cfg!(windows) {
+        return Ok(None);
+    }
+    if let Err(why) = provision::lab::possible() {
+        return Ok(Some(Skip { name: what.to_owned(), reason: format!("needs lab: {why}") }));
+    }
+    provision::lab::lab(&Console::new()).map_err(|e| e.to_string())?;
+    Ok(None)
 }
 
 /// A word as TOML writes it.

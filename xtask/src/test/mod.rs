@@ -3,6 +3,7 @@
 mod abi;
 mod browser;
 mod cargo;
+mod ffx;
 mod host;
 mod house;
 mod junit;
@@ -64,6 +65,11 @@ const RUNNERS: &[Runner] = &[
     },
     Runner { name: "shaders", what: "compiled shaders are what their text compiles to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
+    Runner {
+        name: "ffx",
+        what: "AMD's ffx-api: a double of each release, and AMD's own where CAIRN_FFX_DIR is",
+        run: ffx::run,
+    },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video plays in Chromium", run: browser::run },

@@ -1,0 +1,357 @@
+//! Contexts of a library that is played here, one for each thread of tests.
+
+use std::cell::RefCell;
+use std::ffi::{CStr, c_void};
+
+use super::super::bindings::*;
+use super::super::{Dialect, Family, Header};
+use super::*;
+
+/// What the library does.
+#[derive(Default)]
+struct Play {
+    /// Its providers.
+    offers: Vec<(u64, &'static CStr)>,
+    /// What a context says that it is; None where it cannot say.
+    runs: Option<(u64, &'static CStr)>,
+    /// Structs that it does not know, with what it answers.
+    refuses: Vec<(StructId, ReturnCode)>,
+    /// What it says when it refuses.
+    says: &'static str,
+    /// Gives a null context.
+    gives_nothing: bool,
+    /// Every call: the ids of its chain, and what was answered.
+    calls: Vec<(&'static str, Vec<u64>, u32)>,
+    /// The id that was asked for.
+    overridden: Option<u64>,
+    hears: Option<MessageCallback>,
+}
+
+thread_local! {
+    static PLAY: RefCell<Play> = RefCell::default();
+}
+
+/// Reads a chain, and answers what the play says about its structs.
+unsafe fn read(call: &'static str, mut at: *const Header) -> ReturnCode {
+    let mut ids = Vec::new();
+    while !at.is_null() {
+        // SAFETY: a linked chain.
+        let header = unsafe { &*at };
+        ids.push(header.id());
+        at = header.next();
+    }
+    let (code, say) = PLAY.with_borrow_mut(|play| {
+        let refused = play.refuses.iter().find(|(id, _)| ids.contains(id));
+        let code = refused.map_or(ReturnCode::OK, |(_, code)| *code);
+        play.calls.push((call, ids.iter().map(|id| id.0).collect(), code.0));
+        (code, play.hears.filter(|_| code != ReturnCode::OK && !play.says.is_empty()).map(|hears| (hears, play.says)))
+    });
+    if let Some((hears, text)) = say {
+        let units: Vec<u16> = text.encode_utf16().chain([0]).collect();
+        // SAFETY: ends with a zero.
+        unsafe { hears(0, units.as_ptr()) };
+    }
+    code
+}
+
+unsafe extern "C" fn create(context: *mut RawContext, head: *mut Header, _: *const AllocationCallbacks) -> ReturnCode {
+    // SAFETY: a linked chain.
+    let code = unsafe { read("create", head) };
+    let mut at: *const Header = head;
+    while !at.is_null() {
+        // SAFETY: a linked chain, and the id says what a link is.
+        unsafe {
+            if (*at).id() == StructId::OVERRIDE_VERSION {
+                let id = (*at.cast::<OverrideVersion>()).version_id;
+                PLAY.with_borrow_mut(|play| play.overridden = Some(id));
+            }
+            at = (*at).next();
+        }
+    }
+    if code == ReturnCode::OK && !PLAY.with_borrow(|play| play.gives_nothing) {
+        // SAFETY: a place for it.
+        unsafe { *context = 0x77 as RawContext };
+    }
+    code
+}
+
+unsafe extern "C" fn destroy(_: *mut RawContext, _: *const AllocationCallbacks) -> ReturnCode {
+    // SAFETY: no chain.
+    unsafe { read("destroy", null_mut()) }
+}
+
+unsafe extern "C" fn configure(_: *mut RawContext, head: *const Header) -> ReturnCode {
+    // SAFETY: a linked chain.
+    let code = unsafe { read("configure", head) };
+    // SAFETY: the id says what it is.
+    let hears = unsafe {
+        match (*head).id() {
+            StructId::GLOBAL_DEBUG_1 => (*head.cast::<ConfigureGlobalDebug1>()).message,
+            StructId::GLOBAL_DEBUG => (*head.cast::<ConfigureGlobalDebug>()).message,
+            _ => return code,
+        }
+    };
+    if code == ReturnCode::OK {
+        PLAY.with_borrow_mut(|play| play.hears = hears);
+    }
+    code
+}
+
+unsafe extern "C" fn query(_: *mut RawContext, head: *mut Header) -> ReturnCode {
+    // SAFETY: a linked chain.
+    let code = unsafe { read("query", head) };
+    // SAFETY: the id says what it is, and its places have the room it names.
+    unsafe {
+        if code != ReturnCode::OK {
+            return code;
+        }
+        match (*head).id() {
+            StructId::GET_VERSIONS => PLAY.with_borrow(|play| {
+                let query = &*head.cast::<QueryVersions>();
+                let room = usize::try_from(*query.count).expect("small");
+                for (index, (id, name)) in play.offers.iter().take(room).enumerate() {
+                    *query.ids.add(index) = *id;
+                    *query.names.add(index) = name.as_ptr();
+                }
+                // As AMD's: no more than there was room for, so the number alone is never told.
+                *query.count = play.offers.len().min(room) as u64;
+                code
+            }),
+            StructId::GET_PROVIDER_VERSION => PLAY.with_borrow(|play| match play.runs {
+                Some((id, name)) => {
+                    let query = &mut *head.cast::<QueryProviderVersion>();
+                    (query.version_id, query.version_name) = (id, name.as_ptr());
+                    code
+                }
+                None => ReturnCode::UNKNOWN_STRUCT,
+            }),
+            _ => ReturnCode::UNKNOWN_STRUCT,
+        }
+    }
+}
+
+unsafe extern "C" fn dispatch(_: *mut RawContext, head: *const Header) -> ReturnCode {
+    // SAFETY: a linked chain.
+    unsafe { read("dispatch", head) }
+}
+
+fn api() -> Api {
+    let find = |name: &CStr| -> *const c_void {
+        match name.to_bytes() {
+            b"ffxCreateContext" => create as CreateContext as _,
+            b"ffxDestroyContext" => destroy as DestroyContext as _,
+            b"ffxConfigure" => configure as Configure as _,
+            b"ffxQuery" => query as Query as _,
+            _ => dispatch as Dispatch as _,
+        }
+    };
+    // SAFETY: functions of these types, which stay.
+    unsafe { Api::from_exports(find) }.expect("all are there")
+}
+
+fn head() -> CreateFrameGeneration {
+    let size = Dimensions { width: 640, height: 360 };
+    CreateFrameGeneration {
+        display_size: size,
+        max_render_size: size,
+        back_buffer_format: SurfaceFormat::R8G8B8A8_UNORM,
+        ..Default::default()
+    }
+}
+
+/// Makes a context of a library that plays so.
+fn made(choice: Choice, play: Play) -> Result<Context<CreateFrameGeneration>> {
+    PLAY.set(play);
+    // SAFETY: the library played here uses no device.
+    unsafe { Context::create(&api(), 0x1000 as *mut c_void, choice, head(), |chain| chain) }
+}
+
+/// The chains that contexts were asked for with.
+fn creations() -> Vec<Vec<u64>> {
+    PLAY.with_borrow(|play| {
+        play.calls.iter().filter(|(call, ..)| *call == "create").map(|(_, ids, _)| ids.clone()).collect()
+    })
+}
+
+fn count(call: &str) -> usize {
+    PLAY.with_borrow(|play| play.calls.iter().filter(|(name, ..)| *name == call).count())
+}
+
+const ANALYTIC_20: (u64, &CStr) = (0xf600_0000_00c0_1005, c"3.1.5");
+const ANALYTIC: (u64, &CStr) = (0xf600_0000_00c0_1006, c"3.1.6");
+const ML: (u64, &CStr) = (0xf600_0000_0100_0001, c"4.0.1");
+
+#[test]
+fn exports_that_are_missing_are_named() {
+    // SAFETY: nothing is given.
+    let missing =
+        unsafe { Api::from_exports(|name| if name == c"ffxQuery" { std::ptr::null() } else { std::ptr::dangling() }) };
+    assert_eq!(missing.expect_err("one is missing"), [c"ffxQuery"]);
+}
+
+#[test]
+fn a_provider_of_2_0_gets_the_structs_it_knows() {
+    let play = Play { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), ..Play::default() };
+    let context = made(Choice::Any, play).expect("a context");
+    assert_eq!(creations(), [[0x2_0001, 2]]);
+    let provider = context.provider();
+    assert_eq!((provider.version.name.as_str(), provider.verified, provider.dialect), ("3.1.5", true, Dialect::Sdk11));
+    drop(context);
+    assert_eq!(count("destroy"), 1);
+}
+
+#[test]
+fn a_family_is_asked_for_by_its_newest_id_and_gets_the_structs_of_2_1() {
+    for (choice, wanted) in [(Choice::Prefer(Family::Analytic), ANALYTIC), (Choice::Require(Family::Ml), ML)] {
+        let play = Play { offers: vec![ANALYTIC_20, ANALYTIC, ML], runs: Some(wanted), ..Play::default() };
+        let context = made(choice, play).expect("a context");
+        assert_eq!(creations(), [[0x2_0001, 0x2_000e, 5, 2]]);
+        assert_eq!(PLAY.with_borrow(|play| play.overridden), Some(wanted.0));
+        assert_eq!(context.provider().dialect, Dialect::Sdk21);
+        let offered: Vec<_> = context.provider().offered.iter().map(|version| version.name.as_str()).collect();
+        assert_eq!(offered, ["4.0.1", "3.1.6", "3.1.5"], "the newest first");
+    }
+}
+
+#[test]
+fn the_driver_s_provider_is_reported_and_refused_where_another_is_required() {
+    let play = || Play { offers: vec![ANALYTIC_20], runs: Some(ML), ..Play::default() };
+    let context = made(Choice::Prefer(Family::Analytic), play()).expect("only preferred");
+    assert_eq!(context.provider().version.name, "4.0.1");
+    assert_eq!(context.provider().dialect, Dialect::Sdk21, "what runs decides what it understands");
+    drop(context);
+    let refused = made(Choice::Require(Family::Analytic), play()).expect_err("required");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")), "{refused}");
+    assert!(refused.cause().contains("4.0.1 (ml)"), "{refused}");
+    assert_eq!((count("create"), count("destroy")), (1, 1), "what was made is destroyed");
+}
+
+#[test]
+fn a_provider_that_does_not_know_the_structs_of_2_1_is_asked_without_them() {
+    for code in [ReturnCode::UNKNOWN_STRUCT, ReturnCode::STRUCT_TOO_NEW] {
+        let refuses = vec![(StructId::FRAME_GENERATION_VERSION, code)];
+        let play = Play { offers: vec![ANALYTIC], runs: Some(ANALYTIC), refuses, ..Play::default() };
+        let context = made(Choice::Any, play).expect("a context");
+        assert_eq!(creations(), [vec![0x2_0001, 0x2_000e, 2], vec![0x2_0001, 2]]);
+        assert_eq!(context.provider().dialect, Dialect::Sdk11);
+    }
+}
+
+#[test]
+fn a_context_that_cannot_say_what_it_is_is_what_was_asked_for() {
+    let play = Play { offers: vec![ANALYTIC_20], runs: None, ..Play::default() };
+    let context = made(Choice::Any, play).expect("a context");
+    assert_eq!((context.provider().version.name.as_str(), context.provider().verified), ("3.1.5", false));
+}
+
+#[test]
+fn more_providers_than_the_first_question_has_room_for_are_all_listed() {
+    for number in [7, 8, 9, 31, 32, 255, 256, 400] {
+        PLAY.set(Play { offers: vec![ANALYTIC; number], ..Play::default() });
+        // SAFETY: no device is used.
+        let found = unsafe { versions(&api(), Effect::FrameGeneration, null_mut()) }.expect("a list");
+        assert_eq!(found.len(), number.min(256));
+    }
+    PLAY.set(Play::default());
+    // SAFETY: no device is used.
+    let none = unsafe { versions(&api(), Effect::FrameGeneration, null_mut()) }.expect_err("there is none");
+    assert_eq!(none.kind(), ErrorKind::Unsupported);
+}
+
+#[test]
+fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed() {
+    let kinds = [
+        (1, ErrorKind::Device),
+        (3, ErrorKind::Device),
+        (4, ErrorKind::Unsupported),
+        (5, ErrorKind::OutOfMemory),
+        (6, ErrorKind::InvalidArgument),
+        (2, ErrorKind::Unsupported),
+        (7, ErrorKind::Unsupported),
+        (99, ErrorKind::Device),
+    ];
+    for (code, kind) in kinds {
+        let refuse = |id| vec![(id, ReturnCode(code))];
+        let play = |refuses| Play {
+            offers: vec![ANALYTIC_20],
+            runs: Some(ANALYTIC_20),
+            refuses,
+            says: "so there",
+            ..Play::default()
+        };
+        let says = |error: Error, call: &str, word: &str| {
+            assert_eq!(error.kind(), kind, "{error}");
+            for part in [call, word, &format!("answered {code} "), "so there"] {
+                assert!(error.cause().contains(part), "{part}: {error}");
+            }
+            assert!(error.remedy_text().is_some(), "{error}");
+        };
+        let error = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION))).expect_err("refused");
+        says(error, "ffxCreateContext", "R8G8B8A8_UNORM");
+        let mut context = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION_PREPARE))).expect("a context");
+        let mut prepare = Chain::new(DispatchPrepare { frame_id: 4711, ..Default::default() });
+        // SAFETY: the library played here reads ids only.
+        says(unsafe { context.dispatch(&mut prepare) }.expect_err("refused"), "ffxDispatch", "frame_id: 4711");
+        PLAY.with_borrow_mut(|play| play.refuses = refuse(StructId::FRAME_GENERATION_CONFIGURE));
+        let mut settings = Chain::new(ConfigureFrameGeneration { frame_id: 4711, ..Default::default() });
+        // SAFETY: as above.
+        says(unsafe { context.configure(&mut settings) }.expect_err("refused"), "ffxConfigure", "frame_id: 4711");
+        PLAY.with_borrow_mut(|play| play.refuses = refuse(StructId::FRAME_GENERATION_MEMORY));
+        let mut memory = Chain::new(QueryFrameGenerationMemory::default());
+        // SAFETY: as above.
+        says(unsafe { context.query(&mut memory) }.expect_err("refused"), "ffxQuery", "FRAME_GENERATION_MEMORY");
+        // Of a context that is destroyed the log tells; there is nobody to return it to.
+        PLAY.with_borrow_mut(|play| play.refuses.clear());
+    }
+}
+
+#[test]
+fn a_library_that_knows_only_the_earlier_struct_for_messages_is_heard_too() {
+    let refuses = vec![
+        (StructId::GLOBAL_DEBUG, ReturnCode::UNKNOWN_STRUCT),
+        (StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::ERROR),
+    ];
+    let play = Play { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), refuses, says: "a word", ..Play::default() };
+    let mut context = made(Choice::Any, play).expect("a context");
+    // SAFETY: the library played here reads ids only.
+    let failed = unsafe { context.configure(&mut Chain::new(ConfigureFrameGeneration::default())) };
+    assert!(failed.expect_err("refused").cause().contains("the library says: a word"));
+}
+
+#[test]
+fn a_success_without_a_context_is_none() {
+    let play = Play { offers: vec![ANALYTIC_20], gives_nothing: true, ..Play::default() };
+    assert_eq!(made(Choice::Any, play).expect_err("no context").kind(), ErrorKind::Device);
+    assert_eq!(count("destroy"), 0);
+}
+
+#[test]
+fn what_no_provider_takes_is_refused_before_any_call() {
+    type Spoil = fn(&mut CreateFrameGeneration);
+    let spoils: [(Spoil, &str); 5] = [
+        (|head| head.display_size.width = 0, "display_size"),
+        (|head| head.display_size.height = 16385, "display_size"),
+        (|head| head.max_render_size.height = 0, "max_render_size"),
+        (|head| head.back_buffer_format = SurfaceFormat::UNKNOWN, "back_buffer_format"),
+        (|head| head.back_buffer_format = SurfaceFormat::R32_FLOAT, "back_buffer_format"),
+    ];
+    for (spoil, field) in spoils {
+        PLAY.set(Play::default());
+        let mut head = head();
+        spoil(&mut head);
+        // SAFETY: no device is used.
+        let refused = unsafe { Context::create(&api(), null_mut(), Choice::Any, head, |chain| chain) };
+        let refused = refused.expect_err("refused");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
+        assert!(PLAY.with_borrow(|play| play.calls.is_empty()), "the library was not asked");
+    }
+    for (format, fits) in [(SurfaceFormat::B8G8R8A8_UNORM, true), (SurfaceFormat::R16G16B16A16_FLOAT, false)] {
+        PLAY.set(Play { offers: vec![ANALYTIC], runs: Some(ANALYTIC), ..Play::default() });
+        let hudless = |chain: Chain<_>| chain.with(CreateFrameGenerationHudless { format, ..Default::default() });
+        // SAFETY: no device is used.
+        let made = unsafe { Context::create(&api(), null_mut(), Choice::Any, head(), hudless) };
+        assert_eq!(made.is_ok(), fits, "{format:?}");
+        let field = made.err().and_then(|error| error.offending_field().map(str::to_owned));
+        assert_eq!(field.as_deref(), (!fits).then_some("format"));
+    }
+}

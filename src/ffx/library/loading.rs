@@ -1,0 +1,184 @@
+//! Loading, and the report of what was found.
+
+use std::path::{Path, PathBuf};
+
+use super::module::{FileVersion, Module};
+use super::{Part, search, signature};
+use crate::ffx::{Api, Effect};
+use crate::{Error, ErrorKind, Result};
+
+/// Where AMD's libraries come from.
+#[derive(Debug, Clone, Default)]
+pub struct LoadOptions {
+    /// Their folder; without one, that of this library, else the program's.
+    pub directory: Option<PathBuf>,
+    /// Loads only what is whole and signed by AMD. Without it whatever has the right name is loaded, a user's replacement too.
+    pub signed: bool,
+}
+
+/// One of the files that were found.
+#[derive(Debug, Clone)]
+pub struct File {
+    /// What it is for.
+    pub part: Part,
+    /// Where it is.
+    pub path: PathBuf,
+    /// The version that it gives as its own.
+    pub version: Option<FileVersion>,
+    /// Who signed it, where that was to be checked.
+    pub signer: Option<String>,
+    /// Why it is not used, where it is not.
+    pub fault: Option<Error>,
+}
+
+/// AMD's libraries in this process.
+///
+/// Threads: may be used from any thread at any time.
+#[derive(Debug, Clone)]
+pub struct Library {
+    files: Vec<File>,
+    /// Of each effect, where its calls go.
+    doors: [Option<(Part, Api)>; Effect::ALL.len()],
+}
+
+impl Library {
+    /// Loads what there is. The library of each effect is loaded by its path before the loader, which asks the system for it by
+    /// name; where another file of that name is in the process already, the effect's own functions are called and the loader is
+    /// left out. The library of SDK 1.1 serves what no other does.
+    ///
+    /// # Errors
+    /// `RuntimeMissing` when no folder holds any of them, or none of what is there can be used; the error is the first one's, and
+    /// [`File::fault`] has each.
+    pub fn load(options: &LoadOptions) -> Result<Self> {
+        let own = [Module::own().map(Module::path), std::env::current_exe().ok()];
+        let own: Vec<PathBuf> =
+            own.into_iter().flatten().filter_map(|file| file.parent().map(Path::to_owned)).collect();
+        let folder = search::folder(options.directory.as_deref(), &own)?;
+        let mut loading = Loading { folder, signed: options.signed, files: Vec::new() };
+        let mut doors = [None; Effect::ALL.len()];
+        let mut effects = Vec::new();
+        for (door, effect) in doors.iter_mut().zip(Effect::ALL) {
+            let part = Part::of(effect);
+            if let Some((module, api)) = loading.open(part) {
+                *door = Some((part, api));
+                effects.push((part, module));
+            }
+        }
+        if !effects.is_empty()
+            && loading.may_use_loader(&effects)
+            && let Some((_, api)) = loading.open(Part::Loader)
+        {
+            for door in doors.iter_mut().flatten() {
+                *door = (Part::Loader, api);
+            }
+        }
+        if doors.iter().any(Option::is_none)
+            && let Some((_, api)) = loading.open(Part::Whole)
+        {
+            for door in doors.iter_mut().filter(|door| door.is_none()) {
+                *door = Some((Part::Whole, api));
+            }
+        }
+        let files = loading.files;
+        for file in files.iter().filter(|file| file.fault.is_some()) {
+            log::warn!(target: "cairn::ffx", "{} is not used: {:?}", file.path.display(), file.fault);
+        }
+        if doors.iter().all(Option::is_none) {
+            let fault = files.into_iter().find_map(|file| file.fault);
+            return Err(fault.unwrap_or_else(|| {
+                Error::new(ErrorKind::RuntimeMissing, "AMD's loader is there without the library of an effect")
+                    .field(Part::Loader.file_name())
+                    .remedy("Put amd_fidelityfx_framegeneration_dx12.dll beside it")
+            }));
+        }
+        Ok(Self { files, doors })
+    }
+
+    /// The functions that serve `effect`.
+    ///
+    /// # Errors
+    /// `RuntimeMissing` when its library is not there, or cannot be used.
+    pub fn api(&self, effect: Effect) -> Result<&Api> {
+        let door = self.doors.iter().zip(Effect::ALL).find(|(_, of)| *of == effect);
+        door.and_then(|(door, _)| door.as_ref()).map(|(_, api)| api).ok_or_else(|| {
+            let part = Part::of(effect);
+            let fault = self.files.iter().find(|file| file.part == part).and_then(|file| file.fault.clone());
+            fault.unwrap_or_else(|| {
+                Error::new(ErrorKind::RuntimeMissing, format!("AMD's library of {effect} is not there"))
+                    .field(part.file_name())
+                    .remedy("Put it beside the others")
+            })
+        })
+    }
+
+    /// The library that calls for `effect` go to first.
+    pub fn serves(&self, effect: Effect) -> Option<Part> {
+        self.doors.iter().zip(Effect::ALL).find(|(_, of)| *of == effect).and_then(|(door, _)| Some(door.as_ref()?.0))
+    }
+
+    /// The files that were found.
+    pub fn files(&self) -> &[File] {
+        &self.files
+    }
+}
+
+/// What was looked at so far.
+struct Loading {
+    folder: PathBuf,
+    signed: bool,
+    files: Vec<File>,
+}
+
+impl Loading {
+    /// Loads one, where it is there and can be used.
+    fn open(&mut self, part: Part) -> Option<(Module, Api)> {
+        let path = self.folder.join(part.file_name());
+        if !path.is_file() {
+            return None;
+        }
+        let mut file = File { part, version: FileVersion::read(&path), signer: None, fault: None, path };
+        let opened = open(&mut file, self.signed);
+        let opened = opened.map_err(|fault| file.fault = Some(fault)).ok();
+        self.files.push(file);
+        opened
+    }
+
+    /// Whether the loader would find the effects' libraries that were loaded, and no others of their names.
+    fn may_use_loader(&mut self, effects: &[(Part, Module)]) -> bool {
+        let other = effects.iter().find_map(|&(part, module)| {
+            let namesake = Module::namesakes(part.file_name()).into_iter().find(|other| *other != module);
+            namesake.map(Module::path)
+        });
+        let path = self.folder.join(Part::Loader.file_name());
+        if let (Some(other), true) = (&other, path.is_file()) {
+            let cause = format!(
+                "it would perhaps use another library of the same name, which is loaded already: {}",
+                other.display()
+            );
+            let fault = Error::new(ErrorKind::Unsupported, cause)
+                .field(path.display().to_string())
+                .remedy("Give Cairn and the engine the same folder");
+            let version = FileVersion::read(&path);
+            self.files.push(File { part: Part::Loader, version, signer: None, fault: Some(fault), path });
+        }
+        other.is_none()
+    }
+}
+
+fn open(file: &mut File, signed: bool) -> Result<(Module, Api)> {
+    // Held until it is loaded: what was checked is what runs.
+    let held = if signed { Some(signature::check(&file.path)?) } else { None };
+    file.signer = held.as_ref().map(|signed| signed.signer.clone());
+    let module = Module::load(&file.path)?;
+    // SAFETY: a library with the name of AMD's, which the caller named as such; it is never unloaded.
+    let api = unsafe { Api::from_exports(|name| module.symbol(name)) }.map_err(|missing| {
+        let names: Vec<_> = missing.iter().map(|name| name.to_string_lossy()).collect();
+        Error::new(
+            ErrorKind::RuntimeMissing,
+            format!("it is no library of ffx-api: it does not export {}", names.join(", ")),
+        )
+        .field(file.path.display().to_string())
+        .remedy("Use AMD's own file")
+    })?;
+    Ok((module, api))
+}

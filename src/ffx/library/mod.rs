@@ -1,0 +1,16 @@
+//! AMD's libraries: found, checked and loaded. They stay loaded until the process ends.
+
+#[cfg(windows)]
+mod loading;
+#[cfg(windows)]
+mod module;
+mod search;
+#[cfg(windows)]
+mod signature;
+
+pub use search::Part;
+#[cfg(windows)]
+pub use {
+    loading::{File, Library, LoadOptions},
+    module::FileVersion,
+};

@@ -1,0 +1,156 @@
+//! Libraries in this process, and what their files say of themselves.
+
+use std::ffi::{CStr, c_void};
+use std::fmt;
+use std::os::windows::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use windows::Win32::Foundation::{
+    ERROR_BAD_EXE_FORMAT, ERROR_DLL_INIT_FAILED, ERROR_MOD_NOT_FOUND, ERROR_PROC_NOT_FOUND, HANDLE, HMODULE,
+};
+use windows::Win32::Storage::FileSystem::{
+    GetFileVersionInfoSizeW, GetFileVersionInfoW, VS_FIXEDFILEINFO, VerQueryValueW,
+};
+use windows::Win32::System::LibraryLoader::{
+    GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
+    GetModuleHandleExW, GetProcAddress, LOAD_LIBRARY_SEARCH_DEFAULT_DIRS, LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR,
+    LoadLibraryExW,
+};
+use windows::Win32::System::Threading::GetCurrentProcess;
+use windows::core::{HRESULT, PCSTR, PCWSTR, w};
+
+use crate::{Error, ErrorKind, Result};
+
+#[link(name = "kernel32")]
+unsafe extern "system" {
+    fn K32EnumProcessModules(process: HANDLE, modules: *mut HMODULE, room: u32, needed: *mut u32) -> i32;
+}
+
+/// A path or name as the system takes it.
+pub(super) fn wide(text: impl AsRef<std::ffi::OsStr>) -> Vec<u16> {
+    text.as_ref().encode_wide().chain([0]).collect()
+}
+
+/// A library that is loaded and stays: threads and the driver may be in it as long as the process lives.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct Module(HMODULE);
+
+impl Module {
+    /// Loads the file at an absolute path. What it needs in turn is looked for beside it, beside the program and in the system,
+    /// and neither in the working folder nor along the PATH.
+    pub(super) fn load(path: &Path) -> Result<Self> {
+        let name = wide(path);
+        let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_DEFAULT_DIRS;
+        // SAFETY: a NUL-terminated path; runs the initialisers of a library that the caller named as AMD's, with its trust.
+        let module = unsafe { LoadLibraryExW(PCWSTR(name.as_ptr()), None, search) };
+        module.map(Self).map_err(|e| refused(path, e.code()))
+    }
+
+    /// All libraries in this process whose file has that name, in whatever folder. Which of them a load by name alone gives is
+    /// the system's to say, and not always the first.
+    pub(super) fn namesakes(name: &str) -> Vec<Self> {
+        // SAFETY: the call takes nothing; what it gives stands for this process and needs no closing.
+        let process = unsafe { GetCurrentProcess() };
+        let mut modules = vec![HMODULE::default(); 256];
+        loop {
+            let room = size_of_val(modules.as_slice());
+            let mut needed = 0;
+            // SAFETY: memory of the size that is named, and a place for the size that is needed.
+            let told = unsafe { K32EnumProcessModules(process, modules.as_mut_ptr(), room as u32, &mut needed) };
+            let count = if told == 0 { 0 } else { needed as usize / size_of::<HMODULE>() };
+            if count <= modules.len() {
+                modules.truncate(count);
+                break;
+            }
+            modules.resize(count + 16, HMODULE::default());
+        }
+        let is_one = |path: &Path| path.file_name().is_some_and(|file| file.eq_ignore_ascii_case(name));
+        modules.into_iter().map(Self).filter(|module| is_one(&module.path())).collect()
+    }
+
+    /// This very library, or the program that it is linked into.
+    pub(super) fn own() -> Option<Self> {
+        let here = Self::own as fn() -> Option<Self> as *const u16;
+        let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
+        let mut module = HMODULE::default();
+        // SAFETY: an address in this module, and a place for the handle.
+        unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.ok().map(|()| Self(module))
+    }
+
+    /// An exported function, or null.
+    pub(super) fn symbol(self, name: &CStr) -> *const c_void {
+        // SAFETY: a loaded module and a NUL-terminated name.
+        let found = unsafe { GetProcAddress(self.0, PCSTR(name.as_ptr().cast())) };
+        found.map_or(std::ptr::null(), |function| function as *const c_void)
+    }
+
+    /// Where its file is.
+    pub(super) fn path(self) -> PathBuf {
+        let mut name = vec![0; 1 << 15];
+        // SAFETY: a loaded module and memory of the length that the slice tells.
+        let length = unsafe { GetModuleFileNameW(Some(self.0), &mut name) } as usize;
+        String::from_utf16_lossy(&name[..length]).into()
+    }
+}
+
+/// Why a file is not loaded, in words that help.
+fn refused(path: &Path, code: HRESULT) -> Error {
+    let known = [
+        (
+            ERROR_MOD_NOT_FOUND,
+            "something that it needs is missing",
+            "Install the Visual C++ 2015-2022 redistributable for x64",
+        ),
+        (ERROR_BAD_EXE_FORMAT, "it is no library for 64-bit Windows, or damaged", "Use AMD's own file for x64"),
+        (
+            ERROR_PROC_NOT_FOUND,
+            "something that it needs is too old",
+            "Bring Windows and the Visual C++ redistributable up to date",
+        ),
+        (ERROR_DLL_INIT_FAILED, "it does not start", "Use another release of it"),
+    ];
+    let found = known.into_iter().find(|(error, ..)| error.to_hresult() == code);
+    let (_, why, remedy) =
+        found.unwrap_or((ERROR_BAD_EXE_FORMAT, "the system refuses it", "Use AMD's own file for x64"));
+    Error::new(ErrorKind::RuntimeMissing, format!("it cannot be loaded: {why} ({:#010x})", code.0))
+        .field(path.display().to_string())
+        .remedy(remedy)
+}
+
+/// The version that a file gives as its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct FileVersion(pub [u16; 4]);
+
+impl fmt::Display for FileVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [a, b, c, d] = self.0;
+        write!(f, "{a}.{b}.{c}.{d}")
+    }
+}
+
+impl FileVersion {
+    /// Reads it from a file's version resource; None where there is none.
+    pub fn read(path: &Path) -> Option<Self> {
+        let name = wide(path);
+        let name = PCWSTR(name.as_ptr());
+        // SAFETY: a NUL-terminated path.
+        let size = unsafe { GetFileVersionInfoSizeW(name, None) };
+        let mut data = vec![0_u8; size as usize];
+        if data.is_empty() {
+            return None;
+        }
+        // SAFETY: memory of the size that is named.
+        unsafe { GetFileVersionInfoW(name, None, size, data.as_mut_ptr().cast()) }.ok()?;
+        let (mut found, mut length) = (std::ptr::null_mut(), 0);
+        // SAFETY: what the call above filled; places for an address in it and a length.
+        let known = unsafe { VerQueryValueW(data.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
+        if !known.as_bool() || found.is_null() || (length as usize) < size_of::<VS_FIXEDFILEINFO>() {
+            return None;
+        }
+        // SAFETY: the system says that so many bytes are there, of this struct.
+        let info = unsafe { found.cast::<VS_FIXEDFILEINFO>().read_unaligned() };
+        let halves = |word: u32| [(word >> 16) as u16, (word & 0xffff) as u16];
+        let ([a, b], [c, d]) = (halves(info.dwFileVersionMS), halves(info.dwFileVersionLS));
+        Some(Self([a, b, c, d]))
+    }
+}

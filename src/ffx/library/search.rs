@@ -1,0 +1,108 @@
+//! Which files AMD's libraries are, and in which folder they are looked for.
+
+#[cfg(any(windows, test))]
+use std::path::{Path, PathBuf};
+
+use crate::ffx::Effect;
+#[cfg(any(windows, test))]
+use crate::{Error, ErrorKind, Result};
+
+/// A library of AMD's by what it is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Part {
+    /// Hands calls on to the libraries of effects. SDK 2.0 and later.
+    Loader,
+    /// Frame generation and its swapchain. SDK 2.0 and later.
+    FrameGeneration,
+    /// Upscaling. SDK 2.0 and later.
+    Upscaler,
+    /// All effects in one. SDK 1.1.
+    Whole,
+}
+
+impl Part {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Loader, Self::FrameGeneration, Self::Upscaler, Self::Whole];
+
+    /// The name of its file.
+    pub fn file_name(self) -> &'static str {
+        match self {
+            Self::Loader => "amd_fidelityfx_loader_dx12.dll",
+            Self::FrameGeneration => "amd_fidelityfx_framegeneration_dx12.dll",
+            Self::Upscaler => "amd_fidelityfx_upscaler_dx12.dll",
+            Self::Whole => "amd_fidelityfx_dx12.dll",
+        }
+    }
+
+    /// The library of one effect.
+    pub fn of(effect: Effect) -> Self {
+        match effect {
+            Effect::FrameGeneration => Self::FrameGeneration,
+            Effect::Upscaling => Self::Upscaler,
+        }
+    }
+}
+
+/// The folder that libraries are taken from: `given` and no other, else the first of `others` that holds one of them. Always
+/// absolute: a library that is asked for by less is looked for in places that anybody may write to.
+#[cfg(any(windows, test))]
+pub(super) fn folder(given: Option<&Path>, others: &[PathBuf]) -> Result<PathBuf> {
+    let given = given.map(|place| [place.to_owned()]);
+    let places = given.as_ref().map_or(others, |one| one.as_slice());
+    let holds_one = |place: &&PathBuf| Part::ALL.iter().any(|part| place.join(part.file_name()).is_file());
+    let found = places.iter().find(holds_one);
+    let found = found.map(|place| std::path::absolute(place).map_err(|e| Error::new(ErrorKind::Io, e.to_string())));
+    found.unwrap_or_else(|| {
+        let looked: Vec<_> = places.iter().map(|place| place.display().to_string()).collect();
+        Err(Error::new(
+            ErrorKind::RuntimeMissing,
+            format!("AMD's libraries were not found; looked in {}", looked.join(", ")),
+        )
+        .field(Part::FrameGeneration.file_name())
+        .remedy(
+            "Put amd_fidelityfx_loader_dx12.dll and the libraries of the effects, from AMD's FidelityFX SDK, there",
+        ))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder of the test's own with these files, empty.
+    fn with(name: &str, parts: &[Part]) -> PathBuf {
+        let place = std::env::temp_dir().join(format!("cairn-ffx-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&place).expect("a folder");
+        for part in parts {
+            std::fs::write(place.join(part.file_name()), "").expect("a file");
+        }
+        place
+    }
+
+    #[test]
+    fn the_folder_given_counts_alone_and_else_the_first_that_holds_a_library() {
+        let (empty, old, new) =
+            (with("empty", &[]), with("old", &[Part::Whole]), with("new", &[Part::FrameGeneration]));
+        let others = [empty.clone(), new.clone(), old.clone()];
+        assert_eq!(folder(None, &others).expect("found"), new);
+        assert_eq!(folder(Some(&old), &others).expect("found"), old);
+        for (given, looked) in [(Some(empty.as_path()), [&empty].as_slice()), (None, &[])] {
+            let missing = folder(given, &[]).expect_err("nothing is there");
+            assert_eq!(missing.kind(), ErrorKind::RuntimeMissing);
+            assert!(looked.iter().all(|place| missing.cause().contains(&*place.display().to_string())), "{missing}");
+        }
+        for place in [empty, old, new] {
+            _ = std::fs::remove_dir_all(place);
+        }
+    }
+
+    #[test]
+    fn a_relative_folder_becomes_absolute() {
+        let place = with("relative", &[Part::Loader]);
+        let here = std::env::current_dir().expect("a folder");
+        let up: PathBuf = here.components().skip(1).map(|_| "..").collect();
+        let relative = up.join(place.strip_prefix("/").unwrap_or(&place));
+        assert!(folder(Some(&relative), &[]).expect("found").is_absolute());
+        _ = std::fs::remove_dir_all(place);
+    }
+}

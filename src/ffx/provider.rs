@@ -1,0 +1,250 @@
+//! Which of the providers in AMD's libraries and drivers runs.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::fmt;
+use std::ptr::{null, null_mut};
+use std::str::FromStr;
+
+use super::bindings::QueryVersions;
+use super::{Api, Chain, Effect};
+use crate::{Error, ErrorKind, Result};
+
+/// How providers work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Family {
+    /// By a trained network, releases from 4 on; AMD's newest hardware only.
+    Ml,
+    /// By written rules, releases up to 3; any hardware.
+    Analytic,
+}
+
+/// Which provider is wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Choice {
+    /// What the libraries and the driver prefer, which is the newest that the device can run.
+    #[default]
+    Any,
+    /// The newest of a family, and of the other where there is none.
+    Prefer(Family),
+    /// The newest of a family, or none at all.
+    Require(Family),
+}
+
+impl FromStr for Choice {
+    type Err = Error;
+
+    /// Reads `any`, `ml`, `analytic` (preferred), `require-ml` or `require-analytic`.
+    fn from_str(text: &str) -> Result<Self> {
+        Ok(match text {
+            "any" => Self::Any,
+            "ml" => Self::Prefer(Family::Ml),
+            "analytic" => Self::Prefer(Family::Analytic),
+            "require-ml" => Self::Require(Family::Ml),
+            "require-analytic" => Self::Require(Family::Analytic),
+            _ => {
+                let cause = format!("\"{text}\" names no provider");
+                return Err(Error::new(ErrorKind::InvalidArgument, cause)
+                    .remedy("Use any, ml, analytic, require-ml or require-analytic"));
+            }
+        })
+    }
+}
+
+/// A provider as it names itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Version {
+    /// What it is asked for by, in this process.
+    pub id: u64,
+    /// Such as 3.1.5.
+    pub name: String,
+}
+
+impl Version {
+    /// The first three numbers of its name; what is missing is 0. None for a name without a number.
+    pub fn number(&self) -> Option<[u32; 3]> {
+        let start = self.name.find(|c: char| c.is_ascii_digit())?;
+        let mut number = [0; 3];
+        for (place, word) in number.iter_mut().zip(self.name[start..].split('.')) {
+            let end = word.find(|c: char| !c.is_ascii_digit()).unwrap_or(word.len());
+            *place = word[..end].parse().unwrap_or(0);
+            if end < word.len() {
+                break;
+            }
+        }
+        Some(number)
+    }
+
+    /// What it works by; None where its name does not tell.
+    pub fn family(&self) -> Option<Family> {
+        self.number().map(|[major, ..]| if major >= 4 { Family::Ml } else { Family::Analytic })
+    }
+
+    /// What it understands.
+    pub fn dialect(&self, effect: Effect) -> Dialect {
+        let first = match effect {
+            Effect::FrameGeneration => [3, 1, 6],
+            Effect::Upscaling => [4, 0, 3],
+        };
+        // A name that does not tell is a later release's.
+        if self.number().is_none_or(|number| number >= first) { Dialect::Sdk21 } else { Dialect::Sdk11 }
+    }
+}
+
+impl fmt::Display for Version {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = if self.name.is_empty() { "a provider without a name" } else { &self.name };
+        match self.family() {
+            Some(Family::Ml) => write!(f, "{name} (ml)"),
+            Some(Family::Analytic) => write!(f, "{name} (analytic)"),
+            None => f.write_str(name),
+        }
+    }
+}
+
+/// The structs that a provider understands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Dialect {
+    /// Those of SDK 1.1 to 2.0: motion and depth, the camera apart.
+    Sdk11,
+    /// Those of SDK 2.1 and later: all of these in one, and the release that the host was written for.
+    Sdk21,
+}
+
+/// How many providers an answer can hold.
+const MOST: usize = 256;
+
+/// Lists the providers that a library has for `effect` on `device`, the newest first.
+///
+/// Libraries that are asked for the number alone answer 0, so it is asked with room for them.
+///
+/// # Errors
+/// `Unsupported` when there is none; what the call answers.
+///
+/// # Safety
+/// `device` is an `ID3D12Device`, or null.
+pub unsafe fn versions(api: &Api, effect: Effect, device: *mut c_void) -> Result<Vec<Version>> {
+    let mut room = 8;
+    let (ids, names) = loop {
+        let (mut ids, mut names) = (vec![0; room], vec![null::<c_char>(); room]);
+        let mut count = room as u64;
+        let mut query = Chain::new(QueryVersions {
+            create: effect.create(),
+            device,
+            count: &mut count,
+            ids: ids.as_mut_ptr(),
+            names: names.as_mut_ptr(),
+            ..Default::default()
+        });
+        // SAFETY: no context; both lists have the room that is named, and the device is what the caller promises.
+        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error(None))?;
+        let count = usize::try_from(count).unwrap_or(room);
+        // All of the room filled may mean that there are more.
+        if count < room || room == MOST {
+            ids.truncate(count);
+            break (ids, names);
+        }
+        room *= 2;
+    };
+    let mut found: Vec<_> = ids
+        .iter()
+        .zip(&names)
+        .map(|(&id, &name)| {
+            // SAFETY: null, or a name that the library keeps until the next call.
+            let name = if name.is_null() { "".into() } else { unsafe { CStr::from_ptr(name) }.to_string_lossy() };
+            Version { id, name: name.into_owned() }
+        })
+        .collect();
+    if found.is_empty() {
+        return Err(Error::new(
+            ErrorKind::Unsupported,
+            format!("AMD's libraries have no provider of {effect} for this device"),
+        )
+        .remedy("Put the effect's own library beside the loader, or use another adapter or a newer driver"));
+    }
+    found.sort_by_key(|version| std::cmp::Reverse((version.number(), version.id & 0x7fff_ffff)));
+    Ok(found)
+}
+
+/// The one of `offered`, the newest first, that is asked for by its id; None to leave it to the library.
+///
+/// # Errors
+/// `Unsupported` when a family that is required is not there.
+pub fn choose(offered: &[Version], choice: Choice) -> Result<Option<&Version>> {
+    let newest = |family| offered.iter().find(|version| version.family() == Some(family));
+    match choice {
+        Choice::Any => Ok(None),
+        Choice::Prefer(family) => Ok(newest(family)),
+        Choice::Require(family) => newest(family).map(Some).ok_or_else(|| unavailable(family, &listed(offered))),
+    }
+}
+
+/// What it is reported as when a family that is required does not run.
+pub(super) fn unavailable(family: Family, instead: &str) -> Error {
+    let (what, needs) = match family {
+        Family::Ml => {
+            ("ml (4 and later)", "Use an RDNA 4 adapter on Windows 11 with SDK 2.1 or later, or choose analytic")
+        }
+        Family::Analytic => ("analytic (3.1)", "Use AMD's libraries of SDK 1.1 to 2.4 that hold it, or choose ml"),
+    };
+    let cause = format!("a provider of the family {what} is required, and there is {instead}");
+    Error::new(ErrorKind::Unsupported, cause).field("provider").remedy(needs)
+}
+
+/// Names for people.
+pub(super) fn listed(versions: &[Version]) -> String {
+    versions.iter().map(Version::to_string).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn version(name: &str) -> Version {
+        Version { id: name.len() as u64, name: name.to_owned() }
+    }
+
+    #[test]
+    fn names_tell_number_family_and_dialect() {
+        use Dialect::{Sdk11, Sdk21};
+        use Family::{Analytic, Ml};
+        for (name, number, family, dialect) in [
+            ("3.1.5", Some([3, 1, 5]), Some(Analytic), Sdk11),
+            ("3.1.6", Some([3, 1, 6]), Some(Analytic), Sdk21),
+            ("3.1", Some([3, 1, 0]), Some(Analytic), Sdk11),
+            ("3.1.10-beta", Some([3, 1, 10]), Some(Analytic), Sdk21),
+            ("FSR 4.0.2", Some([4, 0, 2]), Some(Ml), Sdk21),
+            ("4.1.0.99", Some([4, 1, 0]), Some(Ml), Sdk21),
+            ("10", Some([10, 0, 0]), Some(Ml), Sdk21),
+            ("99999999999.1", Some([0, 1, 0]), Some(Analytic), Sdk11),
+            ("preview", None, None, Sdk21),
+            ("", None, None, Sdk21),
+        ] {
+            let version = version(name);
+            assert_eq!(version.number(), number, "{name}");
+            assert_eq!(version.family(), family, "{name}");
+            assert_eq!(version.dialect(Effect::FrameGeneration), dialect, "{name}");
+        }
+        assert_eq!(version("4.0.2").dialect(Effect::Upscaling), Sdk11);
+        assert_eq!(version("4.0.3").dialect(Effect::Upscaling), Sdk21);
+    }
+
+    #[test]
+    fn a_family_is_preferred_or_required() {
+        let both = [version("4.0.1"), version("3.1.6")];
+        let analytic = [version("3.1.6"), version("3.1.5")];
+        let name = |offered, choice: &str| {
+            choose(offered, choice.parse().expect("a choice")).map(|found| found.map(|v| v.name.clone()))
+        };
+        assert_eq!(name(&both, "any").expect("any"), None);
+        assert_eq!(name(&both, "ml").expect("ml").as_deref(), Some("4.0.1"));
+        assert_eq!(name(&both, "require-ml").expect("ml").as_deref(), Some("4.0.1"));
+        assert_eq!(name(&both, "analytic").expect("analytic").as_deref(), Some("3.1.6"));
+        assert_eq!(name(&analytic, "ml").expect("preferred only"), None);
+        assert_eq!(name(&analytic, "require-analytic").expect("there").as_deref(), Some("3.1.6"));
+        let refused = name(&analytic, "require-ml").expect_err("required");
+        assert_eq!(refused.kind(), ErrorKind::Unsupported);
+        assert!(refused.cause().contains("3.1.6 (analytic), 3.1.5 (analytic)"), "{refused}");
+        let refused = "best".parse::<Choice>().expect_err("no choice");
+        assert_eq!(refused.kind(), ErrorKind::InvalidArgument);
+    }
+}

@@ -1,0 +1,420 @@
+//! The play itself: answers as AMD's libraries give them, and a verdict on every call.
+
+use std::collections::HashMap;
+use std::ffi::{CString, c_char, c_void};
+use std::io::Write;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+use windows::Win32::Graphics::Direct3D12::ID3D12Device;
+use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryA};
+use windows::core::{IUnknown, Interface, PCSTR, s};
+
+use crate::memory::{get, links, put};
+use crate::role::{Role, Sdk};
+use crate::{NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT};
+
+/// Ids of structs, with their effects above.
+mod id {
+    pub(super) const GLOBAL_DEBUG_1: u64 = 1;
+    pub(super) const BACKEND: u64 = 2;
+    pub(super) const GET_VERSIONS: u64 = 4;
+    pub(super) const OVERRIDE: u64 = 5;
+    pub(super) const PROVIDER_VERSION: u64 = 6;
+    pub(super) const GLOBAL_DEBUG: u64 = 7;
+    pub(super) const UPSCALE: u64 = 0x1_0000;
+    pub(super) const UPSCALE_VERSION: u64 = 0x1_000b;
+    pub(super) const GENERATION: u64 = 0x2_0001;
+    pub(super) const HUDLESS: u64 = 0x2_0009;
+    pub(super) const GENERATION_VERSION: u64 = 0x2_000e;
+}
+
+const EFFECT: u64 = 0x00ff_0000;
+
+/// Gets a message: what it is, and text in UTF-16.
+type Message = unsafe extern "C" fn(u32, *const u16);
+
+/// What is known between calls.
+#[derive(Default)]
+pub(crate) struct Judge {
+    role: Role,
+    /// Live contexts, by their addresses, with the provider of each.
+    contexts: HashMap<usize, (u64, CString)>,
+    /// Ids that were handed out.
+    offered: Vec<u64>,
+    message: Option<Message>,
+    /// Of a loader: the libraries of effects.
+    behind: HashMap<u64, Behind>,
+    /// Of a loader: the effect of each context.
+    owners: HashMap<usize, u64>,
+}
+
+/// An exported function, before it is known which.
+type Found = unsafe extern "system" fn() -> isize;
+type Create = unsafe extern "C" fn(*mut *mut c_void, *mut u8, *const c_void) -> u32;
+type Destroy = unsafe extern "C" fn(*mut *mut c_void, *const c_void) -> u32;
+type Query = unsafe extern "C" fn(*mut *mut c_void, *mut u8) -> u32;
+/// `ffxConfigure` and `ffxDispatch`.
+type Send = unsafe extern "C" fn(*mut *mut c_void, *const u8) -> u32;
+
+/// The functions of a library that a loader hands calls to.
+#[derive(Clone, Copy)]
+struct Behind {
+    create: Create,
+    destroy: Destroy,
+    configure: Send,
+    query: Query,
+    dispatch: Send,
+}
+
+static JUDGE: OnceLock<Result<Mutex<Judge>, String>> = OnceLock::new();
+
+impl Judge {
+    /// One call. Calls at once are what ffx-api does not allow for one context; it has no lock of its own, so they are judged, not
+    /// made to wait.
+    pub(crate) fn hears(call: &'static str, act: impl FnOnce(&mut Self) -> u32) -> u32 {
+        let judge = JUDGE.get_or_init(|| Role::own().map(|role| Mutex::new(Self { role, ..Self::default() })));
+        let Ok(judge) = judge else {
+            eprintln!("ffx-double: {judge:?}", judge = judge.as_ref().err());
+            return PARAMETER;
+        };
+        let mut judge: MutexGuard<'_, Self> = judge.lock().unwrap_or_else(PoisonError::into_inner);
+        let told = judge.role.answers.iter().find(|(of, ..)| of == call).cloned();
+        if let Some((_, code, text)) = told {
+            judge.note(call, &[], code);
+            judge.say(&text);
+            return code;
+        }
+        act(&mut judge)
+    }
+
+    /// Sends a message to who listens.
+    fn say(&self, text: &str) {
+        let units: Vec<u16> = text.encode_utf16().chain([0]).collect();
+        if let Some(message) = self.message {
+            // SAFETY: ends with a zero; the function is the host's.
+            unsafe { message(0, units.as_ptr()) };
+        }
+    }
+
+    fn append(&self, file: &str, line: &str) {
+        let open = std::fs::OpenOptions::new().create(true).append(true).open(self.role.folder.join(file));
+        let written = open.and_then(|mut file| writeln!(file, "{line}"));
+        if let Err(e) = written {
+            eprintln!("ffx-double: {file}: {e}: {line}");
+        }
+    }
+
+    /// Writes down a call.
+    fn note(&self, call: &str, links: &[(u64, *const u8)], code: u32) -> u32 {
+        let ids: Vec<_> = links.iter().map(|(id, _)| format!("{id:x}")).collect();
+        self.append("calls.txt", &format!("{call} {} {code}", ids.join(",")));
+        code
+    }
+
+    /// Writes down what was wrong; the code to answer with.
+    fn fault(&self, call: &str, why: &str, code: u32) -> u32 {
+        self.append("judgement.txt", &format!("{call}: {why}"));
+        code
+    }
+
+    /// The provider that a context gets.
+    fn provider(&self, wanted: Option<u64>) -> Option<(u64, CString)> {
+        let offered = match wanted {
+            None => self.role.offers.first(),
+            Some(id) => self.role.offers.iter().find(|(known, _)| *known == id),
+        };
+        offered.map(|offered| self.role.runs.as_ref().unwrap_or(offered).clone())
+    }
+
+    pub(crate) unsafe fn create(&mut self, context: *mut *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
+        // SAFETY: the caller's chain.
+        let chain = match unsafe { links(head) } {
+            Ok(chain) if !chain.is_empty() && !context.is_null() => chain,
+            Ok(_) => return self.fault("create", "a pointer is null", PARAMETER),
+            Err(why) => return self.fault("create", why, PARAMETER),
+        };
+        let first = chain[0].0;
+        if self.role.is_loader {
+            let Some(behind) = self.behind(first & EFFECT) else { return self.note("create", &chain, NO_PROVIDER) };
+            // SAFETY: handed on as it came.
+            let code = unsafe { (behind.create)(context, head, callbacks) };
+            if code == OK {
+                // SAFETY: written by the call.
+                self.owners.insert(unsafe { *context } as usize, first & EFFECT);
+            }
+            return self.note("create", &chain, code);
+        }
+        if !callbacks.is_null() {
+            self.fault("create", "memory is to come from the host, which this one never asks for", OK);
+        }
+        // SAFETY: the chain's links, of the kinds their ids say.
+        let code = unsafe { self.judge_create(context, &chain) };
+        self.note("create", &chain, code)
+    }
+
+    unsafe fn judge_create(&mut self, context: *mut *mut c_void, chain: &[(u64, *const u8)]) -> u32 {
+        let find = |wanted: u64| chain.iter().find(|(id, _)| *id == wanted).map(|(_, at)| *at);
+        let (first, head) = chain[0];
+        if !self.role.effects.contains(&(first & EFFECT)) {
+            return NO_PROVIDER;
+        }
+        let version = match first {
+            id::GENERATION => id::GENERATION_VERSION,
+            id::UPSCALE => id::UPSCALE_VERSION,
+            _ => return UNKNOWN_STRUCT,
+        };
+        for (link, _) in &chain[1..] {
+            if ![id::BACKEND, id::OVERRIDE, id::HUDLESS, version].contains(link) {
+                self.fault("create", &format!("{link:x} does not belong into this chain"), OK);
+            }
+        }
+        match (find(version), self.role.sdk) {
+            (None, Sdk::V21) => {
+                return self.fault("create", "the release that the host was written for is missing", PARAMETER);
+            }
+            (Some(_), sdk) if sdk < Sdk::V21 => {
+                self.fault("create", "a release before 2.1 is told for which release the host was written", OK);
+            }
+            (Some(at), _) => {
+                // SAFETY: a struct of the release, which has it at 16.
+                let told = unsafe { get::<u32>(at, 16) };
+                let own = self.role.offers.iter().map(|(id, _)| *id as u32 & 0x7fff_ffff).max().unwrap_or(0);
+                if told >> 22 == 0 || told > own.max(0x0100_0000) {
+                    self.fault("create", &format!("{told:#x} is no release that this library could know"), OK);
+                }
+            }
+            (None, _) => {}
+        }
+        let Some(backend) = find(id::BACKEND) else { return self.fault("create", "there is no device", PARAMETER) };
+        // SAFETY: the device stands at 16.
+        if !unsafe { is_device(get(backend, 16)) } {
+            return self.fault("create", "the device is none", PARAMETER);
+        }
+        // SAFETY: the id stands at 16.
+        let wanted = find(id::OVERRIDE).map(|at| unsafe { get::<u64>(at, 16) });
+        if let Some(wanted) = wanted
+            && !self.offered.contains(&wanted)
+        {
+            return self.fault("create", &format!("{wanted:x} was never offered"), NO_PROVIDER);
+        }
+        // Two sizes, at 20 and 28 of both structs.
+        // SAFETY: as above.
+        let sides = unsafe { [20, 24, 28, 32].map(|at| get::<u32>(head, at)) };
+        if sides.iter().any(|side| !(1..=16384).contains(side)) {
+            return self.fault("create", &format!("sizes {sides:?}"), PARAMETER);
+        }
+        // Formats of three or four channels that are no integers.
+        // SAFETY: the format stands at 36 of a frame generator's, and at 16 of the other struct.
+        let format = (first == id::GENERATION).then(|| unsafe { get::<u32>(head, 36) });
+        // SAFETY: as above.
+        let hudless = find(id::HUDLESS).map(|at| unsafe { get::<u32>(at, 16) });
+        for format in format.into_iter().chain(hudless) {
+            if ![1, 3, 4, 5, 9, 10, 11, 12, 13, 14, 15, 16, 17, 29, 30, 32].contains(&format) {
+                return self.fault("create", &format!("format {format} is none of pictures"), 3);
+            }
+        }
+        let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
+        let made = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
+        self.contexts.insert(made as usize, provider);
+        // SAFETY: the caller's place.
+        unsafe { *context = made };
+        OK
+    }
+
+    pub(crate) unsafe fn destroy(&mut self, context: *mut *mut c_void, callbacks: *const c_void) -> u32 {
+        if context.is_null() {
+            return self.fault("destroy", "a pointer is null", PARAMETER);
+        }
+        // SAFETY: the caller's place.
+        let known = unsafe { *context } as usize;
+        if let Some(effect) = self.owners.remove(&known) {
+            let Some(behind) = self.behind(effect) else { return NO_PROVIDER };
+            // SAFETY: handed on as it came.
+            let code = unsafe { (behind.destroy)(context, callbacks) };
+            return self.note("destroy", &[], code);
+        }
+        if self.contexts.remove(&known).is_none() {
+            return self.fault("destroy", "there is no such context", PARAMETER);
+        }
+        // SAFETY: made by `create`, and forgotten above.
+        drop(unsafe { Box::from_raw(known as *mut u64) });
+        self.note("destroy", &[], OK)
+    }
+
+    pub(crate) unsafe fn configure(&mut self, context: *mut *mut c_void, head: *const u8) -> u32 {
+        // SAFETY: the caller's chain.
+        let chain = match unsafe { links(head) } {
+            Ok(chain) if !chain.is_empty() => chain,
+            Ok(_) => return self.fault("configure", "a pointer is null", PARAMETER),
+            Err(why) => return self.fault("configure", why, PARAMETER),
+        };
+        // SAFETY: the caller's place.
+        let known = (!context.is_null()).then(|| unsafe { *context } as usize);
+        if let Some(effect) = known.and_then(|known| self.owners.get(&known).copied()) {
+            let Some(behind) = self.behind(effect) else { return NO_PROVIDER };
+            // SAFETY: handed on as it came.
+            let code = unsafe { (behind.configure)(context, head) };
+            return self.note("configure", &chain, code);
+        }
+        if known.is_some_and(|known| !self.contexts.contains_key(&known)) {
+            return self.fault("configure", "there is no such context", PARAMETER);
+        }
+        let code = match chain[0].0 {
+            // Before there is a context only releases from 2.1 listen.
+            id::GLOBAL_DEBUG_1 if known.is_none() => PARAMETER,
+            id::GLOBAL_DEBUG_1 => {
+                // SAFETY: the function stands at 16, null or of this type.
+                self.message = unsafe { get(head, 16) };
+                OK
+            }
+            id::GLOBAL_DEBUG if self.role.sdk >= Sdk::V21 => {
+                // SAFETY: the effect stands at 16.
+                let effect = unsafe { get::<u64>(head, 16) };
+                if !self.role.effects.contains(&effect) {
+                    self.fault("configure", &format!("{effect:x} is no effect of this library"), OK);
+                }
+                // SAFETY: the function stands at 24.
+                self.message = unsafe { get(head, 24) };
+                OK
+            }
+            _ => UNKNOWN_STRUCT,
+        };
+        self.note("configure", &chain, code)
+    }
+
+    pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {
+        // SAFETY: the caller's chain.
+        let chain = match unsafe { links(head) } {
+            Ok(chain) if !chain.is_empty() => chain,
+            Ok(_) => return self.fault("query", "a pointer is null", PARAMETER),
+            Err(why) => return self.fault("query", why, PARAMETER),
+        };
+        // SAFETY: the caller's place.
+        let known = (!context.is_null()).then(|| unsafe { *context } as usize);
+        if self.role.is_loader {
+            let effect = match known {
+                Some(known) => self.owners.get(&known).copied(),
+                // SAFETY: the struct that a context would be made with stands at 16.
+                None if chain[0].0 == id::GET_VERSIONS => Some(unsafe { get::<u64>(head, 16) } & EFFECT),
+                None => Some(chain[0].0 & EFFECT),
+            };
+            let behind = effect.and_then(|effect| self.behind(effect));
+            // SAFETY: handed on as it came.
+            let code = behind.map_or(NO_PROVIDER, |behind| unsafe { (behind.query)(context, head) });
+            return self.note("query", &chain, code);
+        }
+        let code = match (chain[0].0, known) {
+            // SAFETY: as the id says.
+            (id::GET_VERSIONS, None) => unsafe { self.versions(head) },
+            (id::PROVIDER_VERSION, Some(_)) if self.role.sdk == Sdk::V110 => UNKNOWN_STRUCT,
+            (id::PROVIDER_VERSION, Some(known)) => match self.contexts.get(&known) {
+                Some((id, name)) => {
+                    // SAFETY: the id stands at 16, the name at 24, and both may be written.
+                    unsafe {
+                        put(head, 16, *id);
+                        put(head, 24, name.as_ptr());
+                    }
+                    OK
+                }
+                None => self.fault("query", "there is no such context", PARAMETER),
+            },
+            _ => UNKNOWN_STRUCT,
+        };
+        self.note("query", &chain, code)
+    }
+
+    unsafe fn versions(&mut self, head: *mut u8) -> u32 {
+        // SAFETY: fields of the struct that asks.
+        let (create, device, count) =
+            unsafe { (get::<u64>(head, 16), get::<*mut c_void>(head, 24), get::<*mut u64>(head, 32)) };
+        // SAFETY: as above.
+        let (ids, names) = unsafe { (get::<*mut u64>(head, 40), get::<*mut *const c_char>(head, 48)) };
+        // SAFETY: the caller's device.
+        if !unsafe { is_device(device) } {
+            return self.fault("query", "the device is none", PARAMETER);
+        }
+        if count.is_null() || ids.is_null() || names.is_null() {
+            return self.fault("query", "there is no room for the answer", PARAMETER);
+        }
+        // SAFETY: the caller's place.
+        let room = usize::try_from(unsafe { *count }).unwrap_or(0);
+        if room == 0 {
+            // AMD's says so whatever it has.
+            return self.fault("query", "the number alone is asked for, which no release tells", OK);
+        }
+        let fits = self.role.effects.contains(&(create & EFFECT));
+        let offers = self.role.offers.iter().filter(|_| fits).take(room);
+        let mut written = 0;
+        for (id, name) in offers {
+            // SAFETY: there is room for so many.
+            unsafe {
+                *ids.add(written) = *id;
+                *names.add(written) = name.as_ptr();
+            }
+            self.offered.push(*id);
+            written += 1;
+        }
+        // SAFETY: the caller's place.
+        unsafe { *count = written as u64 };
+        OK
+    }
+
+    pub(crate) unsafe fn dispatch(&mut self, context: *mut *mut c_void, head: *const u8) -> u32 {
+        // SAFETY: the caller's chain.
+        let chain = match unsafe { links(head) } {
+            Ok(chain) if !chain.is_empty() && !context.is_null() => chain,
+            Ok(_) => return self.fault("dispatch", "a pointer is null", PARAMETER),
+            Err(why) => return self.fault("dispatch", why, PARAMETER),
+        };
+        // SAFETY: the caller's place.
+        let known = unsafe { *context } as usize;
+        if let Some(effect) = self.owners.get(&known).copied() {
+            let Some(behind) = self.behind(effect) else { return NO_PROVIDER };
+            // SAFETY: handed on as it came.
+            let code = unsafe { (behind.dispatch)(context, head) };
+            return self.note("dispatch", &chain, code);
+        }
+        if !self.contexts.contains_key(&known) {
+            return self.fault("dispatch", "there is no such context", PARAMETER);
+        }
+        self.note("dispatch", &chain, UNKNOWN_STRUCT)
+    }
+
+    /// The library of an effect, loaded by its bare name, as AMD's loader does.
+    fn behind(&mut self, effect: u64) -> Option<Behind> {
+        if let Some(behind) = self.behind.get(&effect) {
+            return Some(*behind);
+        }
+        let name = match effect {
+            0x1_0000 => s!("amd_fidelityfx_upscaler_dx12.dll"),
+            _ => s!("amd_fidelityfx_framegeneration_dx12.dll"),
+        };
+        // SAFETY: a static name; a copy of this library, or one that a test put there.
+        let module = unsafe { LoadLibraryA(name) }.ok()?;
+        let find = |name: PCSTR| {
+            // SAFETY: a loaded module and a static name.
+            unsafe { GetProcAddress(module, name) }
+        };
+        // SAFETY: ffx-api's functions by their names.
+        let behind = unsafe {
+            Behind {
+                create: std::mem::transmute::<Found, Create>(find(s!("ffxCreateContext"))?),
+                destroy: std::mem::transmute::<Found, Destroy>(find(s!("ffxDestroyContext"))?),
+                configure: std::mem::transmute::<Found, Send>(find(s!("ffxConfigure"))?),
+                query: std::mem::transmute::<Found, Query>(find(s!("ffxQuery"))?),
+                dispatch: std::mem::transmute::<Found, Send>(find(s!("ffxDispatch"))?),
+            }
+        };
+        self.behind.insert(effect, behind);
+        Some(behind)
+    }
+}
+
+/// Whether an object is a device of Direct3D 12.
+///
+/// # Safety
+/// Null, or an object of COM.
+unsafe fn is_device(object: *mut c_void) -> bool {
+    // SAFETY: the caller's promise; the reference stays the caller's.
+    unsafe { IUnknown::from_raw_borrowed(&object) }.is_some_and(|object| object.cast::<ID3D12Device>().is_ok())
+}

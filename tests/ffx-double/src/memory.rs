@@ -1,0 +1,47 @@
+//! Fields of structs by their offsets.
+
+/// Reads a field.
+///
+/// # Safety
+/// A struct with a field of this type there.
+pub(crate) unsafe fn get<T: Copy>(place: *const u8, offset: usize) -> T {
+    // SAFETY: the caller's promise.
+    unsafe { place.add(offset).cast::<T>().read_unaligned() }
+}
+
+/// Writes a field.
+///
+/// # Safety
+/// A struct that may be written, with a field of this type there.
+pub(crate) unsafe fn put<T>(place: *mut u8, offset: usize, value: T) {
+    // SAFETY: the caller's promise.
+    unsafe { place.add(offset).cast::<T>().write_unaligned(value) }
+}
+
+/// The links of a chain: the id at 0, the next link's address at 8. Ends at a link that is seen twice, or where no chain of a
+/// host's would still go on.
+///
+/// # Safety
+/// A linked chain, or null.
+pub(crate) unsafe fn links(head: *const u8) -> Result<Vec<(u64, *const u8)>, &'static str> {
+    const LONGEST: usize = 16;
+    let mut found: Vec<(u64, *const u8)> = Vec::new();
+    let mut at = head;
+    while !at.is_null() {
+        if found.iter().any(|(_, before)| *before == at) {
+            return Err("the chain runs in a circle");
+        }
+        if found.len() == LONGEST || !at.addr().is_multiple_of(8) {
+            return Err("the chain leads nowhere");
+        }
+        // SAFETY: a link of the caller's chain.
+        let id = unsafe { get::<u64>(at, 0) };
+        if found.iter().any(|(before, _)| *before == id) {
+            return Err("two links of the chain are of one kind");
+        }
+        found.push((id, at));
+        // SAFETY: as above.
+        at = unsafe { get(at, 8) };
+    }
+    Ok(found)
+}

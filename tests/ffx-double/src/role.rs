@@ -1,0 +1,112 @@
+//! What a copy plays, from the text beside it.
+
+use std::ffi::CString;
+use std::path::{Path, PathBuf};
+
+use windows::Win32::Foundation::HMODULE;
+use windows::Win32::System::LibraryLoader::{
+    GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
+    GetModuleHandleExW,
+};
+use windows::core::PCWSTR;
+
+/// One part of a play. The text has a line for each word: `sdk 2.1`, `offers 0xf600000001000001 4.0.1`, and so on.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Role {
+    /// `sdk 1.1.0`, `1.1.4`, `2.0` or `2.1`: the release, 1.1.4 where nothing is said.
+    pub(crate) sdk: Sdk,
+    /// `loader`: hands every call on to the library of its effect, which it loads by name, as AMD's does.
+    pub(crate) is_loader: bool,
+    /// `effect NUMBER`: the effect it has; 0x20000 where nothing is said. More lines, more effects.
+    pub(crate) effects: Vec<u64>,
+    /// `offers ID NAME`: a provider, the default one first.
+    pub(crate) offers: Vec<(u64, CString)>,
+    /// `runs ID NAME`: what contexts get in its place, as drivers do.
+    pub(crate) runs: Option<(u64, CString)>,
+    /// `answers CALL CODE TEXT`: that call fails, and the text is sent to who listens.
+    pub(crate) answers: Vec<(String, u32, String)>,
+    /// Where it is.
+    pub(crate) folder: PathBuf,
+}
+
+/// Releases in their order.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Sdk {
+    /// 1.1.0 to 1.1.3.
+    V110,
+    /// 1.1.4.
+    #[default]
+    V114,
+    /// 2.0.
+    V20,
+    /// 2.1 and later.
+    V21,
+}
+
+impl Role {
+    /// Reads the text beside this library.
+    pub(crate) fn own() -> Result<Self, String> {
+        let file = own_file()?;
+        let folder = file.parent().unwrap_or(Path::new("")).to_owned();
+        let mut text = file.into_os_string();
+        text.push(".txt");
+        let text = std::fs::read_to_string(&text).map_err(|e| format!("{}: {e}", text.display()))?;
+        Self::parse(&text).map(|role| Self { folder, ..role })
+    }
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut role = Self::default();
+        for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+            let mut words = line.splitn(4, ' ');
+            let mut word = || words.next().ok_or_else(|| format!("\"{line}\" ends too soon"));
+            match word()? {
+                "sdk" => {
+                    role.sdk = match word()? {
+                        "1.1.0" => Sdk::V110,
+                        "1.1.4" => Sdk::V114,
+                        "2.0" => Sdk::V20,
+                        "2.1" => Sdk::V21,
+                        other => return Err(format!("{other} is no release that is played")),
+                    }
+                }
+                "loader" => role.is_loader = true,
+                "effect" => role.effects.push(number(word()?)?),
+                "offers" => role.offers.push((number(word()?)?, name(word()?)?)),
+                "runs" => role.runs = Some((number(word()?)?, name(word()?)?)),
+                "answers" => {
+                    role.answers.push((
+                        word()?.to_owned(),
+                        word()?.parse().map_err(|e| format!("{e}"))?,
+                        word()?.to_owned(),
+                    ));
+                }
+                other => return Err(format!("{other} is no word of a role")),
+            }
+        }
+        if role.effects.is_empty() {
+            role.effects.push(0x2_0000);
+        }
+        Ok(role)
+    }
+}
+
+fn number(text: &str) -> Result<u64, String> {
+    u64::from_str_radix(text.trim_start_matches("0x"), 16).map_err(|e| format!("{text}: {e}"))
+}
+
+fn name(text: &str) -> Result<CString, String> {
+    CString::new(text).map_err(|e| e.to_string())
+}
+
+/// The file this very code was loaded from.
+fn own_file() -> Result<PathBuf, String> {
+    let here = own_file as fn() -> Result<PathBuf, String> as *const u16;
+    let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
+    let mut module = HMODULE::default();
+    // SAFETY: an address in this module, and a place for the handle.
+    unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.map_err(|e| e.to_string())?;
+    let mut name = vec![0; 1 << 15];
+    // SAFETY: a loaded module and memory of the length that the slice tells.
+    let length = unsafe { GetModuleFileNameW(Some(module), &mut name) } as usize;
+    Ok(String::from_utf16_lossy(&name[..length]).into())
+}

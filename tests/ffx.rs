@@ -1,0 +1,229 @@
+//! AMD's libraries as played by `tests/ffx-double`: found and loaded, and providers chosen of each release. On Windows, or in the
+//! lab.
+#![cfg(windows)]
+
+use cairn::ffx::bindings::{CreateFrameGeneration, Dimensions, ResourceState, SurfaceFormat};
+use cairn::ffx::{Choice, Context, Dialect, Effect, Family, FileVersion, Library, LoadOptions, Part};
+use cairn::gpu::Gpu;
+use cairn::gpu::windows::core::Interface;
+use cairn::{ErrorKind, Result};
+
+#[path = "ffx/stage.rs"]
+mod stage;
+use stage::{ANALYTIC, ANALYTIC_20, ML, Stage, alone, system};
+
+fn head() -> CreateFrameGeneration {
+    let size = Dimensions { width: 640, height: 360 };
+    CreateFrameGeneration {
+        display_size: size,
+        max_render_size: size,
+        back_buffer_format: SurfaceFormat::R8G8B8A8_UNORM,
+        ..Default::default()
+    }
+}
+
+/// A frame generator of that library, on a device of our own.
+fn made(library: &Library, choice: Choice) -> Result<Context<CreateFrameGeneration>> {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let api = library.api(Effect::FrameGeneration)?;
+    // SAFETY: a live device, which the double holds no longer than the call.
+    unsafe { Context::create(api, gpu.device().as_raw(), choice, head(), |chain| chain) }
+}
+
+#[test]
+fn a_folder_of_2_1_is_used_through_its_loader() {
+    alone("a_folder_of_2_1_is_used_through_its_loader", || {
+        let stage =
+            Stage::empty().with(Part::Loader, &["loader"]).with(Part::FrameGeneration, &["sdk 2.1", ML, ANALYTIC]);
+        let library = stage.load().expect("loaded");
+        assert_eq!(library.serves(Effect::FrameGeneration), Some(Part::Loader));
+        let missing = library.api(Effect::Upscaling).expect_err("it is not there");
+        assert_eq!(missing.kind(), ErrorKind::RuntimeMissing);
+        assert_eq!(missing.offending_field(), Some(Part::Upscaler.file_name()));
+        for (choice, runs) in [
+            (Choice::Any, "4.0.1"),
+            (Choice::Require(Family::Ml), "4.0.1"),
+            (Choice::Require(Family::Analytic), "3.1.6"),
+        ] {
+            let context = made(&library, choice).expect("a context");
+            let provider = context.provider();
+            assert_eq!(
+                (provider.version.name.as_str(), provider.verified, provider.dialect),
+                (runs, true, Dialect::Sdk21)
+            );
+        }
+        assert_eq!(stage.judgement(), [""; 0]);
+        let destroyed = stage.calls().iter().filter(|call| call.starts_with("destroy")).count();
+        assert_eq!(destroyed, 6, "by the loader and by the library behind it: {:?}", stage.calls());
+    });
+}
+
+#[test]
+fn a_loader_that_would_find_another_library_of_the_name_is_left_out() {
+    alone("a_loader_that_would_find_another_library_of_the_name_is_left_out", || {
+        let engine = Stage::empty().with(Part::FrameGeneration, &["sdk 2.0", ANALYTIC_20]);
+        let first = engine.load().expect("an engine's own");
+        assert_eq!(first.serves(Effect::FrameGeneration), Some(Part::FrameGeneration));
+        let ours = Stage::empty().with(Part::Loader, &["loader"]).with(Part::FrameGeneration, &["sdk 2.1", ML]);
+        let library = ours.load().expect("loaded");
+        assert_eq!(library.serves(Effect::FrameGeneration), Some(Part::FrameGeneration));
+        let loader = library.files().iter().find(|file| file.part == Part::Loader).expect("it is reported");
+        let fault = loader.fault.as_ref().expect("it is not used");
+        assert!(fault.cause().contains(&*engine.0.file_name().expect("a name").to_string_lossy()), "{fault}");
+        assert_eq!(made(&library, Choice::Any).expect("a context").provider().version.name, "4.0.1");
+        assert_eq!(made(&first, Choice::Any).expect("a context").provider().version.name, "3.1.5");
+        assert_eq!([engine.judgement(), ours.judgement()], [[""; 0]; 2]);
+    });
+}
+
+#[test]
+fn earlier_releases_are_driven_by_the_structs_they_know() {
+    for (part, release, verified) in
+        [(Part::FrameGeneration, "sdk 2.0", true), (Part::Whole, "sdk 1.1.4", true), (Part::Whole, "sdk 1.1.0", false)]
+    {
+        let stage = Stage::empty().with(part, &[release, ANALYTIC_20]);
+        let library = stage.load().expect("loaded");
+        assert_eq!(library.serves(Effect::FrameGeneration), Some(part), "{release}");
+        let context = made(&library, Choice::Prefer(Family::Ml)).expect("a context");
+        let provider = context.provider().clone();
+        drop(context);
+        assert_eq!((provider.version.name.as_str(), provider.verified), ("3.1.5", verified), "{release}");
+        assert_eq!(provider.dialect, Dialect::Sdk11);
+        let refused = made(&library, Choice::Require(Family::Ml)).expect_err("there is none");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")));
+        assert_eq!(stage.judgement(), [""; 0], "{release}");
+    }
+}
+
+#[test]
+fn the_judge_finds_what_is_wrong() {
+    // Of a release that must be told which one the host was written for, under a name that says it need not.
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ANALYTIC_20]);
+    let refused = made(&stage.load().expect("loaded"), Choice::Any).expect_err("refused");
+    assert_eq!(refused.kind(), ErrorKind::InvalidArgument, "{refused}");
+    assert_eq!(stage.judgement(), ["create: the release that the host was written for is missing"]);
+    // And the other way round.
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.0", ANALYTIC]);
+    drop(made(&stage.load().expect("loaded"), Choice::Any).expect("ignored, as AMD's does"));
+    assert_eq!(stage.judgement(), ["create: a release before 2.1 is told for which release the host was written"]);
+    // An effect that it has not.
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.0", "effect 0x10000", ANALYTIC_20]);
+    let refused = made(&stage.load().expect("loaded"), Choice::Any).expect_err("refused");
+    assert_eq!(refused.kind(), ErrorKind::Unsupported, "{refused}");
+}
+
+#[test]
+fn a_driver_s_provider_is_told_from_the_one_that_was_asked_for() {
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ANALYTIC, "runs 0xf600000001000002 4.0.2"]);
+    let library = stage.load().expect("loaded");
+    let context = made(&library, Choice::Prefer(Family::Analytic)).expect("a context");
+    assert_eq!(context.provider().version.name, "4.0.2");
+    drop(context);
+    let refused = made(&library, Choice::Require(Family::Analytic)).expect_err("another runs");
+    assert!(refused.cause().contains("4.0.2 (ml)"), "{refused}");
+    assert_eq!(stage.judgement(), [""; 0]);
+    let count = |call| stage.calls().iter().filter(|line| line.starts_with(call)).count();
+    assert_eq!((count("create"), count("destroy")), (2, 2));
+}
+
+#[test]
+fn a_call_that_fails_says_what_the_library_said() {
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML, "answers create 3 no memory für this"]);
+    let failed = made(&stage.load().expect("loaded"), Choice::Any).expect_err("it fails");
+    assert_eq!((failed.kind(), failed.offending_field()), (ErrorKind::Device, Some("device")));
+    for part in ["ffxCreateContext answered 3 (RUNTIME_ERROR)", "no memory für this", "R8G8B8A8_UNORM", "width: 640"] {
+        assert!(failed.cause().contains(part), "{part}: {failed}");
+    }
+    for (call, kind) in [("query 4", ErrorKind::Unsupported), ("query 1", ErrorKind::Device)] {
+        let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML, &format!("answers {call} why")]);
+        let failed = made(&stage.load().expect("loaded"), Choice::Any).expect_err("it fails");
+        assert_eq!(failed.kind(), kind, "{failed}");
+        assert!(failed.cause().contains("ffxQuery answered") && failed.cause().contains("GET_VERSIONS"), "{failed}");
+    }
+}
+
+#[test]
+fn files_that_cannot_be_used_are_reported_with_the_reason() {
+    let text = Stage::empty();
+    std::fs::write(text.0.join("text"), "this is no library").expect("a file");
+    let no_library = text.0.join("text");
+    let stage = Stage::empty()
+        .with_file(Part::FrameGeneration, &no_library)
+        .with_file(Part::Upscaler, &system("version.dll"))
+        .with(Part::Whole, &["sdk 1.1.4", ANALYTIC_20]);
+    let library = stage.load().expect("one can be used");
+    assert_eq!(library.serves(Effect::FrameGeneration), Some(Part::Whole));
+    let fault = |part| {
+        let file = library.files().iter().find(|file| file.part == part).expect("it was found");
+        file.fault.as_ref().map(ToString::to_string).unwrap_or_default()
+    };
+    assert!(fault(Part::FrameGeneration).contains("no library for 64-bit Windows"), "{}", fault(Part::FrameGeneration));
+    assert!(
+        fault(Part::Upscaler).contains("does not export ffxCreateContext, ffxDestroyContext"),
+        "{}",
+        fault(Part::Upscaler)
+    );
+    assert_eq!(fault(Part::Whole), "");
+    // The system's library has a version, the double has none.
+    let version = |part| library.files().iter().find(|file| file.part == part).and_then(|file| file.version);
+    assert!(version(Part::Upscaler).is_some_and(|version| version > FileVersion([1, 0, 0, 0])));
+    assert_eq!(version(Part::Whole), None);
+
+    // Where none can be used, the reason of the first is the error's.
+    let broken = Stage::empty().with_file(Part::FrameGeneration, &no_library).load().expect_err("nothing can be used");
+    assert_eq!(broken.kind(), ErrorKind::RuntimeMissing);
+    assert!(broken.offending_field().is_some_and(|file| file.ends_with(Part::FrameGeneration.file_name())), "{broken}");
+    let lonely = Stage::empty().with(Part::Loader, &["loader"]).load().expect_err("a loader alone is of no use");
+    assert_eq!((lonely.kind(), lonely.offending_field()), (ErrorKind::RuntimeMissing, Some(Part::Loader.file_name())));
+    let nothing = Stage::empty().load().expect_err("nothing is there");
+    assert_eq!(nothing.kind(), ErrorKind::RuntimeMissing);
+    // Without a folder: that of this program, which holds none, and is named.
+    let own = std::env::current_exe().expect("our own path");
+    let nowhere = Library::load(&LoadOptions::default()).expect_err("nothing is there");
+    let place = own.parent().expect("a folder").display().to_string();
+    assert!(nowhere.cause().contains(&place), "{nowhere}");
+}
+
+#[test]
+fn what_nobody_signed_is_not_loaded_where_only_amd_s_own_is_wanted() {
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.0", ANALYTIC_20]);
+    let options = LoadOptions { directory: Some(stage.0.clone()), signed: true };
+    let refused = Library::load(&options).expect_err("it has no signature");
+    assert_eq!(refused.kind(), ErrorKind::RuntimeMissing);
+    assert!(refused.cause().contains("it has no signature"), "{refused}");
+    assert!(stage.load().is_ok());
+}
+
+/// Numbers of formats and states against Microsoft's own.
+#[test]
+fn numbers_are_those_of_the_system() {
+    use cairn::gpu::windows::Win32::Graphics::Direct3D12 as d3d12;
+    use cairn::gpu::windows::Win32::Graphics::Dxgi::Common as dxgi;
+    for (format, known) in [
+        (SurfaceFormat::R16G16B16A16_FLOAT, dxgi::DXGI_FORMAT_R16G16B16A16_FLOAT),
+        (SurfaceFormat::R11G11B10_FLOAT, dxgi::DXGI_FORMAT_R11G11B10_FLOAT),
+        (SurfaceFormat::R10G10B10A2_UNORM, dxgi::DXGI_FORMAT_R10G10B10A2_UNORM),
+        (SurfaceFormat::R8G8B8A8_UNORM, dxgi::DXGI_FORMAT_R8G8B8A8_UNORM),
+        (SurfaceFormat::R8G8B8A8_SRGB, dxgi::DXGI_FORMAT_R8G8B8A8_UNORM_SRGB),
+        (SurfaceFormat::B8G8R8A8_SRGB, dxgi::DXGI_FORMAT_B8G8R8A8_UNORM_SRGB),
+        (SurfaceFormat::R16G16_FLOAT, dxgi::DXGI_FORMAT_R16G16_FLOAT),
+        (SurfaceFormat::R32_FLOAT, dxgi::DXGI_FORMAT_D32_FLOAT_S8X24_UINT),
+        (SurfaceFormat::R32_FLOAT, dxgi::DXGI_FORMAT_D32_FLOAT),
+        (SurfaceFormat::R32_UINT, dxgi::DXGI_FORMAT_D24_UNORM_S8_UINT),
+        (SurfaceFormat::R16_UNORM, dxgi::DXGI_FORMAT_D16_UNORM),
+        (SurfaceFormat::R9G9B9E5, dxgi::DXGI_FORMAT_R9G9B9E5_SHAREDEXP),
+    ] {
+        assert_eq!(SurfaceFormat::from_dxgi(known.0.cast_unsigned()), format, "{known:?}");
+    }
+    for (state, known) in [
+        (ResourceState::UNORDERED_ACCESS, d3d12::D3D12_RESOURCE_STATE_UNORDERED_ACCESS),
+        (ResourceState::COMPUTE_READ, d3d12::D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE),
+        (ResourceState::GENERIC_READ, d3d12::D3D12_RESOURCE_STATE_GENERIC_READ),
+        (ResourceState::COPY_SOURCE, d3d12::D3D12_RESOURCE_STATE_COPY_SOURCE),
+        (ResourceState::COPY_DESTINATION, d3d12::D3D12_RESOURCE_STATE_COPY_DEST),
+        (ResourceState::RENDER_TARGET, d3d12::D3D12_RESOURCE_STATE_RENDER_TARGET),
+        (ResourceState::DEPTH_ATTACHMENT, d3d12::D3D12_RESOURCE_STATE_DEPTH_WRITE),
+    ] {
+        assert_eq!(state.to_d3d12(), Some(known.0.cast_unsigned()));
+    }
+}

@@ -1,0 +1,83 @@
+//! Folders with copies of the library that plays AMD's, and what its judge found.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use cairn::ffx::{Library, LoadOptions, Part};
+
+/// AMD's providers, as their libraries name them.
+pub(crate) const ANALYTIC_20: &str = "offers 0xf600000000c01005 3.1.5";
+pub(crate) const ANALYTIC: &str = "offers 0xf600000000c01006 3.1.6";
+pub(crate) const ML: &str = "offers 0xf600000001000001 4.0.1";
+
+/// A folder of its own for one test, in which libraries stand under AMD's names. It stays: libraries in it are loaded.
+pub(crate) struct Stage(pub(crate) PathBuf);
+
+impl Stage {
+    pub(crate) fn empty() -> Self {
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let place = std::env::temp_dir().join(format!("cairn-ffx-{}-{number}", std::process::id()));
+        std::fs::create_dir_all(&place).expect("a folder");
+        Self(place)
+    }
+
+    /// Puts a copy of the double there, to play what the lines say.
+    pub(crate) fn with(self, part: Part, lines: &[&str]) -> Self {
+        std::fs::copy(double(), self.0.join(part.file_name())).expect("the double");
+        let role = self.0.join(format!("{}.txt", part.file_name()));
+        std::fs::write(role, lines.join("\n")).expect("its role");
+        self
+    }
+
+    /// Puts any other file there under AMD's name.
+    pub(crate) fn with_file(self, part: Part, file: &Path) -> Self {
+        std::fs::copy(file, self.0.join(part.file_name())).expect("the file");
+        self
+    }
+
+    pub(crate) fn load(&self) -> cairn::Result<Library> {
+        Library::load(&LoadOptions { directory: Some(self.0.clone()), signed: false })
+    }
+
+    /// What the library was asked, a line for each call.
+    pub(crate) fn calls(&self) -> Vec<String> {
+        self.lines("calls.txt")
+    }
+
+    /// What was wrong with it.
+    pub(crate) fn judgement(&self) -> Vec<String> {
+        self.lines("judgement.txt")
+    }
+
+    fn lines(&self, file: &str) -> Vec<String> {
+        let text = std::fs::read_to_string(self.0.join(file)).unwrap_or_default();
+        text.lines().map(str::to_owned).collect()
+    }
+}
+
+/// The library that plays AMD's, which the build puts beside the tests' programs.
+pub(crate) fn double() -> PathBuf {
+    let own = std::env::current_exe().expect("our own path");
+    let found = own.ancestors().skip(1).take(2).map(|place| place.join("ffx_double.dll")).find(|path| path.is_file());
+    found.expect("ffx_double.dll is not there: cargo build --package ffx-double, for the same target")
+}
+
+/// A library of the system's.
+pub(crate) fn system(name: &str) -> PathBuf {
+    PathBuf::from(std::env::var_os("SystemRoot").expect("Windows says where it is")).join("System32").join(name)
+}
+
+/// Runs `act` in a process of its own, in which no library of AMD's names is loaded yet.
+pub(crate) fn alone(test: &str, act: impl FnOnce()) {
+    const VARIABLE: &str = "CAIRN_FFX_TEST_ALONE";
+    if std::env::var_os(VARIABLE).is_some_and(|name| name == test) {
+        return act();
+    }
+    let own = std::env::current_exe().expect("our own path");
+    let ended =
+        Command::new(own).args(["--exact", test, "--nocapture"]).env(VARIABLE, test).output().expect("a process");
+    let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
+    assert!(ended.status.success() && out.contains("1 passed"), "{out}\n{err}");
+}

@@ -1,0 +1,34 @@
+//! AMD's ffx-api: the library's tests against the double that plays AMD's libraries, and against AMD's own where they are there.
+
+use std::path::PathBuf;
+
+use super::Context;
+use super::tally::Tally;
+use super::{cargo, lab};
+use crate::shell::Log;
+
+/// The folder of AMD's own libraries, which may not be redistributed.
+const VARIABLE: &str = "CAIRN_FFX_DIR";
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if let Some(skip) = lab::or_skip("AMD's ffx-api: loading, and providers of every release")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
+    // Together with the library, so that what both use is compiled once.
+    let mut double = context.clone.cargo(["build", "--package", "cairn", "--package", "ffx-double", "--lib"]);
+    lab::for_windows(&mut double)?;
+    if !log.run(&mut double)?.success {
+        return Err("the library that plays AMD's does not build".to_owned());
+    }
+    let mut command =
+        context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast", "--test", "ffx", "--test", "ffx_amd"]);
+    lab::for_windows(&mut command)?;
+    if let Some(folder) = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()) {
+        let folder = std::path::absolute(PathBuf::from(folder)).map_err(|e| format!("{VARIABLE}: {e}"))?;
+        command.env(VARIABLE, folder).args(["--", "--include-ignored"]);
+    }
+    tally.add(cargo::count(&log.run(&mut command)?));
+    Ok(tally)
+}
