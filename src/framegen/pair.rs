@@ -1,6 +1,6 @@
 //! What a generator is given.
 
-use crate::guidance::Guidance;
+use crate::guidance::{DepthMap, Guidance};
 use crate::{Error, ErrorKind, Pixel, Raster, Result};
 
 /// Two consecutive anchors and the guidance from the current one back to the previous one, all of one size.
@@ -9,6 +9,7 @@ pub struct AnchorPair<'a, P: Pixel = [u8; 4]> {
     previous: &'a Raster<P>,
     current: &'a Raster<P>,
     guidance: &'a Guidance,
+    previous_depth: Option<&'a DepthMap>,
     cut: bool,
 }
 
@@ -20,7 +21,18 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
     pub fn new(previous: &'a Raster<P>, current: &'a Raster<P>, guidance: &'a Guidance) -> Result<Self> {
         check_size(previous.size(), current.size(), "previous")?;
         check_size(guidance.size(), current.size(), "guidance")?;
-        Ok(Self { previous, current, guidance, cut: false })
+        Ok(Self { previous, current, guidance, previous_depth: None, cut: false })
+    }
+
+    /// Adds the depth of the previous anchor, so that it is known what stood in front there and is hidden or has left the
+    /// picture since. It counts where it is of the same camera as the current anchor's.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when it has not the pair's size.
+    pub fn with_previous_depth(mut self, depth: &'a DepthMap) -> Result<Self> {
+        check_size(depth.size(), self.size(), "previous_depth")?;
+        self.previous_depth = Some(depth);
+        Ok(self)
     }
 
     /// States that a cut lies between the two (a scene edit, a reset), so that nothing is generated across it.
@@ -44,6 +56,11 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
     /// Motion from the current anchor back to the previous one, and the current anchor's depth.
     pub fn guidance(&self) -> &'a Guidance {
         self.guidance
+    }
+
+    /// The previous anchor's depth, where it is known.
+    pub fn previous_depth(&self) -> Option<&'a DepthMap> {
+        self.previous_depth
     }
 
     /// Whether the caller stated a cut.

@@ -481,7 +481,11 @@ impl Drawer {
         let out = of_size(&mut self.generated, picture.size())?;
         let report = match plan {
             Plan::Between { previous, .. } => {
-                generator.generate(&AnchorPair::new(previous.anchor.picture(), picture, guidance)?, t, out)?
+                let mut pair = AnchorPair::new(previous.anchor.picture(), picture, guidance)?;
+                if let Some(guidance) = &previous.guidance {
+                    pair = pair.with_previous_depth(guidance.depth())?;
+                }
+                generator.generate(&pair, t, out)?
             }
             _ => generator.extrapolate(&Anchor::new(picture, guidance)?, t, out)?,
         };

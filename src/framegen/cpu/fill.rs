@@ -13,6 +13,7 @@ use super::colour::Colour;
 use super::kernels::{self, BLOCK, Source, TILE, claims};
 use super::layer::{self, EMPTY, Grid, HOLE, Key, Layer, alike, is_nearer, key, part};
 use super::leaving::Leaving;
+use super::past::Past;
 use super::perspective::Way;
 use super::sized;
 use crate::Result;
@@ -42,6 +43,8 @@ pub(super) struct Evidence<'a, P> {
     pub(super) way: Way,
     /// The anchor that shows what is looked for, where one does.
     pub(super) shown: Option<Source<'a, P>>,
+    /// What the anchor that shows it tells of it, where that is known.
+    pub(super) past: Option<&'a Past<'a>>,
     /// What leaves the picture, where that was looked for.
     pub(super) leaving: Option<&'a Leaving>,
     /// What borrowed claims are marked with.
@@ -170,6 +173,14 @@ fn fill_tile<P: Colour>(
     sides.look::<false, true>();
     for (key, (_, found)) in keys.iter_mut().zip(sides.best) {
         *key = if found == EMPTY { EMPTY } else { layer::marked(found, evidence.mark) };
+    }
+    if let Some(past) = evidence.past {
+        for (place, key) in keys.iter_mut().enumerate().filter(|&(place, _)| own[place] == EMPTY) {
+            let at = [column * TILE + place % TILE, row * TILE + place / TILE];
+            if at[0] < grid.width && at[1] < grid.height {
+                *key = past.claim_or(evidence.field, at, *key);
+            }
+        }
     }
     if let Some(leaving) = evidence.leaving {
         for (place, key) in keys.iter_mut().enumerate().filter(|&(place, _)| own[place] == EMPTY) {

@@ -169,6 +169,21 @@ pub(super) struct Tile {
     pub(super) high: [i32; 2],
 }
 
+impl Tile {
+    /// Takes a pixel of the tile away from its owner.
+    pub(super) fn free(&mut self, keys: &mut [Key; BLOCK], extent: [usize; 2], place: usize) {
+        if self.kind == Kind::Smooth {
+            keys.fill(EMPTY);
+            keys.chunks_mut(TILE).take(extent[1]).for_each(|row| row[..extent[0]].fill(self.key));
+            (self.kind, self.holes) = (Kind::Rough, 0);
+        }
+        if keys[place] != EMPTY {
+            keys[place] = EMPTY;
+            self.holes += 1;
+        }
+    }
+}
+
 /// The motion of a picture, tile by tile. The keys of a tile stand together, eight to a row; those of pixels beyond the
 /// far edges are [`EMPTY`].
 #[derive(Debug, Default)]
@@ -226,16 +241,7 @@ impl Layer {
     pub(super) fn free(&mut self, x: usize, y: usize) {
         let (number, place) = self.grid.place(x, y);
         let extent = self.grid.extent(number % self.grid.columns, number / self.grid.columns);
-        let (tile, keys) = (&mut self.tiles[number], &mut self.keys[number]);
-        if tile.kind == Kind::Smooth {
-            keys.fill(EMPTY);
-            keys.chunks_mut(TILE).take(extent[1]).for_each(|row| row[..extent[0]].fill(tile.key));
-            (tile.kind, tile.holes) = (Kind::Rough, 0);
-        }
-        if keys[place] != EMPTY {
-            keys[place] = EMPTY;
-            tile.holes += 1;
-        }
+        self.tiles[number].free(&mut self.keys[number], extent, place);
     }
 
     /// What claims a pixel: its owner, or what it borrows.

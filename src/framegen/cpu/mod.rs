@@ -8,7 +8,8 @@
 //!    elsewhere every pixel has its own, with a rank that says who is in front.
 //! 3. `landing`: the vectors go to phase 0, where they tell which pixels of the previous anchor have an owner in the
 //!    current one. The rest is what only the previous anchor shows; `fill` gives it the motion of the surface beside it.
-//!    `leaving`: what passed over an edge in front of all else moves at least so far.
+//!    `leaving`: what passed over an edge in front of all else moves at least so far. `past`: with the previous anchor's
+//!    depth, and where the way of the camera is known (see 4), none of that is a guess.
 //! 4. `perspective`: what comes nearer moves faster on the screen. Where motion and depth of most of the picture are those of
 //!    a world at rest, each claim has a phase of its own for t.
 //!    `landing` once more: both go to phase t. Tiles are carried whole where that is smooth, pixel by pixel where
@@ -37,6 +38,7 @@ mod landing;
 mod layer;
 mod leaving;
 mod overlay;
+mod past;
 mod perspective;
 mod render;
 #[cfg(test)]
@@ -52,7 +54,8 @@ use kernels::{Level, Source};
 use landing::{Bands, Carried, Pass};
 use layer::{HOLE, Layer, ORPHAN, WHOLE};
 use leaving::Leaving;
-use perspective::{Moment, Perspective, Way};
+use past::Past;
+use perspective::{Moment, Seen, Way};
 use render::Between;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
@@ -128,19 +131,25 @@ impl CpuGenerator {
         let way = Way::from_current(Moment::previous());
         self.owners.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
         let margin = foreign::margin(previous, current);
-        self.leaving.find(&mut self.owners, previous, current, margin)?;
-        let (shown, leaving) = (Some(previous), Some(&self.leaving));
-        let evidence = Evidence { field: &self.field, way, shown, leaving, mark: ORPHAN };
+        let seen = Seen::find(pair.guidance(), Some(&inside));
+        let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
+        match &past {
+            Some(past) => past.uncover(&mut self.owners, &self.field),
+            None => self.leaving.find(&mut self.owners, previous, current, margin)?,
+        }
+        let leaving = if past.is_none() { Some(&self.leaving) } else { None };
+        let (shown, past) = (Some(previous), past.as_ref());
+        let evidence = Evidence { field: &self.field, way, shown, past, leaving, mark: ORPHAN };
         let orphans = self.filler.fill(self.level, &mut self.owners, &evidence)?;
 
-        let moment = Moment::new(phase, Perspective::find(pair.guidance(), Some(&inside)));
+        let moment = Moment::new(phase, seen.perspective);
         let way = Way::from_current(moment);
         let passes = [
             Pass { layer: &self.field, way, of: Carried::Own },
             Pass { layer: &self.owners, way: Way::from_previous(moment), of: Carried::Borrowed },
         ];
         self.places.land(self.level, &passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
-        let evidence = Evidence::<P> { field: &self.field, way, shown: None, leaving: None, mark: HOLE };
+        let evidence = Evidence::<P> { field: &self.field, way, shown: None, past: None, leaving: None, mark: HOLE };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
@@ -168,10 +177,10 @@ impl CpuGenerator {
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
-        let moment = Moment::new(WHOLE + phase, Perspective::find(anchor.guidance(), None));
+        let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), None).perspective);
         let way = Way::from_current(moment);
         self.places.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
-        let evidence = Evidence::<P> { field: &self.field, way, shown: None, leaving: None, mark: HOLE };
+        let evidence = Evidence::<P> { field: &self.field, way, shown: None, past: None, leaving: None, mark: HOLE };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
         sized(&mut self.hidden, grid.tiles(), 0)?;
         let rendered = render::beyond(self.level, current, &self.places, &self.field, moment, out, &mut self.hidden);

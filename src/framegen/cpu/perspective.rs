@@ -51,6 +51,23 @@ pub(super) struct Perspective {
     pub(super) most: f32,
 }
 
+/// From pixels of the previous anchor back to where they are in the current one, for a world at rest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Back {
+    /// What a place and one, and how near it is, count with for a place and one, but for a factor.
+    rows: [[f32; 4]; 3],
+    middle: [f32; 2],
+    width: f32,
+}
+
+/// What motion and depth tell of how the camera goes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Seen {
+    pub(super) perspective: Perspective,
+    /// Where there are depths.
+    pub(super) back: Option<Back>,
+}
+
 /// A time, as seen by the claims of the current anchor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Moment {
@@ -67,11 +84,18 @@ pub(super) struct Way {
     to: Moment,
 }
 
+/// What ranks are made from, see `kernels::ranges`.
+const LEAST: u32 = 103 << 23;
+
+/// The rank of what is so near.
+#[inline(always)]
+pub(super) fn rank_of(nearness: f32) -> u16 {
+    u16::MAX - (nearness.min(1.0).to_bits().saturating_sub(LEAST) >> 12) as u16
+}
+
 /// How near what claims a place is: 1 at the near plane, 0 at the far one.
 #[inline(always)]
-fn nearness(key: Key) -> f32 {
-    // What a rank is made from, see `kernels::ranges`.
-    const LEAST: u32 = 103 << 23;
+pub(super) fn nearness(key: Key) -> f32 {
     f32::from_bits(LEAST + ((u32::from(u16::MAX) - (key >> 48) as u32) << 12))
 }
 
@@ -88,11 +112,8 @@ impl Moment {
 
     /// The phase at which even motion has what claims the pixel (x, y).
     #[inline(always)]
-    pub(super) fn phase(&self, key: Key, [x, y]: [i32; 2]) -> i32 {
-        let Perspective { nearness: of_nearness, slope, corner, least, most } = self.perspective;
-        let change = of_nearness * nearness(key) + (slope[0] * x as f32 + (slope[1] * y as f32 + corner));
-        let change = if change < most { change } else { most };
-        self.at(if change > least { change } else { least })
+    pub(super) fn phase(&self, key: Key, at: [i32; 2]) -> i32 {
+        self.at(self.perspective.change(key, at))
     }
 
     /// The same for eight pixels beside each other, the first at (x, y).
@@ -196,15 +217,56 @@ impl Sample {
     }
 }
 
+impl Back {
+    fn new(n: &Numbers, nearest: f64, size: [usize; 2]) -> Option<Self> {
+        // With A for what places count with and k for nearness, A (x, y, 1) + k q = s (u, v, 1), where q = s r and r is the
+        // nearness in the previous anchor: (x, y, 1) = s A^-1 ((u, v, 1) - k r).
+        let a = [[1.0 + n[0], n[1], n[2]], [n[4], 1.0 + n[5], n[6]], [n[8], n[9], 1.0]];
+        let minor = |i: usize, j: usize| {
+            let [i, j] = [[(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]];
+            a[i[0]][j[0]] * a[i[1]][j[1]] - a[i[0]][j[1]] * a[i[1]][j[0]]
+        };
+        let whole = a[0][0] * minor(0, 0) + a[0][1] * minor(0, 1) + a[0][2] * minor(0, 2);
+        let k = [n[3], n[7], n[10]].map(|v| v / nearest);
+        let rows = [0, 1, 2].map(|i| {
+            let row = [0, 1, 2].map(|j| minor(j, i) / whole);
+            let of_nearness = -(row[0] * k[0] + row[1] * k[1] + row[2] * k[2]);
+            [row[0], row[1], row[2], of_nearness].map(|v| v as f32)
+        });
+        let is_finite = rows.iter().flatten().all(|v| v.is_finite());
+        is_finite.then_some(Self { rows, middle: size.map(|len| middle(len) as f32), width: size[0] as f32 })
+    }
+
+    /// Where in the current anchor what the previous one shows at a place is, in pixels, and how near it is there.
+    #[inline(always)]
+    pub(super) fn follow(&self, [u, v]: [f32; 2], near: f32) -> Option<([f32; 2], f32)> {
+        let [u, v] = [(u - self.middle[0]) / self.width, (v - self.middle[1]) / self.width];
+        let [x, y, z] = self.rows.map(|row| (row[0] * u + row[1] * v) + (row[2] + row[3] * near));
+        // What comes from behind the camera, or much nearer, is nothing to be followed.
+        (z > 0.25).then(|| ([x / z * self.width + self.middle[0], y / z * self.width + self.middle[1]], near / z))
+    }
+}
+
 impl Perspective {
-    /// That of a guidance, of what lies between bars.
+    /// `w0 / w1 - 1` of what claims the pixel (x, y).
+    #[inline(always)]
+    pub(super) fn change(&self, key: Key, [x, y]: [i32; 2]) -> f32 {
+        let Self { nearness: of_nearness, slope, corner, least, most } = *self;
+        let change = of_nearness * nearness(key) + (slope[0] * x as f32 + (slope[1] * y as f32 + corner));
+        let change = if change < most { change } else { most };
+        if change > least { change } else { least }
+    }
+}
+
+impl Seen {
+    /// What a guidance tells, of what lies between bars.
     pub(super) fn find(guidance: &Guidance, inside: Option<&Inside>) -> Self {
         let (width, height) = (guidance.motion().width() as usize, guidance.motion().height() as usize);
         if width < ASKED[0] || height < ASKED[1] {
             return Self::default();
         }
-        let (mut room, mut count, mut nearest, mut farthest) =
-            ([Sample::default(); ASKED[0] * ASKED[1]], 0, 0.0_f64, 1.0_f64);
+        let mut room = [Sample::default(); ASKED[0] * ASKED[1]];
+        let (mut count, mut nearest, mut farthest) = (0, 0.0_f64, 1.0_f64);
         let size = [width, height];
         for number in 0..room.len() {
             let place = [number % ASKED[0], number / ASKED[0]];
@@ -231,13 +293,15 @@ impl Perspective {
         let [least, most] = changes.fold([0.0_f64; 2], |[least, most], v| [least.min(v), most.max(v)]);
         let [least, most] = [1.25 * least - 0.02, 1.25 * most + 0.02].map(|v| v.clamp(CHANGES[0], CHANGES[1]) as f32);
         let slope = [numbers[8], numbers[9]].map(|v| v / width as f64);
-        Self {
+        let perspective = Perspective {
             nearness: if has_depth { (numbers[10] / nearest) as f32 } else { 0.0 },
             slope: slope.map(|v| v as f32),
             corner: (-slope[0] * middle(width) - slope[1] * middle(height)) as f32,
             least,
             most,
-        }
+        };
+        let back = if has_depth { Back::new(&numbers, nearest, size) } else { None };
+        Self { perspective, back }
     }
 }
 
@@ -322,20 +386,20 @@ fn solved<'a>(samples: impl Iterator<Item = &'a Sample>) -> Option<Numbers> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use half::f16;
 
     use super::super::layer;
     use super::*;
     use crate::guidance::{DepthMap, MotionField, paper};
 
-    const SIZE: [u32; 2] = [320, 180];
+    pub(in super::super) const SIZE: [u32; 2] = [320, 180];
     /// Of the camera, in pixels.
     const FOCAL: f64 = 200.0;
     const NEAR: f64 = 0.1;
 
     /// Where a point of the current camera's space is at phase t, for a camera that has gone ahead and turned: in pixels.
-    fn seen([x, y, z]: [f64; 3], t: f64) -> [f64; 2] {
+    pub(in super::super) fn seen([x, y, z]: [f64; 3], t: f64) -> [f64; 2] {
         // Straight on in space, so that the same holds as for a turn of few degrees.
         let (turn, ahead, aside) = (0.05, 0.12, 0.04);
         let was = [x + turn * z + aside, y, z - turn * x + ahead];
@@ -344,7 +408,7 @@ mod tests {
     }
 
     /// What a pixel of the current anchor shows: ground, and two posts on it.
-    fn shown(x: f64, y: f64) -> [f64; 3] {
+    pub(in super::super) fn shown(x: f64, y: f64) -> [f64; 3] {
         let ray = [(x - middle(SIZE[0] as usize)) / FOCAL, (y - middle(SIZE[1] as usize)) / FOCAL];
         let ground = if ray[1] > 0.02 { 1.6 / ray[1] } else { 80.0 };
         let z = match x as u32 {
@@ -355,7 +419,7 @@ mod tests {
         [ray[0] * z, ray[1] * z, z]
     }
 
-    fn guidance(motion: impl Fn(f64, f64) -> ([f64; 2], f64), tile: u32) -> Guidance {
+    pub(in super::super) fn guidance(motion: impl Fn(f64, f64) -> ([f64; 2], f64), tile: u32) -> Guidance {
         let mut vectors = MotionField::tiled(SIZE[0], SIZE[1], tile).unwrap();
         let mut depths = DepthMap::tiled(SIZE[0], SIZE[1], tile, paper::PROJECTION).unwrap();
         let columns = vectors.columns();
@@ -370,13 +434,13 @@ mod tests {
     }
 
     /// Motion and depth of the world at rest.
-    fn walk(x: f64, y: f64) -> ([f64; 2], f64) {
+    pub(in super::super) fn walk(x: f64, y: f64) -> ([f64; 2], f64) {
         let point = shown(x, y);
         let was = seen(point, 0.0);
         ([was[0] - x, was[1] - y], 1.0 - NEAR / point[2])
     }
 
-    fn key_of((vector, depth): ([f64; 2], f64)) -> Key {
+    pub(in super::super) fn key_of((vector, depth): ([f64; 2], f64)) -> Key {
         let rank = u16::MAX - ((((1.0 - depth) as f32).to_bits() - (103 << 23)) >> 12) as u16;
         layer::key(rank, 0, vector.map(|v| (64.0 * v).round() as i32))
     }
@@ -402,7 +466,7 @@ mod tests {
         let even = worst(Perspective::default());
         assert!(even > 0.5, "{even}");
         for tile in [1, 8] {
-            let found = worst(Perspective::find(&guidance(walk, tile), None));
+            let found = worst(Seen::find(&guidance(walk, tile), None).perspective);
             assert!(found < 0.05 * even, "{found} of {even}, tiles of {tile}");
         }
     }
@@ -414,7 +478,7 @@ mod tests {
             (90..150, 70..120) => ([9.0, -3.0], 0.98),
             _ => walk(x, y),
         };
-        let (found, even) = (worst(Perspective::find(&guidance(motion, 1), None)), worst(Perspective::default()));
+        let (found, even) = (worst(Seen::find(&guidance(motion, 1), None).perspective), worst(Perspective::default()));
         assert!(found < 0.1 * even, "{found} of {even}");
     }
 
@@ -422,12 +486,12 @@ mod tests {
     fn motion_that_tells_nothing_is_even() {
         let any = |x: f64, y: f64| f64::from((x as u32 * 7919 + y as u32 * 104_729) % 257) / 16.0;
         let wild = guidance(|x, y| ([any(x, y), any(y, x)], 1.0 - 0.1 / (1.0 + any(x + 3.0, y))), 1);
-        assert_eq!(Perspective::find(&wild, None), Perspective::default());
+        assert_eq!(Seen::find(&wild, None).perspective, Perspective::default());
         let nothing = guidance(|_, _| ([f64::NAN, f64::INFINITY], f64::NAN), 1);
-        assert_eq!(Perspective::find(&nothing, None), Perspective::default());
+        assert_eq!(Seen::find(&nothing, None).perspective, Perspective::default());
         // Without depth, what grows may lie in the picture.
         let growing = guidance(|x, y| ([0.05 * (160.0 - x), 0.05 * (90.0 - y)], 0.5), 1);
-        let moment = Moment::new(WHOLE / 2, Perspective::find(&growing, None));
+        let moment = Moment::new(WHOLE / 2, Seen::find(&growing, None).perspective);
         assert!(
             [[0, 0], [319, 0], [160, 179]]
                 .iter()
@@ -437,7 +501,7 @@ mod tests {
 
     #[test]
     fn anchors_are_where_they_are_and_bounds_hold() {
-        let perspective = Perspective::find(&guidance(walk, 1), None);
+        let perspective = Seen::find(&guidance(walk, 1), None).perspective;
         for phase in [0, 1, WHOLE / 3, WHOLE, 2 * WHOLE] {
             let way = Way::from_current(Moment::new(phase, perspective));
             let [least, most] = way.bounds();

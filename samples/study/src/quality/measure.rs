@@ -157,12 +157,12 @@ impl Measured {
         let (previous, current) = (clip.anchor(target.anchor - 1, store)?, clip.anchor(target.anchor, store)?);
         let key = digest([digest_picture(&previous).as_bytes(), digest_picture(&current).as_bytes()]);
         let ends = Ends { previous, current, key };
-        let guidance = clip.guidance(target.anchor, store)?;
+        let guidance = guidance(clip, target.anchor, store)?;
         let truths = target.phases().into_iter().map(|phase| Truth::new(clip, target.anchor, phase, store));
         let truths = truths.collect::<Result<Vec<_>>>()?;
 
         for (kind, row) in rows.iter_mut() {
-            if !(kind.needs_guidance() && guidance.is_none()) {
+            if !(kind.needs_guidance() && guidance[1].is_none()) {
                 let wanted: Vec<&Truth> = truths.iter().filter(|truth| kind.can_do(truth.phase)).collect();
                 let version = row.key();
                 let name = |truth: &Truth| {
@@ -175,8 +175,7 @@ impl Measured {
                 *computed += missing.len();
                 if !missing.is_empty() {
                     let phases: Vec<Phase> = missing.iter().map(|i| wanted[*i].phase).collect();
-                    let made =
-                        pictures(*kind, row.as_mut(), clip, target.anchor, &ends, guidance.as_ref(), &phases, store)?;
+                    let made = pictures(*kind, row.as_mut(), clip, target.anchor, &ends, &guidance, &phases, store)?;
                     for (i, picture) in missing.into_iter().zip(made) {
                         let score = wanted[i].score(picture, lpips.as_ref())?;
                         store.keep_line(&name(wanted[i]), &line(score))?;
@@ -223,16 +222,23 @@ impl Measured {
         let (previous, current) = (clip.anchor(anchor - 1, store)?, clip.anchor(anchor, store)?);
         let key = digest([digest_picture(&previous).as_bytes(), digest_picture(&current).as_bytes()]);
         let ends = Ends { previous, current, key };
-        let guidance = clip.guidance(anchor, store)?;
+        let guidance = guidance(clip, anchor, store)?;
         let mut shown = vec![(None, clip.truth(anchor, phase, store)?)];
         for (kind, row) in rows.iter_mut() {
-            if kind.can_do(phase) && !(kind.needs_guidance() && guidance.is_none()) {
-                let made = pictures(*kind, row.as_mut(), clip, anchor, &ends, guidance.as_ref(), &[phase], store)?;
+            if kind.can_do(phase) && !(kind.needs_guidance() && guidance[1].is_none()) {
+                let made = pictures(*kind, row.as_mut(), clip, anchor, &ends, &guidance, &[phase], store)?;
                 shown.extend(made.into_iter().map(|picture| (Some(*kind), picture)));
             }
         }
         Ok(shown)
     }
+}
+
+/// True motion and depth of the two anchors of an interval, as far as anybody knows them.
+fn guidance(clip: &mut dyn Clip, anchor: usize, store: &Store) -> Result<[Option<Guidance>; 2]> {
+    // The first anchor of all has none before it that it could have moved from.
+    let before = if anchor >= 2 { clip.guidance(anchor - 1, store)? } else { None };
+    Ok([before, clip.guidance(anchor, store)?])
 }
 
 /// A row's pictures: those that are kept, and the others made and kept.
@@ -243,7 +249,7 @@ fn pictures(
     clip: &mut dyn Clip,
     anchor: usize,
     ends: &Ends,
-    guidance: Option<&Guidance>,
+    guidance: &[Option<Guidance>; 2],
     phases: &[Phase],
     store: &Store,
 ) -> Result<Vec<Picture>> {
@@ -265,7 +271,8 @@ fn pictures(
             n => clip.anchor(n, store)?,
         });
     }
-    let interval = Interval { anchors: &anchors, at: anchor - 1 - first, guidance };
+    let [before, guidance] = guidance.each_ref().map(Option::as_ref);
+    let interval = Interval { anchors: &anchors, at: anchor - 1 - first, guidance, before };
     let made = row.make(&interval, phases)?;
     if made.len() != phases.len() || made.iter().any(|picture| picture.size() != ends.current.size()) {
         return Err(Error::new(

@@ -91,10 +91,11 @@ pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> 
     let given = clip
         .guidance(number, store)?
         .ok_or_else(|| Error::new(ErrorKind::InvalidState, "a scene knows its motion").field("guidance"))?;
+    let before = if number >= 2 { clip.guidance(number - 1, store)? } else { None };
     let pair = [&anchors[SHORT - 2], &anchors[SHORT - 1]];
 
     progress.phase("timing");
-    let mut lines = ours(pair, &given, stop)?;
+    let mut lines = ours(pair, &given, before.as_ref(), stop)?;
     let mut left_out = None;
     match Minterpolate::open(progress).and_then(|row| theirs(&row.program, &anchors)) {
         Ok(seconds) => lines.push(Line { work: Work::Minterpolate, seconds, alone: None }),
@@ -120,14 +121,16 @@ impl<'a> Turn<'a> {
     }
 }
 
-/// Times what this program does, on two threads and on one.
-fn ours(pair: [&Picture; 2], given: &Guidance, stop: &AtomicBool) -> Result<Vec<Line>> {
+/// Times what this program does, on two threads and on one, with the previous anchor's depth where that is known.
+fn ours(pair: [&Picture; 2], given: &Guidance, before: Option<&Guidance>, stop: &AtomicBool) -> Result<Vec<Line>> {
     let pool = |threads| {
         let built = ThreadPoolBuilder::new().num_threads(threads).build();
         built.map_err(|e| Error::new(ErrorKind::OutOfMemory, format!("{threads} threads cannot be started: {e}")))
     };
     let pools = [pool(THREADS)?, pool(1)?];
     let tiled = [in_tiles(given, 8)?, in_tiles(given, 16)?];
+    let [of_8, of_16] = [8, 16].map(|tile| before.map(|before| in_tiles(before, tile)).transpose());
+    let befores = [of_8?, of_16?, before.cloned()];
     let mut turns = Vec::new();
     for pool in &pools {
         let mut out = pair[1].clone();
@@ -140,9 +143,12 @@ fn ours(pair: [&Picture; 2], given: &Guidance, stop: &AtomicBool) -> Result<Vec<
             }),
         ));
         let lines = tiled.iter().map(|g| (Work::Tiles(g.motion().tile()), g)).chain([(Work::Pixels, given)]);
-        for (work, guidance) in lines {
+        for ((work, guidance), before) in lines.zip(&befores) {
             let (mut generator, mut out) = (CpuGenerator::new(), pair[1].clone());
-            let pair = AnchorPair::new(pair[0], pair[1], guidance)?;
+            let mut pair = AnchorPair::new(pair[0], pair[1], guidance)?;
+            if let Some(before) = before {
+                pair = pair.with_previous_depth(before.depth())?;
+            }
             turns.push(Turn::new(pool, work, Box::new(move || generator.generate(&pair, 0.5, &mut out).map(drop))));
         }
         let (mut extractor, mut generator) = (picture_flow::Extractor::new(), CpuGenerator::new());

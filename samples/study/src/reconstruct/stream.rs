@@ -25,6 +25,8 @@ pub(super) struct Stream {
     source: TruthOrPicture,
     flow: picture_flow::Extractor,
     guidance: Guidance,
+    /// That of the anchor before.
+    before: Guidance,
     generator: CpuGenerator,
     lpips: Option<Lpips>,
     panels: Panels,
@@ -45,6 +47,7 @@ impl Stream {
         let size = settings.size.into();
         Ok(Self {
             guidance: walk.guidance()?,
+            before: walk.guidance()?,
             walk,
             multiplier: settings.multiplier,
             source: settings.guidance,
@@ -126,8 +129,11 @@ impl Stream {
         self.spend("rendering", start);
         let start = Instant::now();
         match (self.source, previous) {
-            (_, None) => {}
-            (TruthOrPicture::Truth, Some(_)) => tell(&frame, &mut self.guidance),
+            (TruthOrPicture::Truth, _) => {
+                std::mem::swap(&mut self.guidance, &mut self.before);
+                tell(&frame, &mut self.guidance);
+            }
+            (TruthOrPicture::Picture, None) => {}
             (TruthOrPicture::Picture, Some(previous)) => {
                 self.flow.extract(previous, &frame.picture, &mut self.guidance)?;
             }
@@ -167,7 +173,10 @@ impl Stream {
     fn generate(&mut self, part: u32, previous: &Picture, anchor: &Picture) -> Result<(Picture, Outcome)> {
         let start = Instant::now();
         let mut made = Picture::new(anchor.width(), anchor.height())?;
-        let pair = AnchorPair::new(previous, anchor, &self.guidance)?;
+        let mut pair = AnchorPair::new(previous, anchor, &self.guidance)?;
+        if self.source == TruthOrPicture::Truth {
+            pair = pair.with_previous_depth(self.before.depth())?;
+        }
         let report = self.generator.generate(&pair, part as f32 / self.multiplier as f32, &mut made)?;
         self.spend("generation", start);
         Ok((made, report.outcome))

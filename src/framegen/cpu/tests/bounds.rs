@@ -215,6 +215,8 @@ fn wrong_sizes_and_phases_are_refused() {
     let bad = |name: &str| (ErrorKind::InvalidArgument, Some(name.to_owned()));
     assert_eq!(field(AnchorPair::new(&small, &picture, &guidance).unwrap_err()), bad("previous"));
     assert_eq!(field(AnchorPair::new(&picture, &picture, &small_guidance).unwrap_err()), bad("guidance"));
+    let pair = AnchorPair::new(&picture, &picture, &guidance).unwrap();
+    assert_eq!(field(pair.with_previous_depth(small_guidance.depth()).unwrap_err()), bad("previous_depth"));
     assert_eq!(field(Anchor::new(&picture, &small_guidance).unwrap_err()), bad("guidance"));
 
     let mut generator = CpuGenerator::new();

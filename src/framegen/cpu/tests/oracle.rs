@@ -89,6 +89,18 @@ fn guidance(dice: &mut Dice, (width, height): (u32, u32)) -> Guidance {
     Guidance::from_parts(motion, depth).unwrap()
 }
 
+/// Depths like those of the current anchor, with something in front.
+fn previous_depth(dice: &mut Dice, current: &DepthMap) -> DepthMap {
+    let mut depth = current.clone();
+    let (columns, rows) = (u64::from(depth.columns()), u64::from(depth.rows()));
+    let (x, y, z) = (dice.below(columns) as usize, dice.below(rows) as usize, dice.part().abs());
+    let wide = 1 + dice.below(9) as usize;
+    for row in depth.depth_mut().chunks_mut(columns as usize).skip(y) {
+        row.iter_mut().skip(x).take(wide).for_each(|depth| *depth = depth.min(z));
+    }
+    depth
+}
+
 /// Two pictures that have to do with each other, at times with bars or something that stands still.
 fn pictures(dice: &mut Dice, (width, height): (u32, u32)) -> [Vec<[f32; 4]>; 2] {
     let waves: [f32; 6] = std::array::from_fn(|_| dice.part() * 0.4);
@@ -133,6 +145,8 @@ fn compare<P: Colour>(cases: u64) {
         let t = [0.5, 1.0 / 3.0, 0.25, 0.75, f32::MIN_POSITIVE, 1.0 - f32::EPSILON, 0.1, 0.9][dice.below(8) as usize];
         let phase = ((t * WHOLE as f32).round() as i32).max(1);
         let pair = AnchorPair::new(&previous, &current, &guidance).unwrap();
+        let depth = previous_depth(&mut dice, guidance.depth());
+        let pair = if dice.below(3) == 0 { pair } else { pair.with_previous_depth(&depth).unwrap() };
         let anchor = Anchor::new(&current, &guidance).unwrap();
         let (mut between, beyond) = (None, reference::beyond(&anchor, phase));
         let mut out = previous.clone();

@@ -19,7 +19,8 @@ use crate::framegen::cpu::layer::{
 };
 use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
-use crate::framegen::cpu::perspective::{Moment, Perspective, Way};
+use crate::framegen::cpu::past::Past;
+use crate::framegen::cpu::perspective::{Moment, Seen, Way};
 use crate::framegen::cpu::render::{AGREE, CAREFUL, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
 use crate::framegen::cpu::source;
 use crate::framegen::{Anchor, AnchorPair};
@@ -34,23 +35,29 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
 
     let mut owners = settled(&field, &claims_of(&field), Way::from_current(Moment::previous()));
     let mut leaving = Leaving::default();
-    leaving.find(&mut owners, previous, current, foreign::margin(previous, current)).unwrap();
+    let seen = Seen::find(pair.guidance(), Some(&inside));
+    let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
+    match &past {
+        Some(past) => uncover(&mut owners, &field, past),
+        None => leaving.find(&mut owners, previous, current, foreign::margin(previous, current)).unwrap(),
+    }
     let evidence = Evidence {
         field: &field,
         way: Way::from_current(Moment::previous()),
         shown: Some(previous),
-        leaving: Some(&leaving),
+        past: past.as_ref(),
+        leaving: past.is_none().then_some(&leaving),
         mark: ORPHAN,
     };
     fill(&mut owners, &evidence);
 
     // Both go to phase t: what the current anchor shows, and what only the previous one does.
-    let moment = Moment::new(phase, Perspective::find(pair.guidance(), Some(&inside)));
+    let moment = Moment::new(phase, seen.perspective);
     let [way, back] = [Way::from_current(moment), Way::from_previous(moment)];
     let mut moving: Vec<_> = claims_of(&field).into_iter().map(|claim| claim.carried(way)).collect();
     moving.extend(borrowed_of(&owners).into_iter().map(|claim| claim.carried(back)));
     let mut places = gathered(field.grid, &moving);
-    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, leaving: None, mark: HOLE });
+    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, past: None, leaving: None, mark: HOLE });
 
     render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase, moment })
 }
@@ -59,10 +66,10 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
 pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P>, f32) {
     let current = source(anchor.picture());
     let field = moved_by::<P>(anchor.guidance(), None);
-    let moment = Moment::new(WHOLE + phase, Perspective::find(anchor.guidance(), None));
+    let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), None).perspective);
     let way = Way::from_current(moment);
     let mut places = settled(&field, &claims_of(&field), way);
-    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, leaving: None, mark: HOLE });
+    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, past: None, leaving: None, mark: HOLE });
 
     let grid = field.grid;
     let mut out = anchor.picture().clone();
@@ -316,6 +323,19 @@ fn gathered(grid: Grid, claims: &[Claim]) -> Layer {
     layer
 }
 
+/// Takes places away from owners that something covers in the previous anchor.
+fn uncover(owners: &mut Layer, field: &Layer, past: &Past<'_>) {
+    let grid = field.grid;
+    let other = |[x, y]: [usize; 2]| {
+        let is_smooth = owners.tiles[grid.place(x, y).0].kind == Kind::Smooth;
+        let middle = [x, y].map(|at| at / TILE * TILE + TILE / 2);
+        past.other(owners.owner(x, y), if is_smooth { middle } else { [x, y] })
+    };
+    let owned = pixels(grid).filter(|&[x, y]| owners.owner(x, y) != EMPTY);
+    let covered: Vec<_> = owned.filter(|&at| past.is_covered(field, at, other(at))).collect();
+    covered.into_iter().for_each(|[x, y]| owners.free(x, y));
+}
+
 /// Lets every place that nothing claims borrow one.
 fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
     let grid = layer.grid;
@@ -336,7 +356,9 @@ fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
             });
             // Of equals the first.
             let best = candidates.reduce(|best, other| if other.0 < best.0 { other } else { best });
-            let key = best.map_or_else(|| farthest_around(layer, position), |(_, key)| key);
+            let found = best.map_or(EMPTY, |(_, key)| key);
+            let found = evidence.past.map_or(found, |past| past.claim_or(evidence.field, [x, y], found));
+            let key = if found == EMPTY { farthest_around(layer, position) } else { found };
             let leaves = evidence.leaving.and_then(|leaving| leaving.claim(x, y));
             layer.borrowed[tile][grid.place(x, y).1] = leaves.unwrap_or(layer::marked(key, evidence.mark));
         }

@@ -144,6 +144,8 @@ pub(super) struct Interval<'a> {
     pub(super) at: usize,
     /// True motion and depth of the later one.
     pub(super) guidance: Option<&'a Guidance>,
+    /// The same of the earlier one, where there is an anchor before it.
+    pub(super) before: Option<&'a Guidance>,
 }
 
 impl Interval<'_> {

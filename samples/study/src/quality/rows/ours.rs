@@ -43,7 +43,8 @@ impl Row for Flow {
             None => self.guidance.insert(Guidance::new(width, height, picture_flow::PROJECTION)?),
         };
         self.extractor.extract(interval.previous(), interval.current(), guidance)?;
-        generate(&mut self.generator, interval, guidance, phases)
+        let pair = AnchorPair::new(interval.previous(), interval.current(), guidance)?;
+        generate(&mut self.generator, &pair, phases)
     }
 }
 
@@ -72,22 +73,20 @@ impl Row for Truth {
         let guidance = interval
             .guidance
             .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, "nobody knows the clip's motion and depth"))?;
-        generate(&mut self.generator, interval, guidance, phases)
+        let mut pair = AnchorPair::new(interval.previous(), interval.current(), guidance)?;
+        if let Some(before) = interval.before {
+            pair = pair.with_previous_depth(before.depth())?;
+        }
+        generate(&mut self.generator, &pair, phases)
     }
 }
 
-fn generate(
-    generator: &mut CpuGenerator,
-    interval: &Interval<'_>,
-    guidance: &Guidance,
-    phases: &[Phase],
-) -> Result<Vec<Picture>> {
-    let pair = AnchorPair::new(interval.previous(), interval.current(), guidance)?;
+fn generate(generator: &mut CpuGenerator, pair: &AnchorPair<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
     phases
         .iter()
         .map(|phase| {
             let mut out = Picture::new(pair.size().0, pair.size().1)?;
-            let report = generator.generate(&pair, phase.value(), &mut out)?;
+            let report = generator.generate(pair, phase.value(), &mut out)?;
             if report.outcome == Outcome::CutFallback {
                 log::warn!("a cut was found where the clip has none: {} unexplained", report.unexplained);
             }
