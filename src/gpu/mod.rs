@@ -5,15 +5,18 @@
 //! a [`Moment`] and nowhere else.
 
 mod adapter;
+pub mod compute;
 mod device;
 mod failure;
 mod moment;
 mod queue;
+mod resize;
 
 pub use adapter::{Adapter, adapters};
 pub use device::Gpu;
 pub(crate) use failure::failed_on;
 pub use moment::Moment;
 pub use queue::Queue;
+pub use resize::{Planes, Resize};
 /// The bindings in which objects of Direct3D are handed over.
 pub use windows;

@@ -59,9 +59,12 @@ impl Queue {
     /// # Errors
     /// `DeviceRemoved`.
     pub fn submit(&self, lists: &[ID3D12CommandList]) -> Result<Moment> {
-        let lists: Vec<Option<ID3D12CommandList>> = lists.iter().cloned().map(Some).collect();
+        // An interface is a pointer that is not null, which an Option of it may be.
+        // SAFETY: both have the layout of a pointer.
+        let lists: &[Option<ID3D12CommandList>] =
+            unsafe { std::slice::from_raw_parts(lists.as_ptr().cast(), lists.len()) };
         // SAFETY: live lists of this device; an open one makes Direct3D remove the device, which `now` reports.
-        unsafe { self.queue.ExecuteCommandLists(&lists) };
+        unsafe { self.queue.ExecuteCommandLists(lists) };
         self.now()
     }
 

@@ -14,11 +14,17 @@
 //! gradient along an axis of one cell is 0, a constant channel has depth 0, and whatever is not finite gives 0 where it
 //! stands. The pseudo-depth goes over unchanged as device depth of [`PROJECTION`].
 
+#[cfg(windows)]
+mod gpu;
+
 use half::f16;
 use rayon::prelude::*;
 
 use super::{Guidance, LatentView, Projection};
 use crate::{Error, ErrorKind, Result};
+
+#[cfg(windows)]
+pub use gpu::{GpuExtractor, LatentBuffer};
 
 /// Autoencoder pixels per latent cell, as the paper recorded it.
 pub const COMPRESSION: f32 = 8.0;

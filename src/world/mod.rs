@@ -42,6 +42,7 @@ pub use operating_point::{
 };
 pub use plan::{CachePass, Planner, RingPlan, StepPlan};
 pub use preset::Preset;
+pub use resize::Bilinear;
 pub use ring::{MAX_BUCKETS, Ring};
 pub use rollout::{Probe, Rollout};
 pub use rope::RopeTable;

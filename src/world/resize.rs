@@ -12,7 +12,7 @@ struct Tap {
 }
 
 /// The samples of one resampling; make it once for each pair of sizes.
-pub(super) struct Bilinear {
+pub struct Bilinear {
     columns: Vec<Tap>,
     rows: Vec<Tap>,
     from: (usize, usize),
@@ -20,12 +20,15 @@ pub(super) struct Bilinear {
 
 impl Bilinear {
     /// From `(width, height)` to `(width, height)`, each at least 1.
-    pub(super) fn new(from: (u32, u32), to: (u32, u32)) -> Self {
+    pub fn new(from: (u32, u32), to: (u32, u32)) -> Self {
         Self { columns: taps(from.0, to.0), rows: taps(from.1, to.1), from: (from.0 as usize, from.1 as usize) }
     }
 
     /// Resamples a picture into planes red, green, blue of `[height, width]` numbers in [0, 1]. Alpha is ignored.
-    pub(super) fn to_planes(&self, picture: &Picture, planes: &mut [f32]) {
+    ///
+    /// # Panics
+    /// When the picture or the planes have another size than the samples were made for.
+    pub fn to_planes(&self, picture: &Picture, planes: &mut [f32]) {
         let (width, height) = self.from;
         assert_eq!(picture.size(), (width as u32, height as u32), "the picture has the size the taps were made for");
         let area = self.rows.len() * self.columns.len();
@@ -45,7 +48,10 @@ impl Bilinear {
 
     /// Resamples planes red, green, blue of `[height, width]` numbers into an opaque picture. Numbers outside [0, 1]
     /// are clamped before they are mixed.
-    pub(super) fn to_picture(&self, planes: &[f32], picture: &mut Picture) {
+    ///
+    /// # Panics
+    /// When the picture or the planes have another size than the samples were made for.
+    pub fn to_picture(&self, planes: &[f32], picture: &mut Picture) {
         let (width, height) = self.from;
         assert_eq!(planes.len(), 3 * width * height, "planes are [3, height, width]");
         let size = (self.columns.len(), self.rows.len());

@@ -2,6 +2,8 @@
 // half-pixel centres, edges repeated, numbers clamped to [0, 1] before they are mixed. The same as the processor's own, to the
 // operation.
 
+#include "numbers.hlsli"
+
 cbuffer Constants : register(b0)
 {
     uint2 From;      // width, height of a plane
@@ -13,16 +15,6 @@ cbuffer Constants : register(b0)
 
 ByteAddressBuffer Planes : register(t0);
 RWTexture2D<float4> Picture : register(u0);
-
-float number(uint index)
-{
-    if (Half != 0)
-    {
-        uint pair = Planes.Load((index >> 1) * 4);
-        return f16tof32((index & 1) != 0 ? pair >> 16 : pair & 0xffff);
-    }
-    return asfloat(Planes.Load(index * 4));
-}
 
 // The two samples of place `i` of `to` on `from` samples, and how far the place is from the first to the second. In whole
 // numbers, so that it is exact: the place is (2 i + 1) from / (2 to) - 1/2.
@@ -54,11 +46,9 @@ void main(uint3 at : SV_DispatchThreadID)
         uint top = plane + low.y * From.x;
         uint bottom = plane + high.y * From.x;
         // What is not a number counts as 0.
-        float4 corners = float4(number(top + low.x), number(top + high.x), number(bottom + low.x), number(bottom + high.x));
-        corners = min(max(corners, 0), 1);
-        precise float above = corners.x + (corners.y - corners.x) * t.x;
-        precise float below = corners.z + (corners.w - corners.z) * t.x;
-        precise float value = above + (below - above) * t.y;
+        float4 corners = float4(number(Planes, top + low.x, Half != 0), number(Planes, top + high.x, Half != 0),
+            number(Planes, bottom + low.x, Half != 0), number(Planes, bottom + high.x, Half != 0));
+        float value = mixed(min(max(corners, 0), 1), t);
         // How a float becomes a byte is the adapter's choice within limits; a whole number of levels leaves it none.
         precise float rounded = floor(value * Levels + 0.5) / Levels;
         pixel[channel] = Levels != 0 ? rounded : value;

@@ -1,0 +1,229 @@
+//! One frame's commands.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::core::Interface;
+
+use super::barrier::{transition, written};
+use super::frames::Slot;
+use super::{Kernel, Resting, View};
+use crate::gpu::{Gpu, Moment, Queue, failed_on};
+use crate::{Error, ErrorKind, Result};
+
+/// What a shader may read a resource in.
+const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+/// What a shader writes a resource in.
+const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
+
+/// A frame that is being recorded. Dropped before it is handed on, one in a list of the ring's is forgotten, and one in an engine's
+/// list leaves what it has recorded there, with every resource in the state it rests in.
+pub struct Frame<'a> {
+    gpu: &'a Gpu,
+    heap: &'a ID3D12DescriptorHeap,
+    /// Bytes from one descriptor to the next.
+    step: u32,
+    /// Descriptors that are left.
+    room: u32,
+    /// The next descriptor.
+    next: u32,
+    kind: D3D12_COMMAND_LIST_TYPE,
+    slot: &'a mut Slot,
+    list: ID3D12GraphicsCommandList,
+    own: bool,
+    open: bool,
+}
+
+/// A resource of a frame.
+pub(super) struct Tracked {
+    resource: ID3D12Resource,
+    resting: D3D12_RESOURCE_STATES,
+    current: D3D12_RESOURCE_STATES,
+}
+
+impl<'a> Frame<'a> {
+    pub(super) fn new(
+        gpu: &'a Gpu,
+        heap: &'a ID3D12DescriptorHeap,
+        (step, room): (u32, u32),
+        kind: D3D12_COMMAND_LIST_TYPE,
+        slot: &'a mut Slot,
+        list: ID3D12GraphicsCommandList,
+        own: bool,
+    ) -> Self {
+        let heaps = [Some(heap.clone())];
+        // SAFETY: an open list and a live heap, which the ring keeps until the list has run.
+        unsafe { list.SetDescriptorHeaps(&heaps) };
+        Self { gpu, heap, step, room, next: slot.first, kind, slot, list, own, open: true }
+    }
+
+    /// Ends the frame and gives it to `queue`, of the kind that the ring was made for; the moment when it has run.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a frame in an engine's list, which the engine submits, and for a queue of another kind;
+    /// `DeviceRemoved`.
+    pub fn submit(mut self, queue: &Queue) -> Result<Moment> {
+        let refuse = |why: &str, field: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+        if !self.own {
+            return refuse("the frame is in an engine's list, which the engine submits", "frame");
+        }
+        if queue.kind() != self.kind {
+            return refuse("the queue is of another kind than the frame's list", "queue");
+        }
+        self.gpu.owns(queue.d3d12(), "queue")?;
+        // A driver may run what a device that is gone is given, while what it uses is let go of.
+        if let Some(gone) = self.gpu.removed() {
+            return Err(gone);
+        }
+        self.end();
+        let device = self.gpu.device();
+        // SAFETY: an open list.
+        unsafe { self.list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
+        self.open = false;
+        let moment = queue.submit(&[self.slot.closed(self.gpu)?])?;
+        self.slot.busy = Some(moment.clone());
+        Ok(moment)
+    }
+
+    /// Runs a shader over `groups` of its threads. What it needs of the frame before is there: writes are waited for.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states; `Unsupported` when the
+    /// frame has no descriptor left. Nothing is recorded then.
+    pub(crate) fn run(
+        &mut self,
+        kernel: &Kernel,
+        constants: &[u32],
+        inputs: &[View<'_>],
+        outputs: &[View<'_>],
+        groups: [u32; 3],
+    ) -> Result<()> {
+        let found = [constants.len(), inputs.len(), outputs.len()];
+        let expected = [kernel.shape.constants, kernel.shape.inputs, kernel.shape.outputs].map(|n| n as usize);
+        assert_eq!(found, expected, "constants, inputs and outputs are the kernel's");
+        let read = |view: &View<'_>| inputs.iter().any(|input| input.resting().resource == view.resting().resource);
+        assert!(!outputs.iter().any(read), "a dispatch does not write what it reads");
+        let count = (inputs.len() + outputs.len()) as u32;
+        if count > self.room {
+            return Err(Error::new(ErrorKind::Unsupported, "the frame has no descriptor left")
+                .remedy("Make the ring with more descriptors"));
+        }
+        inputs.iter().chain(outputs).try_for_each(|view| self.takes(&view.resting()))?;
+
+        inputs.iter().for_each(|view| self.becomes(&view.resting(), READ));
+        outputs.iter().for_each(|view| self.becomes(&view.resting(), WRITTEN));
+        self.flush();
+        let table = self.describe(inputs, outputs);
+        self.slot.kernels.push((kernel.root.clone(), kernel.pipeline.clone()));
+        // SAFETY: an open list; the ring holds kernel, heap and resources until it has run.
+        unsafe {
+            self.list.SetComputeRootSignature(&kernel.root);
+            self.list.SetPipelineState(&kernel.pipeline);
+            self.list.SetComputeRoot32BitConstants(0, constants.len() as u32, constants.as_ptr().cast(), 0);
+            self.list.SetComputeRootDescriptorTable(1, table);
+            self.list.Dispatch(groups[0], groups[1], groups[2]);
+        }
+        Ok(())
+    }
+
+    /// Refuses a resource whose state does not fit.
+    fn takes(&self, given: &Resting<'_>) -> Result<()> {
+        let known = WRITTEN
+            | READ
+            | D3D12_RESOURCE_STATE_COPY_DEST
+            | D3D12_RESOURCE_STATE_COPY_SOURCE
+            | D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER
+            | D3D12_RESOURCE_STATE_INDIRECT_ARGUMENT;
+        let refuse = |why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field("state"));
+        // A heap that the processor writes rests in a state of its own, which never changes.
+        let fixed = given.state == D3D12_RESOURCE_STATE_GENERIC_READ;
+        if self.kind == D3D12_COMMAND_LIST_TYPE_COMPUTE && !fixed && given.state & !known != D3D12_RESOURCE_STATE_COMMON
+        {
+            return refuse("a compute queue does not know this state of a resource");
+        }
+        match self.tracked(given.resource) {
+            Some(at) if self.slot.tracked[at].resting != given.state => refuse("a resource is given in two states"),
+            _ => Ok(()),
+        }
+    }
+
+    fn tracked(&self, resource: &ID3D12Resource) -> Option<usize> {
+        self.slot.tracked.iter().position(|known| known.resource.as_raw() == resource.as_raw())
+    }
+
+    /// Brings a resource into the state that the next dispatch needs.
+    fn becomes(&mut self, given: &Resting<'_>, needed: D3D12_RESOURCE_STATES) {
+        let at = self.tracked(given.resource).unwrap_or_else(|| {
+            let (resource, resting) = (given.resource.clone(), given.state);
+            self.slot.tracked.push(Tracked { resource, resting, current: resting });
+            self.slot.tracked.len() - 1
+        });
+        let Slot { tracked, barriers, .. } = &mut *self.slot;
+        let known = &mut tracked[at];
+        if known.current == WRITTEN && needed == WRITTEN {
+            barriers.push(written(&known.resource));
+        } else if !(needed == READ && known.current.contains(READ)) && known.current != needed {
+            barriers.push(transition(&known.resource, known.current, needed));
+            known.current = needed;
+        }
+    }
+
+    /// Records the barriers that were collected.
+    fn flush(&mut self) {
+        if !self.slot.barriers.is_empty() {
+            // SAFETY: an open list; the resources are held and in the states before.
+            unsafe { self.list.ResourceBarrier(&self.slot.barriers) };
+            self.slot.barriers.clear();
+        }
+    }
+
+    /// Writes the table of a dispatch.
+    fn describe(&mut self, inputs: &[View<'_>], outputs: &[View<'_>]) -> D3D12_GPU_DESCRIPTOR_HANDLE {
+        // SAFETY: a live heap that shaders see.
+        let (processors, shaders) =
+            unsafe { (self.heap.GetCPUDescriptorHandleForHeapStart(), self.heap.GetGPUDescriptorHandleForHeapStart()) };
+        let table = shaders.ptr + u64::from(self.next * self.step);
+        for (i, view) in inputs.iter().chain(outputs).enumerate() {
+            let at = D3D12_CPU_DESCRIPTOR_HANDLE { ptr: processors.ptr + (self.next * self.step) as usize };
+            if i < inputs.len() {
+                view.describe_input(self.gpu.device(), at);
+            } else {
+                view.describe_output(self.gpu.device(), at);
+            }
+            self.next += 1;
+            self.room -= 1;
+        }
+        D3D12_GPU_DESCRIPTOR_HANDLE { ptr: table }
+    }
+
+    /// Brings every resource back into the state it rests in.
+    fn end(&mut self) {
+        let Slot { tracked, barriers, .. } = &mut *self.slot;
+        for known in tracked {
+            if known.current != known.resting {
+                barriers.push(transition(&known.resource, known.current, known.resting));
+                known.current = known.resting;
+            }
+        }
+        self.flush();
+    }
+}
+
+impl Drop for Frame<'_> {
+    fn drop(&mut self) {
+        if !self.open {
+            return;
+        }
+        if self.own {
+            // It is recorded anew before anything is submitted; a failure to close shows then.
+            // SAFETY: an open list.
+            _ = unsafe { self.list.Close() };
+        } else {
+            self.end();
+        }
+    }
+}
+
+impl std::fmt::Debug for Frame<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Frame({} resources)", self.slot.tracked.len())
+    }
+}

@@ -1,0 +1,187 @@
+//! The ring of frames.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::core::Interface;
+
+use super::Frame;
+use super::frame::Tracked;
+use crate::gpu::{Gpu, Moment, Queue, failed_on};
+use crate::{Error, ErrorKind, Result};
+
+/// How many frames may be recorded before the first of them has run.
+pub const FRAMES_IN_FLIGHT: usize = 3;
+
+/// Resources, barriers and dispatches of a frame for which there is room from the start.
+const RESOURCES: usize = 32;
+
+/// A ring of frames: the memory of what shaders are run with. Everything is made with it; a frame makes nothing and allocates
+/// nothing, but for more than 32 resources or dispatches in one.
+///
+/// Threads: one at a time; may move between them.
+pub struct Frames {
+    gpu: Gpu,
+    kind: D3D12_COMMAND_LIST_TYPE,
+    pub(super) heap: ID3D12DescriptorHeap,
+    /// Bytes from one descriptor to the next.
+    pub(super) step: u32,
+    /// Descriptors of one frame.
+    pub(super) room: u32,
+    slots: Vec<Slot>,
+    next: usize,
+}
+
+/// One frame's part.
+pub(super) struct Slot {
+    /// Its first descriptor.
+    pub(super) first: u32,
+    allocator: ID3D12CommandAllocator,
+    list: ID3D12GraphicsCommandList,
+    /// Until when the device may use it.
+    pub(super) busy: Option<Moment>,
+    /// What it uses, held until then.
+    pub(super) tracked: Vec<Tracked>,
+    /// The shaders it runs, held as well.
+    pub(super) kernels: Vec<(ID3D12RootSignature, ID3D12PipelineState)>,
+    /// Barriers that are collected for one call.
+    pub(super) barriers: Vec<D3D12_RESOURCE_BARRIER>,
+}
+
+// SAFETY: barriers hold addresses that are read within one call; the objects are free-threaded, and lists are used by one thread
+// at a time because that needs the ring exclusively.
+unsafe impl Send for Slot {}
+
+impl Frames {
+    /// A ring for frames on a queue like `queue`, direct or compute, each with room for `descriptors` views.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, `DeviceRemoved`; `Unsupported` for more descriptors than a heap can have.
+    pub fn new(gpu: &Gpu, queue: &Queue, descriptors: u32) -> Result<Self> {
+        let kind = queue.kind();
+        let all = descriptors.checked_mul(FRAMES_IN_FLIGHT as u32).filter(|all| (1..=1_000_000).contains(all));
+        let Some(all) = all else {
+            let why = format!("a ring for {descriptors} descriptors a frame cannot be made");
+            return Err(Error::new(ErrorKind::Unsupported, why).field("descriptors"));
+        };
+        let wanted = D3D12_DESCRIPTOR_HEAP_DESC {
+            Type: D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV,
+            NumDescriptors: all,
+            Flags: D3D12_DESCRIPTOR_HEAP_FLAG_SHADER_VISIBLE,
+            NodeMask: 0,
+        };
+        let device = gpu.device();
+        // SAFETY: a live device and a description that lives during the call.
+        let heap = unsafe { device.CreateDescriptorHeap(&wanted) }
+            .map_err(|e| failed_on(device, "ID3D12Device::CreateDescriptorHeap", &e))?;
+        // SAFETY: a live device.
+        let step = unsafe { device.GetDescriptorHandleIncrementSize(D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV) };
+        let slots =
+            (0..FRAMES_IN_FLIGHT as u32).map(|i| Slot::new(gpu, kind, i * descriptors)).collect::<Result<_>>()?;
+        Ok(Self { gpu: gpu.clone(), kind, heap, step, room: descriptors, slots, next: 0 })
+    }
+
+    /// Starts a frame in a command list of the ring's, for [`Frame::submit`]. Waits where [`FRAMES_IN_FLIGHT`] frames are under way.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`.
+    pub fn begin(&mut self) -> Result<Frame<'_>> {
+        self.free_next()?;
+        let slot = &self.slots[self.next];
+        // SAFETY: what was recorded with it has run, or was closed and never will.
+        unsafe { slot.allocator.Reset() }
+            .map_err(|e| failed_on(self.gpu.device(), "ID3D12CommandAllocator::Reset", &e))?;
+        // SAFETY: a closed list and an allocator that no list is recorded with.
+        unsafe { slot.list.Reset(&slot.allocator, None) }
+            .map_err(|e| failed_on(self.gpu.device(), "ID3D12GraphicsCommandList::Reset", &e))?;
+        let list = slot.list.clone();
+        Ok(self.start(list, true))
+    }
+
+    /// Starts a frame in an engine's open `list`, which will have run at `until`, a moment that must come even if the list is
+    /// never given to a queue. Waits where [`FRAMES_IN_FLIGHT`] frames are under way.
+    ///
+    /// Afterwards the list has another pipeline, compute root signature and descriptor heaps than before.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a list of another device or of another type than the ring's queue, `DeviceRemoved`.
+    pub fn begin_in(&mut self, list: &ID3D12GraphicsCommandList, until: &Moment) -> Result<Frame<'_>> {
+        self.gpu.owns(list, "list")?;
+        // SAFETY: a live list.
+        if unsafe { list.GetType() } != self.kind {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the list is of another type than the ring's queue")
+                .field("list"));
+        }
+        self.free_next()?;
+        self.slots[self.next].busy = Some(until.clone());
+        Ok(self.start(list.clone(), false))
+    }
+
+    /// Lets go of the resources of frames that have run: before a swap chain is resized, for one.
+    pub fn let_go(&mut self) {
+        for slot in &mut self.slots {
+            if slot.busy.as_ref().is_none_or(Moment::reached) {
+                slot.tracked.clear();
+                slot.kernels.clear();
+            }
+        }
+    }
+
+    /// Waits until the next slot can be used.
+    fn free_next(&mut self) -> Result<()> {
+        if let Some(gone) = self.gpu.removed() {
+            return Err(gone);
+        }
+        let slot = &mut self.slots[self.next];
+        if let Some(moment) = &slot.busy {
+            moment.wait()?;
+        }
+        slot.busy = None;
+        slot.tracked.clear();
+        slot.kernels.clear();
+        slot.barriers.clear();
+        Ok(())
+    }
+
+    fn start(&mut self, list: ID3D12GraphicsCommandList, own: bool) -> Frame<'_> {
+        let slot = self.next;
+        self.next = (slot + 1) % FRAMES_IN_FLIGHT;
+        Frame::new(&self.gpu, &self.heap, (self.step, self.room), self.kind, &mut self.slots[slot], list, own)
+    }
+}
+
+impl Drop for Frames {
+    fn drop(&mut self) {
+        // The device may still use what is freed next. What a device that is gone had to do, nobody does any more.
+        for moment in self.slots.iter().filter_map(|slot| slot.busy.as_ref()) {
+            _ = moment.wait();
+        }
+    }
+}
+
+impl std::fmt::Debug for Frames {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let busy = self.slots.iter().filter(|slot| slot.busy.as_ref().is_some_and(|moment| !moment.reached())).count();
+        write!(f, "Frames({busy} of {FRAMES_IN_FLIGHT} under way)")
+    }
+}
+
+impl Slot {
+    fn new(gpu: &Gpu, kind: D3D12_COMMAND_LIST_TYPE, first: u32) -> Result<Self> {
+        let device = gpu.device();
+        // SAFETY: a live device.
+        let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
+            .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandAllocator", &e))?;
+        // SAFETY: a live device and allocator.
+        let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
+            .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandList", &e))?;
+        // SAFETY: an open list, in which nothing is.
+        unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
+        let (tracked, barriers) = (Vec::with_capacity(RESOURCES), Vec::with_capacity(RESOURCES));
+        let kernels = Vec::with_capacity(RESOURCES);
+        Ok(Self { first, allocator, list, busy: None, tracked, kernels, barriers })
+    }
+
+    /// The closed list as a queue takes it.
+    pub(super) fn closed(&self, gpu: &Gpu) -> Result<ID3D12CommandList> {
+        self.list.cast().map_err(|e| failed_on(gpu.device(), "IUnknown::QueryInterface", &e))
+    }
+}

@@ -1,0 +1,57 @@
+// The paper's guidance brought from the latent grid to render size: bilinear, half-pixel centres, edges repeated.
+
+#include "numbers.hlsli"
+
+cbuffer Constants : register(b0)
+{
+    uint2 Grid;      // width, height
+    uint2 Render;    // width, height
+};
+
+// As paper_grid.hlsl leaves it.
+ByteAddressBuffer Cells : register(t0);
+RWTexture2D<float2> Motion : register(u0);
+RWTexture2D<float> Depth : register(u1);
+
+static const uint WORDS = 5;
+static const float COMPRESSION = 8;
+
+// The two cells of place `i` of `to` on `from` cells, and the weight of the second. In whole numbers, so that it is exact.
+void cells_of(uint i, uint from, uint to, out uint low, out uint high, out float t)
+{
+    int place = int((2 * i + 1) * from) - int(to);
+    bool outside = place < 0;
+    uint rest = outside ? uint(place + int(2 * to)) : uint(place);
+    uint cell = rest / (2 * to);
+    low = outside ? 0 : min(cell, from - 1);
+    high = outside ? 0 : min(cell + 1, from - 1);
+    t = float(rest - cell * 2 * to) / float(2 * to);
+}
+
+[numthreads(8, 8, 1)]
+void main(uint3 at : SV_DispatchThreadID)
+{
+    if (any(at.xy >= Render))
+    {
+        return;
+    }
+    uint2 low, high;
+    float2 t;
+    cells_of(at.x, Grid.x, Render.x, low.x, high.x, t.x);
+    cells_of(at.y, Grid.y, Render.y, low.y, high.y, t.y);
+    float3 a = asfloat(Cells.Load3(((low.y * Grid.x + low.x) * WORDS + 2) * 4));
+    float3 b = asfloat(Cells.Load3(((low.y * Grid.x + high.x) * WORDS + 2) * 4));
+    float3 c = asfloat(Cells.Load3(((high.y * Grid.x + low.x) * WORDS + 2) * 4));
+    float3 d = asfloat(Cells.Load3(((high.y * Grid.x + high.x) * WORDS + 2) * 4));
+    float2 motion = 0;
+    [unroll]
+    for (uint axis = 0; axis < 2; axis++)
+    {
+        // Subtracted from 0 rather than negated, so that no motion is +0.
+        precise float m = 0 - COMPRESSION * mixed(float4(a[axis], b[axis], c[axis], d[axis]), t);
+        float limit = float(Render[axis]);
+        motion[axis] = finite(m) ? min(max(m, -limit), limit) : 0;
+    }
+    Motion[at.xy] = motion;
+    Depth[at.xy] = min(max(mixed(float4(a.z, b.z, c.z, d.z), t), 0), 1);
+}

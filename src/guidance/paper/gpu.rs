@@ -1,0 +1,120 @@
+//! The paper's extractor on a Direct3D device: the same formulas, from latents in buffers into textures.
+
+use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use crate::gpu::Gpu;
+use crate::gpu::compute::{Frame, Kernel, Resting, Shape, View, Words, device_buffer, texture};
+use crate::{Error, ErrorKind, MAX_SIDE, Result};
+
+/// A latent in a buffer: `[channels, height, width]` numbers, tightly packed.
+#[derive(Clone, Copy)]
+pub struct LatentBuffer<'a> {
+    /// Where it is.
+    pub buffer: Resting<'a>,
+    /// Its first number, counted in numbers.
+    pub first: u32,
+}
+
+/// The extractor for latents of one shape. What it writes is within two steps of a half of what
+/// [`Extractor`](super::Extractor) writes; below the smallest normal half its steps count.
+pub struct GpuExtractor {
+    gpu: Gpu,
+    grid: Kernel,
+    lift: Kernel,
+    /// Per cell five words, as the shaders say.
+    cells: ID3D12Resource,
+    shape: [u32; 3],
+    half: bool,
+}
+
+/// The most channels whose sums the shader divides as exactly as it says.
+const CHANNELS: usize = 2047;
+/// Words of a cell between the two shaders.
+const WORDS: u32 = 5;
+/// Sides of a group of threads at render size.
+const GROUP: u32 = 8;
+/// Formats of motion and of depth.
+const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
+const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
+
+impl GpuExtractor {
+    /// Makes it ready for latents of shape `[channels, height, width]`, of halves or of floats. A frame of
+    /// [`record`](Self::record) takes six descriptors.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a dimension of 0, a side beyond [`MAX_SIDE`](crate::MAX_SIDE), more than 2047 channels, or more than 2^28 numbers;
+    /// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver refuses a shader.
+    pub fn new(gpu: &Gpu, shape: [usize; 3], half: bool) -> Result<Self> {
+        let [channels, height, width] = shape;
+        let side = 1..=MAX_SIDE as usize;
+        let numbers = channels.checked_mul(height).and_then(|n| n.checked_mul(width));
+        let fits = numbers.is_some_and(|n| (1..=1 << 28).contains(&n)) && channels <= CHANNELS;
+        if !side.contains(&height) || !side.contains(&width) || !fits {
+            let why = format!("a latent of shape {shape:?} is not taken");
+            return Err(Error::new(ErrorKind::InvalidArgument, why).field("latent"));
+        }
+        // At most 2^28 each.
+        let shape = shape.map(|n| n as u32);
+        let cells = device_buffer(gpu, u64::from(shape[1]) * u64::from(shape[2]) * u64::from(WORDS) * 4)?;
+        let grid = Shape { constants: 6, inputs: 2, outputs: 1 };
+        let lift = Shape { constants: 4, inputs: 1, outputs: 2 };
+        let grid = Kernel::new(gpu, include_bytes!("../../gpu/shaders/paper_grid.dxbc"), grid)?;
+        let lift = Kernel::new(gpu, include_bytes!("../../gpu/shaders/paper_lift.dxbc"), lift)?;
+        Ok(Self { gpu: gpu.clone(), grid, lift, cells, shape, half })
+    }
+
+    /// Records the step from `z0` (previous) to `z1` (current) into `motion`, R16G16 or R32G32 (FLOAT), and `depth`, R32 or R16
+    /// (FLOAT): textures of the render size, of two dimensions with one level, layer and sample, which shaders may write.
+    ///
+    /// Frames of one extractor are recorded for one queue: they share its working memory.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a buffer that is too short, for other textures or of two sizes, and for what is another device's;
+    /// `Unsupported` when the device cannot write a format from a shader; as for any frame.
+    pub fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        z0: &LatentBuffer<'_>,
+        z1: &LatentBuffer<'_>,
+        motion: &Resting<'_>,
+        depth: &Resting<'_>,
+    ) -> Result<()> {
+        let [channels, height, width] = self.shape;
+        let inputs = [self.latent(z0, "z0")?, self.latent(z1, "z1")?];
+        let to = texture(&self.gpu, motion, &MOTION, "motion")?;
+        let beside = texture(&self.gpu, depth, &DEPTH, "depth")?;
+        if (to.width, to.height) != (beside.width, beside.height) {
+            let sizes = [to.width, to.height, beside.width, beside.height];
+            let why = format!("motion has {} x {} pixels, depth {} x {}", sizes[0], sizes[1], sizes[2], sizes[3]);
+            return Err(Error::new(ErrorKind::InvalidArgument, why).field("depth"));
+        }
+        let cells = Resting { resource: &self.cells, state: D3D12_RESOURCE_STATE_COMMON };
+        let cells = View::Buffer(cells, Words { first: 0, count: height * width * WORDS });
+        let constants = [width, height, z0.first, z1.first, channels, u32::from(self.half)];
+        frame.run(&self.grid, &constants, &inputs, &[cells], [1, 1, 1])?;
+        let outputs = [View::Texture(*motion, to.format), View::Texture(*depth, beside.format)];
+        let groups = [to.width.div_ceil(GROUP), to.height.div_ceil(GROUP), 1];
+        frame.run(&self.lift, &[width, height, to.width, to.height], &[cells], &outputs, groups)
+    }
+
+    /// The words of a buffer up to the end of a latent.
+    fn latent<'a>(&self, given: &LatentBuffer<'a>, field: &str) -> Result<View<'a>> {
+        let numbers: u64 = self.shape.iter().map(|n| u64::from(*n)).product();
+        let element = if self.half { 2 } else { 4 };
+        let bytes = ((u64::from(given.first) + numbers) * element).next_multiple_of(4);
+        // What a shader counts in bytes, it counts in 32 bits.
+        if u32::try_from(bytes).is_err() {
+            let why = format!("a latent that starts at number {} lies beyond 4 GiB", given.first);
+            return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+        }
+        given.buffer.buffer(&self.gpu, bytes, field)?;
+        Ok(View::Buffer(given.buffer, Words { first: 0, count: (bytes / 4) as u32 }))
+    }
+}
+
+impl std::fmt::Debug for GpuExtractor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "GpuExtractor({:?})", self.shape)
+    }
+}

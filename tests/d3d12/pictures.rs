@@ -1,0 +1,171 @@
+//! Buffers and textures with contents, as an engine makes them, and how they are read back.
+
+use cairn::gpu::Gpu;
+use cairn::gpu::compute::Resting;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
+use cairn::gpu::windows::core::Interface;
+
+/// A resource with the state it rests in.
+pub(crate) struct Kept {
+    pub(crate) resource: ID3D12Resource,
+    pub(crate) state: D3D12_RESOURCE_STATES,
+}
+
+impl Kept {
+    pub(crate) fn resting(&self) -> Resting<'_> {
+        Resting { resource: &self.resource, state: self.state }
+    }
+}
+
+/// A buffer on the device that holds `bytes`.
+pub(crate) fn buffer(gpu: &Gpu, bytes: &[u8]) -> Kept {
+    let upload = made(gpu, D3D12_HEAP_TYPE_UPLOAD, &linear(bytes.len()), D3D12_RESOURCE_STATE_GENERIC_READ);
+    let mut place = std::ptr::null_mut();
+    // SAFETY: a buffer of a heap that the processor sees.
+    unsafe { upload.Map(0, None, Some(&mut place)) }.expect("a mapping");
+    // SAFETY: the mapping is as long as the buffer, and nothing uses it yet.
+    unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), place.cast::<u8>(), bytes.len()) };
+    let mut wanted = linear(bytes.len());
+    wanted.Flags = D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS;
+    let resource = made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, D3D12_RESOURCE_STATE_COMMON);
+    run(gpu, |list| {
+        // SAFETY: an open list; both buffers live until it has run.
+        unsafe { list.CopyBufferRegion(&resource, 0, &upload, 0, bytes.len() as u64) };
+    });
+    Kept { resource, state: D3D12_RESOURCE_STATE_COMMON }
+}
+
+/// A texture that shaders may write, and that rests in `state`.
+pub(crate) fn texture(
+    gpu: &Gpu,
+    (width, height): (u32, u32),
+    format: DXGI_FORMAT,
+    state: D3D12_RESOURCE_STATES,
+) -> Kept {
+    let flags = D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS | D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
+    let wanted = flat((width, height), format, flags);
+    Kept { resource: made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state }
+}
+
+/// A texture's description.
+pub(crate) fn flat(
+    (width, height): (u32, u32),
+    format: DXGI_FORMAT,
+    flags: D3D12_RESOURCE_FLAGS,
+) -> D3D12_RESOURCE_DESC {
+    D3D12_RESOURCE_DESC {
+        Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
+        Width: u64::from(width),
+        Height: height,
+        DepthOrArraySize: 1,
+        MipLevels: 1,
+        Format: format,
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        Flags: flags,
+        ..Default::default()
+    }
+}
+
+pub(crate) fn made(
+    gpu: &Gpu,
+    heap: D3D12_HEAP_TYPE,
+    wanted: &D3D12_RESOURCE_DESC,
+    state: D3D12_RESOURCE_STATES,
+) -> ID3D12Resource {
+    let heap = D3D12_HEAP_PROPERTIES { Type: heap, ..Default::default() };
+    let mut made: Option<ID3D12Resource> = None;
+    // SAFETY: descriptions and place live during the call.
+    unsafe { gpu.device().CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, wanted, state, None, &mut made) }
+        .expect("a resource");
+    made.expect("a resource")
+}
+
+fn linear(bytes: usize) -> D3D12_RESOURCE_DESC {
+    D3D12_RESOURCE_DESC {
+        Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
+        Width: bytes.next_multiple_of(4) as u64,
+        Height: 1,
+        DepthOrArraySize: 1,
+        MipLevels: 1,
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        Layout: D3D12_TEXTURE_LAYOUT_ROW_MAJOR,
+        ..Default::default()
+    }
+}
+
+/// The rows of a texture, each of `row` bytes.
+pub(crate) fn read(gpu: &Gpu, texture: &Kept, row: usize) -> Vec<u8> {
+    // SAFETY: a live resource.
+    let wanted = unsafe { texture.resource.GetDesc() };
+    let rows = wanted.Height as usize;
+    let mut place = D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default();
+    let mut bytes = 0;
+    // SAFETY: places that live during the call.
+    unsafe { gpu.device().GetCopyableFootprints(&wanted, 0, 1, 0, Some(&mut place), None, None, Some(&mut bytes)) };
+    let back = made(gpu, D3D12_HEAP_TYPE_READBACK, &linear(bytes as usize), D3D12_RESOURCE_STATE_COPY_DEST);
+    run(gpu, |list| {
+        let from = D3D12_TEXTURE_COPY_LOCATION {
+            // SAFETY: a copy without a reference, only read during the call.
+            pResource: unsafe { std::mem::transmute_copy(&texture.resource) },
+            Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
+            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
+        };
+        let to = D3D12_TEXTURE_COPY_LOCATION {
+            // SAFETY: as above.
+            pResource: unsafe { std::mem::transmute_copy(&back) },
+            Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
+            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { PlacedFootprint: place },
+        };
+        becomes(list, texture, texture.state, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        // SAFETY: an open list; both resources live until it has run.
+        unsafe { list.CopyTextureRegion(&to, 0, 0, 0, &from, None) };
+        becomes(list, texture, D3D12_RESOURCE_STATE_COPY_SOURCE, texture.state);
+    });
+    let mut address = std::ptr::null_mut();
+    // SAFETY: a buffer of a heap that the processor sees.
+    unsafe { back.Map(0, None, Some(&mut address)) }.expect("a mapping");
+    // SAFETY: the mapping is as long as the buffer and the device is done with it.
+    let all = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), bytes as usize) };
+    (0..rows).flat_map(|y| all[y * place.Footprint.RowPitch as usize..][..row].to_vec()).collect()
+}
+
+fn becomes(
+    list: &ID3D12GraphicsCommandList,
+    texture: &Kept,
+    before: D3D12_RESOURCE_STATES,
+    after: D3D12_RESOURCE_STATES,
+) {
+    if before == after {
+        return;
+    }
+    let barrier = D3D12_RESOURCE_BARRIER {
+        Type: D3D12_RESOURCE_BARRIER_TYPE_TRANSITION,
+        Anonymous: D3D12_RESOURCE_BARRIER_0 {
+            Transition: std::mem::ManuallyDrop::new(D3D12_RESOURCE_TRANSITION_BARRIER {
+                // SAFETY: a copy without a reference, only read during the call.
+                pResource: unsafe { std::mem::transmute_copy(&texture.resource) },
+                Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
+                StateBefore: before,
+                StateAfter: after,
+            }),
+        },
+        ..Default::default()
+    };
+    // SAFETY: an open list and a live resource.
+    unsafe { list.ResourceBarrier(&[barrier]) };
+}
+
+/// Records a list for the queue of frames, runs it, and waits.
+pub(crate) fn run(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) {
+    let kind = gpu.frames().kind();
+    // SAFETY: a live device.
+    let allocator: ID3D12CommandAllocator = unsafe { gpu.device().CreateCommandAllocator(kind) }.expect("an allocator");
+    // SAFETY: a live device and allocator.
+    let list: ID3D12GraphicsCommandList =
+        unsafe { gpu.device().CreateCommandList(0, kind, &allocator, None) }.expect("a list");
+    record(&list);
+    // SAFETY: an open list.
+    unsafe { list.Close() }.expect("a closed list");
+    gpu.frames().submit(&[list.cast().expect("a list")]).expect("a submission").wait().expect("it is done");
+}
