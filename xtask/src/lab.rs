@@ -3,6 +3,8 @@
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, ExitCode, ExitStatus};
+use std::sync::mpsc::channel;
+use std::time::Duration;
 
 use provision::lab::Lab;
 use provision::{Console, Progress};
@@ -15,12 +17,34 @@ pub(crate) fn build() -> Result<(), String> {
     Ok(())
 }
 
-/// Runs a Windows program with our own streams, in the lab or, on Windows, as it is; gives its exit status.
+/// The exit status after Ctrl-C, as shells have it.
+const INTERRUPTED: u8 = 130;
+
+/// How often it is looked whether the program has ended.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// Runs a Windows program with our own streams, in the lab or, on Windows, as it is; gives its exit status. Ctrl-C ends the
+/// program and all that it started.
 pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, String> {
     let mut command = command(program)?;
-    let status = command.args(arguments).status().map_err(|e| format!("{}: {e}", program.display()))?;
+    let failed = |e: std::io::Error| format!("{}: {e}", program.display());
+    let (interrupt, interrupted) = channel();
+    ctrlc::set_handler(move || _ = interrupt.send(())).map_err(|e| format!("Ctrl-C cannot be heard: {e}"))?;
+    let mut child = command.args(arguments).spawn().map_err(failed)?;
+    let status = loop {
+        let ended = child.try_wait().map_err(failed)?;
+        if interrupted.recv_timeout(LOOK).is_ok() {
+            // A terminal tells the program as well, which may have ended by itself.
+            _ = child.kill();
+            child.wait().map_err(failed)?;
+            break INTERRUPTED;
+        }
+        if let Some(status) = ended {
+            break code(status);
+        }
+    };
     Lab::tidy();
-    Ok(ExitCode::from(code(status)))
+    Ok(ExitCode::from(status))
 }
 
 /// A command that runs a Windows program, wherever we are.

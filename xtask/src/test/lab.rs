@@ -135,7 +135,8 @@ fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Re
         (crashed.status == Some(0))
             .then(|| format!("a program that crashes is told from one that does not: {crashed:?}")),
     );
-    tally.check(echo.killed(log)?);
+    tally.check(echo.ended_by(Signal::Kill, None, log)?);
+    tally.check(echo.ended_by(Signal::Interrupt, Some(130), log)?);
     tally.check((mounts()? != before).then(|| "something stays mounted".to_owned()));
     Ok(())
 }
@@ -151,6 +152,15 @@ fn mark(echo: &Echo, name: &str, text: &str) -> Result<String, String> {
 struct Echo {
     program: PathBuf,
     folder: PathBuf,
+}
+
+/// What ends a run from outside.
+#[derive(Debug, Clone, Copy)]
+enum Signal {
+    /// Nothing can answer it.
+    Kill,
+    /// Ctrl-C.
+    Interrupt,
 }
 
 /// How a run ended.
@@ -193,21 +203,32 @@ impl Echo {
         Ok(Ended { status: status.code(), out: stdout, err: stderr })
     }
 
-    /// Kills a run with a signal that nothing can answer, while the program and its child wait; says what stays behind.
-    fn killed(&self, log: &mut Log) -> Result<Option<String>, String> {
+    /// Ends a run by a signal while the program and its child wait; says what stays behind, and an exit status that is not
+    /// `expected`.
+    fn ended_by(&self, signal: Signal, expected: Option<i32>, log: &mut Log) -> Result<Option<String>, String> {
         let mark = self.folder.join("started");
         _ = fs::remove_file(&mark);
         let mut child = self.command(&["stay", "started"])?.spawn().map_err(|e| e.to_string())?;
         let started = within(PATIENCE, || mark.is_file());
         let running = self.running();
-        _ = child.kill();
-        _ = child.wait();
-        log.line(&format!("before the kill: {running:?}"))?;
+        match signal {
+            Signal::Kill => _ = child.kill(),
+            // To this process alone: what a terminal's Ctrl-C tells the others as well must not be needed.
+            Signal::Interrupt => {
+                let kill = format!("kill -INT {}", child.id());
+                Command::new("sh").args(["-c", &kill]).status().map_err(|e| format!("{kill}: {e}"))?;
+            }
+        }
+        let status = child.wait().map_err(|e| e.to_string())?.code();
+        log.line(&format!("before {signal:?}: {running:?}; exit status {status:?}"))?;
         if !started || running.len() < 2 {
             return Ok(Some(format!("the program and its child did not start: {running:?}")));
         }
+        if status != expected {
+            return Ok(Some(format!("{signal:?} gives the exit status {status:?}, not {expected:?}")));
+        }
         let gone = within(PATIENCE, || self.running().is_empty());
-        Ok((!gone).then(|| format!("processes stay behind a run that was killed: {:?}", self.running())))
+        Ok((!gone).then(|| format!("processes stay behind a run that ended by {signal:?}: {:?}", self.running())))
     }
 
     /// Processes of the lab's that name the program.
