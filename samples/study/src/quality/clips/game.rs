@@ -110,15 +110,21 @@ impl Game {
                 store.picture(&self.capture, &tic.to_string(), || Ok(picture))?;
             }
             for target in &self.targets {
-                for (values, kind, tic) in
-                    [(&depth, "depth", 2 * target.anchor), (&world, "world", 2 * target.anchor - 1)]
-                {
-                    self.plane(kind, tic, store, || Ok(of_tic(values, tic)))?;
-                }
+                let tic = 2 * target.anchor - 1;
+                self.plane("world", tic, store, || Ok(of_tic(&world, tic)))?;
             }
+            self.keep_depths(&depth, store)?;
             Ok(cameras)
         })?;
         Ok(values.chunks_exact(4).map(Camera::new).collect())
+    }
+
+    /// Keeps the depths of both anchors of every interval.
+    fn keep_depths(&self, depths: &[f32], store: &Store) -> Result<()> {
+        for tic in self.targets.iter().flat_map(|target| [2 * target.anchor - 2, 2 * target.anchor]) {
+            self.plane("depth", tic, store, || Ok(of_tic(depths, tic)))?;
+        }
+        Ok(())
     }
 
     /// One number to every pixel of a tic.
@@ -180,7 +186,12 @@ impl Clip for Game {
     fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>> {
         let cameras = self.cameras(store)?;
         let (now, before) = (cameras[2 * number], cameras[2 * number - 2]);
-        let distances = self.plane("depth", 2 * number, store, || Ok(of_tic(&self.record()?.depth, 2 * number)))?;
+        let distances = self.plane("depth", 2 * number, store, || {
+            // To play once more takes long, and what one interval lacks the others do.
+            let depths = self.record()?.depth;
+            self.keep_depths(&depths, store)?;
+            Ok(of_tic(&depths, 2 * number))
+        })?;
         let vectors = (0..).zip(&distances).map(|(i, distance)| {
             let pixel = [f64::from(i % SIZE.0), f64::from(i / SIZE.0)];
             now.motion(pixel, f64::from(*distance), &before).map(f16::from_f64)
