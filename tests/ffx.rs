@@ -2,14 +2,26 @@
 //! lab.
 #![cfg(windows)]
 
-use cairn::ffx::bindings::{CreateFrameGeneration, Dimensions, ResourceState, SurfaceFormat};
-use cairn::ffx::{Choice, Context, Dialect, Effect, Family, FileVersion, Library, LoadOptions, Part};
+use cairn::ffx::bindings::{
+    Coordinates, CreateFrameGeneration, Dimensions, DispatchFrameGeneration, Rect, Resource, ResourceState,
+    SurfaceFormat, TransferFunction,
+};
+use cairn::ffx::{
+    Camera, Chain, Choice, Context, Dialect, Effect, Family, FileVersion, Frame, Generator, Library, LoadOptions, Part,
+};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 use cairn::{ErrorKind, Result};
 
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{
+    DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT,
+};
+
+#[path = "ffx/pictures.rs"]
+mod pictures;
 #[path = "ffx/stage.rs"]
 mod stage;
+use pictures::{Texture, Work};
 use stage::{ANALYTIC, ANALYTIC_20, ML, Stage, alone, system};
 
 fn head() -> CreateFrameGeneration {
@@ -192,6 +204,78 @@ fn what_nobody_signed_is_not_loaded_where_only_amd_s_own_is_wanted() {
     assert_eq!(refused.kind(), ErrorKind::RuntimeMissing);
     assert!(refused.cause().contains("it has no signature"), "{refused}");
     assert!(stage.load().is_ok());
+}
+
+#[test]
+fn frames_of_each_release_are_asked_for_as_it_wants() {
+    for lines in [["sdk 2.0", ANALYTIC_20], ["sdk 2.1", ML]] {
+        let stage = Stage::empty().with(Part::FrameGeneration, &lines);
+        let library = stage.load().expect("loaded");
+        let gpu = Gpu::on_adapter(None).expect("a device");
+        let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
+        // SAFETY: a live device, which outlives the generator.
+        let mut generator = unsafe { Generator::create(api, device, Choice::Any, head()) }.expect("a generator");
+        let size = head().display_size;
+        let texture = |format| Texture::new(&gpu, format, (size.width, size.height));
+        let textures = [
+            texture(DXGI_FORMAT_R8G8B8A8_UNORM),
+            texture(DXGI_FORMAT_R8G8B8A8_UNORM),
+            texture(DXGI_FORMAT_R32_FLOAT),
+            texture(DXGI_FORMAT_R16G16_FLOAT),
+        ];
+        let described = |texture: &Texture| Resource::of(&texture.resource, ResourceState::UNORDERED_ACCESS);
+        let [color, output, depth, motion] = [0, 1, 2, 3].map(|index: usize| described(&textures[index]));
+        for (number, reset) in (1_u8..).zip([false, false, true, false]) {
+            let pixel = |x: u32, y: u32| [number, (x & 0xff) as u8, (y & 0xff) as u8, 255];
+            textures[0].fill(&gpu, pixel);
+            let work = Work::new(&gpu);
+            let frame = Frame {
+                command_list: work.list.as_raw(),
+                color,
+                output,
+                depth,
+                motion,
+                render_size: size,
+                jitter: Coordinates::default(),
+                motion_scale: Coordinates { x: 1.0, y: 1.0 },
+                frame_time: 66.6,
+                camera: Camera::default(),
+                reset,
+                hudless: Resource::default(),
+                rect: Rect::default(),
+                transfer: TransferFunction::SRGB,
+                luminance: [0.0, 100.0],
+            };
+            // SAFETY: an open list of the generator's device, and textures that live until it has run.
+            unsafe { generator.record(&frame) }.expect("recorded");
+            work.run();
+            // The double copies: what it was told of list, pictures and states is right, or this is something else.
+            let found = textures[1].read(&gpu);
+            for (index, found) in (0..).zip(found) {
+                assert_eq!(found, pixel(index % size.width, index / size.width), "pixel {index} of frame {number}");
+            }
+        }
+        assert!(gpu.removed().is_none());
+        drop(generator);
+        assert_eq!(stage.judgement(), [""; 0]);
+        let frames = stage.calls().iter().filter(|call| *call == "dispatch 20003 0").count();
+        assert_eq!(frames, 4, "{:?}", stage.calls());
+    }
+}
+
+#[test]
+fn the_judge_finds_what_is_wrong_with_a_frame() {
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML]);
+    let mut context = made(&stage.load().expect("loaded"), Choice::Any).expect("a context");
+    let mut picture = Chain::new(DispatchFrameGeneration { frame_id: 7, ..Default::default() });
+    // SAFETY: the double refuses pointers that are null.
+    let refused = unsafe { context.dispatch(&mut picture) }.expect_err("refused");
+    assert_eq!(refused.kind(), ErrorKind::InvalidArgument);
+    let found = stage.judgement();
+    for fault in ["no command list", "frame 7 after None and None", "0 frames, reset 0", "color: there is no resource"]
+    {
+        assert!(found.iter().any(|line| line.contains(fault)), "{fault}: {found:?}");
+    }
 }
 
 /// Numbers of formats and states against Microsoft's own.

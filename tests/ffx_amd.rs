@@ -4,10 +4,22 @@
 use std::path::PathBuf;
 
 use cairn::ErrorKind;
-use cairn::ffx::bindings::{CreateFlags, CreateFrameGeneration, Dimensions, SurfaceFormat};
-use cairn::ffx::{Choice, Context, Effect, Family, FileVersion, Library, LoadOptions, Part, versions};
+use cairn::ffx::bindings::{
+    Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, Rect, Resource, ResourceState, SurfaceFormat,
+    TransferFunction,
+};
+use cairn::ffx::{
+    Camera, Choice, Context, Effect, Family, FileVersion, Frame, Generator, Library, LoadOptions, Part, versions,
+};
 use cairn::gpu::Gpu;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{
+    DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT,
+};
 use cairn::gpu::windows::core::Interface;
+
+#[path = "ffx/pictures.rs"]
+mod pictures;
+use pictures::{Texture, Work};
 
 fn options(signed: bool) -> LoadOptions {
     let directory = std::env::var_os("CAIRN_FFX_DIR").map(PathBuf::from);
@@ -86,6 +98,86 @@ fn a_provider_is_chosen_made_and_says_what_it_is() {
         assert!(context.provider().verified);
         if let Some(family) = family {
             assert_eq!(context.provider().version.family(), Some(family));
+        }
+    }
+    assert!(gpu.removed().is_none());
+}
+
+/// A picture that has moved to the right by so many pixels.
+fn moved(by: f32) -> impl Fn(u32, u32) -> [u8; 4] {
+    move |x, y| {
+        let (x, y) = (x as f32 - by, y as f32);
+        let wave = |phase: f32| (128.0 + 100.0 * phase.sin()) as u8;
+        [wave(x * 0.05), wave(y * 0.07 + x * 0.02), wave(x * 0.03 - y * 0.04), 255]
+    }
+}
+
+/// PSNR of the inner part of a picture.
+fn psnr(found: &[[u8; 4]], truth: impl Fn(u32, u32) -> [u8; 4], size: Dimensions) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for y in 20..size.height - 20 {
+        for x in 60..size.width - 60 {
+            for (a, b) in found[(y * size.width + x) as usize].iter().zip(truth(x, y)).take(3) {
+                sum += (f64::from(*a) - f64::from(b)).powi(2);
+                count += 1.0;
+            }
+        }
+    }
+    10.0 * (255.0 * 255.0 / (sum / count + 1e-9)).log10()
+}
+
+#[test]
+#[ignore = "needs amd-dlls"]
+fn a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
+    // SAFETY: a live device, which outlives the generator.
+    let mut generator =
+        unsafe { Generator::create(api, device, Choice::Prefer(Family::Analytic), head()) }.expect("a generator");
+    let size = head().display_size;
+    let texture = |format| Texture::new(&gpu, format, (size.width, size.height));
+    let (color, output) = (texture(DXGI_FORMAT_R8G8B8A8_UNORM), texture(DXGI_FORMAT_R8G8B8A8_UNORM));
+    let (depth, motion) = (texture(DXGI_FORMAT_R32_FLOAT), texture(DXGI_FORMAT_R16G16_FLOAT));
+    depth.fill(&gpu, |_, _| 0.5_f32.to_le_bytes());
+    // -16 to the right and 0 down, as half floats: from where it is to where it was.
+    motion.fill(&gpu, |_, _| [0x00, 0xcc, 0, 0]);
+    let resource = |texture: &Texture| Resource::of(&texture.resource, ResourceState::UNORDERED_ACCESS);
+    for (number, reset) in (1_u8..).zip([false, false, false, true]) {
+        let now = STEP * f32::from(number);
+        color.fill(&gpu, moved(now));
+        let work = Work::new(&gpu);
+        let frame = Frame {
+            command_list: work.list.as_raw(),
+            color: resource(&color),
+            output: resource(&output),
+            depth: resource(&depth),
+            motion: resource(&motion),
+            render_size: size,
+            jitter: Coordinates::default(),
+            motion_scale: Coordinates { x: 1.0, y: 1.0 },
+            frame_time: 66.6,
+            camera: Camera::default(),
+            reset,
+            hudless: Resource::default(),
+            rect: Rect::default(),
+            transfer: TransferFunction::SRGB,
+            luminance: [0.0, 100.0],
+        };
+        // SAFETY: an open list of the generator's device, and textures that live until it has run.
+        unsafe { generator.record(&frame) }.expect("recorded");
+        work.run();
+        let found = output.read(&gpu);
+        let [before, half, after] = [now - STEP, now - STEP / 2.0, now].map(|at| psnr(&found, moved(at), size));
+        println!(
+            "frame {number}: {before:.1} dB to the frame before, {half:.1} dB to the truth, {after:.1} dB to the frame"
+        );
+        // At the start and after a cut there is nothing between.
+        if number == 1 || reset {
+            assert!(after > 45.0, "frame {number}: {after} dB to the frame");
+        } else {
+            assert!(half > 45.0 && before < 30.0 && after < 30.0, "frame {number}: {before} {half} {after} dB");
         }
     }
     assert!(gpu.removed().is_none());

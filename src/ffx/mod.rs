@@ -9,13 +9,19 @@ mod api;
 pub mod bindings;
 mod chain;
 mod context;
+mod generator;
 mod library;
 mod message;
+#[cfg(test)]
+mod played;
 mod provider;
+#[cfg(windows)]
+mod resource;
 
 pub use api::{Api, Effect};
 pub use chain::{Chain, Described, Extends, Header};
 pub use context::{Context, Provider};
+pub use generator::{Camera, Frame, Generator};
 pub use library::Part;
 #[cfg(windows)]
 pub use library::{File, FileVersion, Library, LoadOptions};

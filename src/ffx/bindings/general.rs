@@ -47,7 +47,7 @@ plain! {
 
 impl Dimensions {
     /// What Direct3D 12 makes no texture for.
-    pub(super) fn fault(self) -> Option<&'static str> {
+    pub(in crate::ffx) fn fault(self) -> Option<&'static str> {
         const LARGEST: u32 = 16384;
         match (self.width.min(self.height), self.width.max(self.height)) {
             (0, _) => Some("a size must be above 0"),
@@ -78,6 +78,22 @@ plain! {
         8 4 width: i32,
         /// Rows.
         12 4 height: i32,
+    }
+}
+
+impl Rect {
+    /// What is wrong with it as a part of a picture of that size.
+    pub(in crate::ffx) fn fault(self, whole: Dimensions) -> Option<&'static str> {
+        let Self { left, top, width, height } = self;
+        if left < 0 || top < 0 || width < 0 || height < 0 {
+            return Some("it must not be negative");
+        }
+        if (width == 0) != (height == 0) {
+            return Some("it must have both sides, or neither");
+        }
+        let end = |start: i32, length: i32| i64::from(start) + i64::from(length);
+        let leaves = end(left, width) > whole.width.into() || end(top, height) > whole.height.into();
+        leaves.then_some("it must lie in the picture")
     }
 }
 
@@ -112,6 +128,26 @@ plain! {
         8 32 description: ResourceDescription,
         /// The state it is in when the list gets to the call, and in again afterwards.
         40 4 state: ResourceState,
+    }
+}
+
+impl Resource {
+    /// What is wrong with it as a picture of that size.
+    pub(in crate::ffx) fn fault(&self, size: Dimensions) -> Option<&'static str> {
+        let Self { resource, description, state, .. } = self;
+        if resource.is_null() {
+            return Some("there is no resource");
+        }
+        if description.kind != ResourceType::TEXTURE_2D || description.depth > 1 {
+            return Some("it is no single picture");
+        }
+        if (description.width, description.height) != (size.width, size.height) {
+            return Some("it is of another size");
+        }
+        if description.format == SurfaceFormat::UNKNOWN {
+            return Some("ffx-api has not its format");
+        }
+        state.to_d3d12().is_none().then_some("it is in a state that ffx-api has not")
     }
 }
 

@@ -9,9 +9,10 @@ use windows::Win32::Graphics::Direct3D12::ID3D12Device;
 use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryA};
 use windows::core::{IUnknown, Interface, PCSTR, s};
 
+use crate::frames::{CONFIGURE, Frames, PICTURE, PREPARE, PREPARE_V2};
 use crate::memory::{get, links, put};
 use crate::role::{Role, Sdk};
-use crate::{NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT};
+use crate::{NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT, work};
 
 /// Ids of structs, with their effects above.
 mod id {
@@ -39,6 +40,8 @@ pub(crate) struct Judge {
     role: Role,
     /// Live contexts, by their addresses, with the provider of each.
     contexts: HashMap<usize, (u64, CString)>,
+    /// Of those that generate frames, where they are.
+    frames: HashMap<usize, Frames>,
     /// Ids that were handed out.
     offered: Vec<u64>,
     message: Option<Message>,
@@ -216,6 +219,10 @@ impl Judge {
         let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
         let made = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
         self.contexts.insert(made as usize, provider);
+        if let Some(format) = format {
+            let frames = Frames::new([sides[0], sides[1]], [sides[2], sides[3]], format);
+            self.frames.insert(made as usize, frames);
+        }
         // SAFETY: the caller's place.
         unsafe { *context = made };
         OK
@@ -233,6 +240,7 @@ impl Judge {
             let code = unsafe { (behind.destroy)(context, callbacks) };
             return self.note("destroy", &[], code);
         }
+        self.frames.remove(&known);
         if self.contexts.remove(&known).is_none() {
             return self.fault("destroy", "there is no such context", PARAMETER);
         }
@@ -277,9 +285,31 @@ impl Judge {
                 self.message = unsafe { get(head, 24) };
                 OK
             }
+            // SAFETY: the chain's links, of the kinds their ids say.
+            CONFIGURE => known.map_or(PARAMETER, |known| unsafe { self.frame("configure", known, &chain) }),
             _ => UNKNOWN_STRUCT,
         };
         self.note("configure", &chain, code)
+    }
+
+    /// One call of a frame.
+    unsafe fn frame(&mut self, call: &str, context: usize, chain: &[(u64, *const u8)]) -> u32 {
+        let Some(mut frames) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
+        let mut faults = Vec::new();
+        // SAFETY: as the caller promises.
+        unsafe { frames.judge(self.role.sdk, chain, &mut |why| faults.push(why)) };
+        self.frames.insert(context, frames);
+        for why in &faults {
+            self.fault(call, why, PARAMETER);
+        }
+        if !faults.is_empty() {
+            return PARAMETER;
+        }
+        if chain[0].0 == PICTURE {
+            // SAFETY: list and resources were judged.
+            unsafe { work::copy(chain[0].1) };
+        }
+        OK
     }
 
     pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {
@@ -377,7 +407,14 @@ impl Judge {
         if !self.contexts.contains_key(&known) {
             return self.fault("dispatch", "there is no such context", PARAMETER);
         }
-        self.note("dispatch", &chain, UNKNOWN_STRUCT)
+        let code = match chain[0].0 {
+            // As AMD's of 2.0 answers a struct that it does not know.
+            PREPARE_V2 if self.role.sdk < Sdk::V21 => PARAMETER,
+            // SAFETY: the chain's links, of the kinds their ids say.
+            PREPARE | PREPARE_V2 | PICTURE => unsafe { self.frame("dispatch", known, &chain) },
+            _ => UNKNOWN_STRUCT,
+        };
+        self.note("dispatch", &chain, code)
     }
 
     /// The library of an effect, loaded by its bare name, as AMD's loader does.

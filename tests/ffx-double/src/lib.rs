@@ -7,9 +7,11 @@
 //! It shares nothing with the bindings under test: what it knows of structs are offsets, in [`memory`] and where they are read.
 #![cfg(windows)]
 
+mod frames;
 mod judge;
 mod memory;
 mod role;
+mod work;
 
 use std::ffi::c_void;
 

@@ -1,0 +1,311 @@
+//! Frames between two, into textures of the host's: the three calls that each frame takes, without a swapchain.
+
+use std::ffi::c_void;
+
+use super::bindings::{
+    ConfigureFrameGeneration, Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, DispatchCamera,
+    DispatchFrameGeneration, DispatchPrepare, DispatchPrepareV2, FrameFlags, Rect, Resource, TransferFunction,
+};
+use super::{Api, Chain, Choice, Context, Dialect, Provider};
+use crate::{Error, ErrorKind, Result};
+
+/// Where a frame was seen from. Its vectors are in the world and of length 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// In the world.
+    pub position: [f32; 3],
+    /// Up on the screen.
+    pub up: [f32; 3],
+    /// To the right on the screen.
+    pub right: [f32; 3],
+    /// Into the screen.
+    pub forward: [f32; 3],
+    /// The near plane, above 0.
+    pub near: f32,
+    /// The far plane, above 0; not looked at where depth is infinite.
+    pub far: f32,
+    /// From the bottom of the picture to its top, radians, inside (0, pi).
+    pub fov: f32,
+    /// Metres in a unit of the view, above 0.
+    pub metres: f32,
+}
+
+impl Default for Camera {
+    /// At the origin, looking along z with y up; 1 radian, from 0.1 to 100 metres.
+    fn default() -> Self {
+        Self {
+            position: [0.0; 3],
+            up: [0.0, 1.0, 0.0],
+            right: [1.0, 0.0, 0.0],
+            forward: [0.0, 0.0, 1.0],
+            near: 0.1,
+            far: 100.0,
+            fov: 1.0,
+            metres: 1.0,
+        }
+    }
+}
+
+impl Camera {
+    fn fault(&self, depth_is_infinite: bool) -> Option<(&'static str, &'static str)> {
+        let is_positive = |value: f32| value.is_finite() && value > 0.0;
+        let is_unit = |v: [f32; 3]| (v.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-2;
+        let far_counts = !depth_is_infinite;
+        [
+            (!self.position.iter().all(|x| x.is_finite()), "camera.position", "it must be finite"),
+            (!is_unit(self.up), "camera.up", "it must have length 1"),
+            (!is_unit(self.right), "camera.right", "it must have length 1"),
+            (!is_unit(self.forward), "camera.forward", "it must have length 1"),
+            (!is_positive(self.near), "camera.near", "it must be above 0"),
+            (far_counts && !is_positive(self.far), "camera.far", "it must be above 0"),
+            (far_counts && self.far == self.near, "camera.far", "it must not be the near plane"),
+            (!(self.fov > 0.0 && self.fov < std::f32::consts::PI), "camera.fov", "it must be inside (0, pi)"),
+            (!is_positive(self.metres), "camera.metres", "it must be above 0"),
+        ]
+        .into_iter()
+        .find(|(is_wrong, ..)| *is_wrong)
+        .map(|(_, field, why)| (field, why))
+    }
+}
+
+/// A frame, and where the one between it and the frame before is to go.
+///
+/// Every resource is in the state that it names when the list gets to the call, and is in it again afterwards.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    /// `ID3D12GraphicsCommandList`, open. Descriptor heaps, root signatures and pipelines of its are others afterwards.
+    pub command_list: *mut c_void,
+    /// The frame, of the size shown and the format that the generator was made for.
+    pub color: Resource,
+    /// Gets the generated frame, of the same size and format; written by shaders.
+    pub output: Resource,
+    /// Device depth, of the size rendered at.
+    pub depth: Resource,
+    /// From this frame to the one before, of the size rendered at or, where the generator was made so, of the size shown.
+    pub motion: Resource,
+    /// The size rendered at.
+    pub render_size: Dimensions,
+    /// Of the camera, in render pixels.
+    pub jitter: Coordinates,
+    /// What makes render pixels of what the texture of motion holds.
+    pub motion_scale: Coordinates,
+    /// Milliseconds since the frame before, of the world's time.
+    pub frame_time: f32,
+    /// Where it was seen from.
+    pub camera: Camera,
+    /// There is no frame before: a cut. The generated frame is then this one.
+    pub reset: bool,
+    /// The frame without interface, of the size shown; a null resource where it has none.
+    pub hudless: Resource,
+    /// What of the frame is the world, the rest is copied; of no size for all.
+    pub rect: Rect,
+    /// How the frame's light became numbers.
+    pub transfer: TransferFunction,
+    /// Nits, the darkest and the brightest, of high dynamic range.
+    pub luminance: [f32; 2],
+}
+
+/// The structs in which a provider is told of motion and depth.
+enum Prepare {
+    /// Up to SDK 2.0.
+    Apart(Chain<DispatchPrepare>),
+    /// From SDK 2.1 on.
+    InOne(Chain<DispatchPrepareV2>),
+}
+
+/// Generates frames without a swapchain. Its structs are made once, and altered for each frame.
+///
+/// Threads: may be sent to another thread between calls; calls take turns. What it recorded must have run before it is dropped, and
+/// of its frames at most four may be on their way to the device.
+pub struct Generator {
+    context: Context<CreateFrameGeneration>,
+    settings: Chain<ConfigureFrameGeneration>,
+    prepare: Prepare,
+    dispatch: Chain<DispatchFrameGeneration>,
+    /// Of the last frame that was recorded whole; ids go up by one or history is dropped.
+    last: Option<u64>,
+}
+
+impl Generator {
+    /// Makes a generator, as [`Context::create`] makes its context.
+    ///
+    /// # Errors
+    /// As of [`Context::create`].
+    ///
+    /// # Safety
+    /// `device` is a live `ID3D12Device` and outlives the generator.
+    pub unsafe fn create(api: &Api, device: *mut c_void, choice: Choice, head: CreateFrameGeneration) -> Result<Self> {
+        // SAFETY: the caller's promise; nothing else stands in the chain.
+        let context = unsafe { Context::create(api, device, choice, head, |chain| chain) }?;
+        let prepare = match context.provider().dialect {
+            Dialect::Sdk11 => Prepare::Apart(Chain::new(DispatchPrepare::default()).with(DispatchCamera::default())),
+            Dialect::Sdk21 => Prepare::InOne(Chain::new(DispatchPrepareV2::default())),
+        };
+        let settings = Chain::new(ConfigureFrameGeneration::default());
+        Ok(Self { context, settings, prepare, dispatch: Chain::new(DispatchFrameGeneration::default()), last: None })
+    }
+
+    /// What runs.
+    pub fn provider(&self) -> &Provider {
+        self.context.provider()
+    }
+
+    /// Records the frame between `frame` and the one before into its list: settings, then motion and depth, then the picture, under
+    /// one id. The first frame, and one after a failure, starts anew as [`Frame::reset`] does.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with the field, before anything is recorded, for what a provider would fail, hang or crash on; else what the
+    /// library answers, and then the list may hold a part of the work.
+    ///
+    /// # Safety
+    /// The list is open and of the generator's device, and so are the resources, which are what they are said to be; they and the
+    /// generator live until the list has run.
+    pub unsafe fn record(&mut self, frame: &Frame) -> Result<()> {
+        if let Some((field, why)) = fault(frame, self.context.made_with()) {
+            return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+        }
+        let reset = frame.reset || self.last.is_none();
+        let id = self.last.take().map_or(1, |last| last + 1);
+        let flags = FrameFlags::NO_SWAPCHAIN;
+        *self.settings.head_mut() = ConfigureFrameGeneration {
+            enabled: true,
+            hudless: frame.hudless,
+            flags,
+            rect: frame.rect,
+            frame_id: id,
+            ..Default::default()
+        };
+        *self.dispatch.head_mut() = DispatchFrameGeneration {
+            command_list: frame.command_list,
+            present_color: frame.color,
+            outputs: [frame.output, Resource::default(), Resource::default(), Resource::default()],
+            frames: 1,
+            reset,
+            transfer: frame.transfer,
+            luminance: frame.luminance,
+            rect: frame.rect,
+            frame_id: id,
+            ..Default::default()
+        };
+        // SAFETY: the caller's promise about the list and the resources; the context is our own.
+        unsafe {
+            self.context.configure(&mut self.settings)?;
+            match &mut self.prepare {
+                Prepare::Apart(chain) => {
+                    *chain.head_mut() = apart(frame, id);
+                    if let Some(link) = chain.link_mut::<DispatchCamera>() {
+                        let Camera { position, up, right, forward, .. } = frame.camera;
+                        *link = DispatchCamera { position, up, right, forward, ..Default::default() };
+                    }
+                    self.context.dispatch(chain)?;
+                }
+                Prepare::InOne(chain) => {
+                    *chain.head_mut() = in_one(frame, id, reset);
+                    self.context.dispatch(chain)?;
+                }
+            }
+            self.context.dispatch(&mut self.dispatch)?;
+        }
+        self.last = Some(id);
+        Ok(())
+    }
+}
+
+fn apart(frame: &Frame, frame_id: u64) -> DispatchPrepare {
+    DispatchPrepare {
+        frame_id,
+        flags: FrameFlags::NO_SWAPCHAIN,
+        command_list: frame.command_list,
+        render_size: frame.render_size,
+        jitter: frame.jitter,
+        motion_scale: frame.motion_scale,
+        frame_time: frame.frame_time,
+        camera_near: frame.camera.near,
+        camera_far: frame.camera.far,
+        camera_fov: frame.camera.fov,
+        metres: frame.camera.metres,
+        depth: frame.depth,
+        motion: frame.motion,
+        ..Default::default()
+    }
+}
+
+fn in_one(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
+    DispatchPrepareV2 {
+        frame_id,
+        flags: FrameFlags::NO_SWAPCHAIN,
+        command_list: frame.command_list,
+        render_size: frame.render_size,
+        jitter: frame.jitter,
+        motion_scale: frame.motion_scale,
+        frame_time: frame.frame_time,
+        reset,
+        camera_near: frame.camera.near,
+        camera_far: frame.camera.far,
+        camera_fov: frame.camera.fov,
+        metres: frame.camera.metres,
+        depth: frame.depth,
+        motion: frame.motion,
+        camera_position: frame.camera.position,
+        camera_up: frame.camera.up,
+        camera_right: frame.camera.right,
+        camera_forward: frame.camera.forward,
+        ..Default::default()
+    }
+}
+
+/// What is wrong with a frame for a generator that was made so: the field, and why.
+fn fault(frame: &Frame, made: &CreateFrameGeneration) -> Option<(&'static str, &'static str)> {
+    if frame.command_list.is_null() {
+        return Some(("command_list", "it is null"));
+    }
+    if let Some(why) = frame.render_size.fault() {
+        return Some(("render_size", why));
+    }
+    let (render, largest, shown) = (frame.render_size, made.max_render_size, made.display_size);
+    if render.width > largest.width || render.height > largest.height {
+        return Some(("render_size", "it is larger than what the generator was made for"));
+    }
+    let motion = if made.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) { shown } else { render };
+    for (field, resource, size) in [
+        ("color", &frame.color, shown),
+        ("output", &frame.output, shown),
+        ("depth", &frame.depth, render),
+        ("motion", &frame.motion, motion),
+    ] {
+        if let Some(why) = resource.fault(size) {
+            return Some((field, why));
+        }
+    }
+    if !frame.hudless.resource.is_null()
+        && let Some(why) = frame.hudless.fault(shown)
+    {
+        return Some(("hudless", why));
+    }
+    for (field, resource) in [("color", &frame.color), ("output", &frame.output)] {
+        if resource.description.format != made.back_buffer_format {
+            return Some((field, "its format is not the one that the generator was made for"));
+        }
+    }
+    if frame.color.resource == frame.output.resource {
+        return Some(("output", "it is the frame itself"));
+    }
+    let numbers = [
+        ("jitter", frame.jitter),
+        ("motion_scale", frame.motion_scale),
+        ("luminance", Coordinates { x: frame.luminance[0], y: frame.luminance[1] }),
+    ];
+    if let Some((field, _)) = numbers.into_iter().find(|(_, pair)| !pair.x.is_finite() || !pair.y.is_finite()) {
+        return Some((field, "it must be finite"));
+    }
+    if !(frame.frame_time.is_finite() && frame.frame_time > 0.0) {
+        return Some(("frame_time", "it must be above 0"));
+    }
+    if let Some(why) = frame.rect.fault(shown) {
+        return Some(("rect", why));
+    }
+    frame.camera.fault(made.flags.contains(CreateFlags::DEPTH_INFINITE))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,236 @@
+//! Frames of a library that is played: what is refused, and what each call is given.
+
+use super::super::bindings::*;
+use super::super::played::{ANALYTIC_20, ML, PLAY, Play, api, head};
+use super::*;
+
+const SIZE: Dimensions = Dimensions { width: 640, height: 360 };
+
+fn picture(place: usize, format: SurfaceFormat) -> Resource {
+    let description = ResourceDescription {
+        kind: ResourceType::TEXTURE_2D,
+        format,
+        width: SIZE.width,
+        height: SIZE.height,
+        depth: 1,
+        mips: 1,
+        ..Default::default()
+    };
+    Resource { resource: place as *mut c_void, description, state: ResourceState::UNORDERED_ACCESS }
+}
+
+fn frame() -> Frame {
+    Frame {
+        command_list: 0x10 as *mut c_void,
+        color: picture(0x100, SurfaceFormat::R8G8B8A8_UNORM),
+        output: picture(0x200, SurfaceFormat::R8G8B8A8_UNORM),
+        depth: picture(0x300, SurfaceFormat::R32_FLOAT),
+        motion: picture(0x400, SurfaceFormat::R16G16_FLOAT),
+        render_size: SIZE,
+        jitter: Coordinates::default(),
+        motion_scale: Coordinates { x: 1.0, y: 1.0 },
+        frame_time: 66.6,
+        camera: Camera::default(),
+        reset: false,
+        hudless: Resource::default(),
+        rect: Rect::default(),
+        transfer: TransferFunction::SRGB,
+        luminance: [0.0, 100.0],
+    }
+}
+
+fn generator(runs: (u64, &'static std::ffi::CStr)) -> Generator {
+    PLAY.set(Play { offers: vec![runs], runs: Some(runs), ..Play::default() });
+    // SAFETY: the library played here uses no device.
+    let made = unsafe { Generator::create(&api(), 0x1000 as *mut c_void, Choice::Any, head()) };
+    PLAY.with_borrow_mut(|play| play.calls.clear());
+    made.expect("a generator")
+}
+
+fn record(generator: &mut Generator, frame: &Frame) -> Result<()> {
+    // SAFETY: the library played here reads ids only.
+    unsafe { generator.record(frame) }
+}
+
+/// The id of the frame and whether history is dropped, as the last picture was asked for.
+fn asked(generator: &Generator) -> (u64, bool) {
+    let head = generator.dispatch.head();
+    assert_eq!(generator.settings.head().frame_id, head.frame_id, "one id in all calls");
+    let (prepared, reset) = match &generator.prepare {
+        Prepare::Apart(chain) => (chain.head().frame_id, head.reset),
+        Prepare::InOne(chain) => (chain.head().frame_id, chain.head().reset),
+    };
+    assert_eq!((prepared, reset), (head.frame_id, head.reset));
+    (head.frame_id, head.reset)
+}
+
+#[test]
+fn each_release_gets_its_structs_in_the_order_it_wants() {
+    for (runs, prepare) in [(ANALYTIC_20, vec![0x2_0004, 0x2_000a]), (ML, vec![0x2_000c])] {
+        let mut generator = generator(runs);
+        record(&mut generator, &frame()).expect("recorded");
+        let calls = PLAY.with_borrow(|play| play.calls.clone());
+        let expected = [("configure", vec![0x2_0002], 0), ("dispatch", prepare, 0), ("dispatch", vec![0x2_0003], 0)];
+        assert_eq!(calls, expected);
+        let settings = generator.settings.head();
+        assert!(settings.enabled && settings.swapchain.is_null() && settings.generate.is_none());
+        assert_eq!(settings.flags, FrameFlags::NO_SWAPCHAIN);
+    }
+}
+
+#[test]
+fn ids_go_up_by_one_and_history_is_dropped_at_the_start_at_cuts_and_after_a_failure() {
+    for runs in [ANALYTIC_20, ML] {
+        let mut generator = generator(runs);
+        let ask = |generator: &mut Generator, reset| {
+            record(generator, &Frame { reset, ..frame() }).map(|()| asked(generator))
+        };
+        assert_eq!(ask(&mut generator, false).expect("recorded"), (1, true));
+        assert_eq!(ask(&mut generator, false).expect("recorded"), (2, false));
+        assert_eq!(ask(&mut generator, true).expect("recorded"), (3, true));
+        assert_eq!(ask(&mut generator, false).expect("recorded"), (4, false));
+        // What is refused before any call leaves history as it was.
+        assert!(record(&mut generator, &Frame { frame_time: 0.0, ..frame() }).is_err());
+        assert_eq!(ask(&mut generator, false).expect("recorded"), (5, false));
+        PLAY.with_borrow_mut(|play| play.refuses = vec![(StructId::FRAME_GENERATION_DISPATCH, ReturnCode(3))]);
+        assert_eq!(ask(&mut generator, false).expect_err("it fails").kind(), ErrorKind::Device);
+        PLAY.with_borrow_mut(|play| play.refuses.clear());
+        assert!(ask(&mut generator, false).expect("recorded").1, "what the library has of it nobody knows");
+        assert!(!ask(&mut generator, false).expect("recorded").1);
+    }
+}
+
+#[test]
+fn everything_of_a_frame_reaches_the_library() {
+    let camera = Camera {
+        position: [1.0, 2.0, 3.0],
+        up: [0.0, 0.0, 1.0],
+        right: [0.0, 1.0, 0.0],
+        forward: [1.0, 0.0, 0.0],
+        near: 0.5,
+        far: 50.0,
+        fov: 0.75,
+        metres: 2.0,
+    };
+    let frame = Frame {
+        camera,
+        jitter: Coordinates { x: 0.25, y: -0.25 },
+        motion_scale: Coordinates { x: 640.0, y: -360.0 },
+        hudless: picture(0x500, SurfaceFormat::R8G8B8A8_UNORM),
+        rect: Rect { left: 10, top: 20, width: 620, height: 320 },
+        transfer: TransferFunction::PQ,
+        luminance: [0.25, 800.0],
+        ..frame()
+    };
+    let shared = format!(
+        "{:?} {:?} {:?} {:?} {:?}",
+        frame.jitter, frame.motion_scale, frame.frame_time, frame.depth.resource, frame.motion.resource
+    );
+    for runs in [ANALYTIC_20, ML] {
+        let mut generator = generator(runs);
+        record(&mut generator, &frame).expect("recorded");
+        let (settings, picture) = (generator.settings.head(), generator.dispatch.head());
+        assert_eq!(settings.hudless.resource, frame.hudless.resource);
+        assert_eq!((settings.rect.left, picture.rect.height), (10, 320));
+        assert_eq!((picture.transfer, picture.luminance, picture.frames), (frame.transfer, frame.luminance, 1));
+        assert_eq!(
+            [picture.present_color.resource, picture.outputs[0].resource],
+            [frame.color.resource, frame.output.resource]
+        );
+        let (told, seen) = match &generator.prepare {
+            Prepare::Apart(chain) => {
+                let (a, b) = (chain.head(), chain.link::<DispatchCamera>().expect("a camera"));
+                let told = format!(
+                    "{:?} {:?} {:?} {:?} {:?}",
+                    a.jitter, a.motion_scale, a.frame_time, a.depth.resource, a.motion.resource
+                );
+                let &DispatchCamera { position, up, right, forward, .. } = b;
+                let (near, far, fov, metres) = (a.camera_near, a.camera_far, a.camera_fov, a.metres);
+                (told, Camera { position, up, right, forward, near, far, fov, metres })
+            }
+            Prepare::InOne(chain) => {
+                let a = chain.head();
+                let told = format!(
+                    "{:?} {:?} {:?} {:?} {:?}",
+                    a.jitter, a.motion_scale, a.frame_time, a.depth.resource, a.motion.resource
+                );
+                let (position, up, right, forward) = (a.camera_position, a.camera_up, a.camera_right, a.camera_forward);
+                let (near, far, fov, metres) = (a.camera_near, a.camera_far, a.camera_fov, a.metres);
+                (told, Camera { position, up, right, forward, near, far, fov, metres })
+            }
+        };
+        assert_eq!((told, seen), (shared.clone(), camera));
+    }
+}
+
+#[test]
+fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
+    type Spoil = fn(&mut Frame);
+    let spoils: &[(Spoil, &str)] = &[
+        (|f| f.command_list = std::ptr::null_mut(), "command_list"),
+        (|f| f.render_size.width = 0, "render_size"),
+        (|f| f.render_size.width = 641, "render_size"),
+        (|f| f.color.resource = std::ptr::null_mut(), "color"),
+        (|f| f.color.description.format = SurfaceFormat::B8G8R8A8_UNORM, "color"),
+        (|f| f.color.description.height = 359, "color"),
+        (|f| f.color.state = ResourceState(3), "color"),
+        (|f| f.output.resource = std::ptr::null_mut(), "output"),
+        (|f| f.output.resource = f.color.resource, "output"),
+        (|f| f.output.description.format = SurfaceFormat::R16G16B16A16_FLOAT, "output"),
+        (|f| f.output.description.width = 1280, "output"),
+        (|f| f.depth.resource = std::ptr::null_mut(), "depth"),
+        (|f| f.depth.description.kind = ResourceType::TEXTURE_3D, "depth"),
+        (|f| f.depth.description.format = SurfaceFormat::UNKNOWN, "depth"),
+        (|f| f.depth.description.depth = 6, "depth"),
+        (|f| f.motion.resource = std::ptr::null_mut(), "motion"),
+        (|f| f.motion.description.width = 320, "motion"),
+        (|f| f.motion.state = ResourceState(0), "motion"),
+        (|f| f.hudless = Resource { state: ResourceState(3), ..f.color }, "hudless"),
+        (|f| f.jitter.x = f32::NAN, "jitter"),
+        (|f| f.motion_scale.y = f32::INFINITY, "motion_scale"),
+        (|f| f.luminance[1] = f32::NAN, "luminance"),
+        (|f| f.frame_time = 0.0, "frame_time"),
+        (|f| f.frame_time = f32::NAN, "frame_time"),
+        (|f| f.frame_time = f32::INFINITY, "frame_time"),
+        (|f| f.rect.left = -1, "rect"),
+        (|f| f.rect.width = 10, "rect"),
+        (|f| f.rect = Rect { left: i32::MAX, top: 0, width: i32::MAX, height: 1 }, "rect"),
+        (|f| f.rect = Rect { left: 1, top: 0, width: 640, height: 360 }, "rect"),
+        (|f| f.camera.position[2] = f32::NAN, "camera.position"),
+        (|f| f.camera.up = [0.0; 3], "camera.up"),
+        (|f| f.camera.right = [2.0, 0.0, 0.0], "camera.right"),
+        (|f| f.camera.forward[0] = f32::NAN, "camera.forward"),
+        (|f| f.camera.near = 0.0, "camera.near"),
+        (|f| f.camera.far = f.camera.near, "camera.far"),
+        (|f| f.camera.far = f32::NAN, "camera.far"),
+        (|f| f.camera.fov = std::f32::consts::PI, "camera.fov"),
+        (|f| f.camera.fov = 0.0, "camera.fov"),
+        (|f| f.camera.metres = 0.0, "camera.metres"),
+    ];
+    let mut generator = generator(ML);
+    for (spoil, field) in spoils {
+        let mut frame = frame();
+        spoil(&mut frame);
+        let refused = record(&mut generator, &frame).expect_err(field);
+        assert_eq!(
+            (refused.kind(), refused.offending_field()),
+            (ErrorKind::InvalidArgument, Some(*field)),
+            "{refused}"
+        );
+    }
+    assert!(PLAY.with_borrow(|play| play.calls.is_empty()), "the library was not asked");
+    record(&mut generator, &frame()).expect("a frame that was not spoilt");
+}
+
+#[test]
+fn how_it_was_made_decides_what_is_right() {
+    let made = |flags| CreateFrameGeneration { flags, ..head() };
+    let endless = Frame { camera: Camera { far: f32::INFINITY, ..Camera::default() }, ..frame() };
+    assert_eq!(fault(&endless, &made(CreateFlags::empty())).map(|(field, _)| field), Some("camera.far"));
+    assert_eq!(fault(&endless, &made(CreateFlags::DEPTH_INFINITE)), None);
+    let half = Dimensions { width: 320, height: 180 };
+    let mut small = Frame { render_size: half, ..frame() };
+    (small.depth.description.width, small.depth.description.height) = (half.width, half.height);
+    assert_eq!(fault(&small, &made(CreateFlags::empty())).map(|(field, _)| field), Some("motion"));
+    assert_eq!(fault(&small, &made(CreateFlags::DISPLAY_RESOLUTION_MOTION)), None);
+}

@@ -1,0 +1,175 @@
+//! A library for tests that is played here, one for each of their threads.
+
+use std::cell::RefCell;
+use std::ffi::{CStr, c_void};
+use std::ptr::null_mut;
+
+use super::bindings::*;
+use super::{Api, Header};
+
+/// What the library does.
+#[derive(Default)]
+pub(super) struct Play {
+    /// Its providers.
+    pub(super) offers: Vec<(u64, &'static CStr)>,
+    /// What a context says that it is; None where it cannot say.
+    pub(super) runs: Option<(u64, &'static CStr)>,
+    /// Structs that it does not know, with what it answers.
+    pub(super) refuses: Vec<(StructId, ReturnCode)>,
+    /// What it says when it refuses.
+    pub(super) says: &'static str,
+    /// Gives a null context.
+    pub(super) gives_nothing: bool,
+    /// Every call: the ids of its chain, and what was answered.
+    pub(super) calls: Vec<(&'static str, Vec<u64>, u32)>,
+    /// The id that was asked for.
+    pub(super) overridden: Option<u64>,
+    pub(super) hears: Option<MessageCallback>,
+}
+
+thread_local! {
+    pub(super) static PLAY: RefCell<Play> = RefCell::default();
+}
+
+/// Reads a chain, and answers what the play says about its structs.
+unsafe fn read(call: &'static str, mut at: *const Header) -> ReturnCode {
+    let mut ids = Vec::new();
+    while !at.is_null() {
+        // SAFETY: a linked chain.
+        let header = unsafe { &*at };
+        ids.push(header.id());
+        at = header.next();
+    }
+    let (code, say) = PLAY.with_borrow_mut(|play| {
+        let refused = play.refuses.iter().find(|(id, _)| ids.contains(id));
+        let code = refused.map_or(ReturnCode::OK, |(_, code)| *code);
+        play.calls.push((call, ids.iter().map(|id| id.0).collect(), code.0));
+        (code, play.hears.filter(|_| code != ReturnCode::OK && !play.says.is_empty()).map(|hears| (hears, play.says)))
+    });
+    if let Some((hears, text)) = say {
+        let units: Vec<u16> = text.encode_utf16().chain([0]).collect();
+        // SAFETY: ends with a zero.
+        unsafe { hears(0, units.as_ptr()) };
+    }
+    code
+}
+
+unsafe extern "C" fn create(context: *mut RawContext, head: *mut Header, _: *const AllocationCallbacks) -> ReturnCode {
+    // SAFETY: a linked chain.
+    let code = unsafe { read("create", head) };
+    let mut at: *const Header = head;
+    while !at.is_null() {
+        // SAFETY: a linked chain, and the id says what a link is.
+        unsafe {
+            if (*at).id() == StructId::OVERRIDE_VERSION {
+                let id = (*at.cast::<OverrideVersion>()).version_id;
+                PLAY.with_borrow_mut(|play| play.overridden = Some(id));
+            }
+            at = (*at).next();
+        }
+    }
+    if code == ReturnCode::OK && !PLAY.with_borrow(|play| play.gives_nothing) {
+        // SAFETY: a place for it.
+        unsafe { *context = 0x77 as RawContext };
+    }
+    code
+}
+
+unsafe extern "C" fn destroy(_: *mut RawContext, _: *const AllocationCallbacks) -> ReturnCode {
+    // SAFETY: no chain.
+    unsafe { read("destroy", null_mut()) }
+}
+
+unsafe extern "C" fn configure(_: *mut RawContext, head: *const Header) -> ReturnCode {
+    // SAFETY: a linked chain.
+    let code = unsafe { read("configure", head) };
+    // SAFETY: the id says what it is.
+    let hears = unsafe {
+        match (*head).id() {
+            StructId::GLOBAL_DEBUG_1 => (*head.cast::<ConfigureGlobalDebug1>()).message,
+            StructId::GLOBAL_DEBUG => (*head.cast::<ConfigureGlobalDebug>()).message,
+            _ => return code,
+        }
+    };
+    if code == ReturnCode::OK {
+        PLAY.with_borrow_mut(|play| play.hears = hears);
+    }
+    code
+}
+
+unsafe extern "C" fn query(_: *mut RawContext, head: *mut Header) -> ReturnCode {
+    // SAFETY: a linked chain.
+    let code = unsafe { read("query", head) };
+    // SAFETY: the id says what it is, and its places have the room it names.
+    unsafe {
+        if code != ReturnCode::OK {
+            return code;
+        }
+        match (*head).id() {
+            StructId::GET_VERSIONS => PLAY.with_borrow(|play| {
+                let query = &*head.cast::<QueryVersions>();
+                let room = usize::try_from(*query.count).expect("small");
+                for (index, (id, name)) in play.offers.iter().take(room).enumerate() {
+                    *query.ids.add(index) = *id;
+                    *query.names.add(index) = name.as_ptr();
+                }
+                // As AMD's: no more than there was room for, so the number alone is never told.
+                *query.count = play.offers.len().min(room) as u64;
+                code
+            }),
+            StructId::GET_PROVIDER_VERSION => PLAY.with_borrow(|play| match play.runs {
+                Some((id, name)) => {
+                    let query = &mut *head.cast::<QueryProviderVersion>();
+                    (query.version_id, query.version_name) = (id, name.as_ptr());
+                    code
+                }
+                None => ReturnCode::UNKNOWN_STRUCT,
+            }),
+            _ => ReturnCode::UNKNOWN_STRUCT,
+        }
+    }
+}
+
+unsafe extern "C" fn dispatch(_: *mut RawContext, head: *const Header) -> ReturnCode {
+    // SAFETY: a linked chain.
+    unsafe { read("dispatch", head) }
+}
+
+pub(super) fn api() -> Api {
+    let find = |name: &CStr| -> *const c_void {
+        match name.to_bytes() {
+            b"ffxCreateContext" => create as CreateContext as _,
+            b"ffxDestroyContext" => destroy as DestroyContext as _,
+            b"ffxConfigure" => configure as Configure as _,
+            b"ffxQuery" => query as Query as _,
+            _ => dispatch as Dispatch as _,
+        }
+    };
+    // SAFETY: functions of these types, which stay.
+    unsafe { Api::from_exports(find) }.expect("all are there")
+}
+
+pub(super) fn head() -> CreateFrameGeneration {
+    let size = Dimensions { width: 640, height: 360 };
+    CreateFrameGeneration {
+        display_size: size,
+        max_render_size: size,
+        back_buffer_format: SurfaceFormat::R8G8B8A8_UNORM,
+        ..Default::default()
+    }
+}
+
+/// The chains that contexts were asked for with.
+pub(super) fn creations() -> Vec<Vec<u64>> {
+    PLAY.with_borrow(|play| {
+        play.calls.iter().filter(|(call, ..)| *call == "create").map(|(_, ids, _)| ids.clone()).collect()
+    })
+}
+
+pub(super) fn count(call: &str) -> usize {
+    PLAY.with_borrow(|play| play.calls.iter().filter(|(name, ..)| *name == call).count())
+}
+
+pub(super) const ANALYTIC_20: (u64, &CStr) = (0xf600_0000_00c0_1005, c"3.1.5");
+pub(super) const ANALYTIC: (u64, &CStr) = (0xf600_0000_00c0_1006, c"3.1.6");
+pub(super) const ML: (u64, &CStr) = (0xf600_0000_0100_0001, c"4.0.1");
