@@ -16,6 +16,14 @@ pub(super) trait Colour: Sampled {
         let [r, g, b, _] = self.in_levels();
         0.299 * r + 0.587 * g + 0.114 * b
     }
+
+    /// [`luma`](Self::luma) of four pixels.
+    #[inline(always)]
+    fn lumas_of_four(pixels: &[Self; 4]) -> [f32; 4] {
+        let mut lumas = [0.0; 4];
+        lumas.iter_mut().zip(pixels).for_each(|(luma, pixel)| *luma = pixel.luma());
+        lumas
+    }
 }
 
 impl Colour for [u8; 4] {
@@ -27,6 +35,18 @@ impl Colour for [u8; 4] {
 
     fn from_levels(levels: [f32; 4]) -> Self {
         levels.map(|v| (v + 0.5) as u8)
+    }
+
+    #[inline(always)]
+    fn lumas_of_four(pixels: &[Self; 4]) -> [f32; 4] {
+        let mut lumas = [0.0; 4];
+        for (luma, &pixel) in lumas.iter_mut().zip(pixels) {
+            // As one number, which vectors take apart faster than four bytes.
+            let pixel = u32::from_le_bytes(pixel);
+            let [r, g, b] = [0, 8, 16].map(|shift| (pixel >> shift & 255) as i32 as f32);
+            *luma = 0.299 * r + 0.587 * g + 0.114 * b;
+        }
+        lumas
     }
 }
 

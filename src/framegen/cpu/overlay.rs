@@ -38,76 +38,59 @@ impl<P: Colour> Overlays<'_, P> {
 fn is_over<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2], vector: [i32; 2]) -> bool {
     let place = y * here.width + x;
     // Most of what moves does not even stand still at this pixel.
-    let difference_here = (here.pixels[place].luma() - there.pixels[place].luma()).abs();
-    if difference_here > 4.0 * STILL || vector == [0; 2] {
-        return false;
-    }
-    if !may_be_still(here, there, place, difference_here) {
+    if vector == [0; 2] || (here.pixels[place].luma() - there.pixels[place].luma()).abs() > 4.0 * STILL {
         return false;
     }
     let (x, y) = (x as i32, y as i32);
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
-    let still = Difference::new(&apart(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
-    if still.square > STILL {
+    let apart = apart(&patch, &lumas(there, x - 1, y - 1));
+    let still = least_square(&apart, there, x, y);
+    if still > STILL {
         return false;
     }
     let from = [64 * x + vector[0], 64 * y + vector[1]];
     let limit = [64 * (here.width as i32 - 1), 64 * (here.height as i32 - 1)];
     if from[0] >= 0 && from[1] >= 0 && from[0] <= limit[0] && from[1] <= limit[1] {
         let moved = difference(&patch, there, x, y, vector);
-        (still.square + MARGIN) * BETTER <= moved.square
+        (still + MARGIN) * BETTER <= moved
     } else {
-        still.patch <= STILL && contrast(&patch) >= CONTRAST
+        values(&apart).sum::<f32>() / 9.0 <= STILL && contrast(&patch) >= CONTRAST
     }
 }
 
-/// Whether a square of 2 x 2 that holds a pixel can stand still, by the pixels beside it: those at a corner from it are
-/// not looked at.
-#[inline(always)]
-fn may_be_still<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, place: usize, difference_here: f32) -> bool {
-    let width = here.width;
-    let (Some(first), len) = (place.checked_sub(width), here.pixels.len()) else { return true };
-    if place + width >= len {
-        return true;
-    }
-    let apart = |place: usize| (here.pixels[place].luma() - there.pixels[place].luma()).abs();
-    // At the ends of a row this looks at pixels of others, which proves nothing.
-    let column = place % width;
-    if column == 0 || column + 1 == width {
-        return true;
-    }
-    let beside = apart(place - 1).min(apart(place + 1));
-    let above = apart(first).min(apart(place + width));
-    // With room for how sums are rounded.
-    difference_here + beside + above <= 4.0 * STILL + 0.5
-}
+/// Three rows of three lumas, or of what differs between them; the fourth of each row is not of the patch.
+type Patch = [[f32; 4]; 3];
 
-/// Mean absolute differences, in levels.
-struct Difference {
-    /// Over the best of the four squares of 2 x 2 that hold the centre: a pixel on the rim of a surface is judged by
-    /// that surface alone.
-    square: f32,
-    /// Over the whole patch.
-    patch: f32,
+/// The values of a patch.
+fn values(patch: &Patch) -> impl Iterator<Item = f32> {
+    patch.iter().flat_map(|row| &row[..3]).copied()
 }
 
 /// Mean absolute difference from the mean.
-fn contrast(patch: &[[f32; 3]; 3]) -> f32 {
-    let mean = patch.as_flattened().iter().sum::<f32>() / 9.0;
-    patch.as_flattened().iter().map(|v| (v - mean).abs()).sum::<f32>() / 9.0
+fn contrast(patch: &Patch) -> f32 {
+    let mean = values(patch).sum::<f32>() / 9.0;
+    values(patch).map(|v| (v - mean).abs()).sum::<f32>() / 9.0
 }
 
-/// The lumas from (x, y) on; the edge pixels go on beyond the edges.
+/// Rows of four lumas from (x, y) on; the edge pixels go on beyond the edges.
 #[inline(always)]
-fn lumas<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[f32; N]; N] {
-    let mut lumas = [[0.0; N]; N];
-    if x >= 0 && y >= 0 && x as usize + N <= source.width && y as usize + N <= source.height {
-        for (j, lumas) in lumas.iter_mut().enumerate() {
-            let row = &source.pixels[(y as usize + j) * source.width + x as usize..][..N];
-            lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma());
+fn lumas<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[f32; 4]; N] {
+    let mut lumas = [[0.0; 4]; N];
+    if x >= 0 && y >= 0 && x as usize + 4 <= source.width && y as usize + N <= source.height {
+        let pixels = &source.pixels[y as usize * source.width + x as usize..];
+        for (lumas, row) in lumas.iter_mut().zip(pixels.chunks(source.width)) {
+            if let Some(row) = row.first_chunk() {
+                *lumas = P::lumas_of_four(row);
+            }
         }
         return lumas;
     }
+    lumas_at_edge(source, x, y)
+}
+
+#[inline(never)]
+fn lumas_at_edge<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[f32; 4]; N] {
+    let mut lumas = [[0.0; 4]; N];
     let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
     for (j, lumas) in (0..).zip(&mut lumas) {
         let row = &source.pixels[on_axis(y + j, source.height) * source.width..][..source.width];
@@ -118,49 +101,52 @@ fn lumas<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[
 
 /// How far `patch`, centred on (x, y) in one picture, is from the place in `there` that `vector` leads to, read
 /// bilinearly.
-fn difference<P: Colour>(patch: &[[f32; 3]; 3], there: Source<'_, P>, x: i32, y: i32, vector: [i32; 2]) -> Difference {
+#[inline(always)]
+fn difference<P: Colour>(patch: &Patch, there: Source<'_, P>, x: i32, y: i32, vector: [i32; 2]) -> f32 {
     let [u, v] = [64 * (x - 1) + vector[0], 64 * (y - 1) + vector[1]];
     let [fx, fy] = [u, v].map(|at| (at & 63) as f32 / 64.0);
     let lumas: [[f32; 4]; 4] = lumas(there, u >> 6, v >> 6);
-    let mut across = [[0.0; 3]; 4];
+    let mut across = [[0.0; 4]; 4];
     for (across, line) in across.iter_mut().zip(&lumas) {
-        for i in 0..3 {
-            across[i] = line[i] + (line[i + 1] - line[i]) * fx;
+        let next = [line[1], line[2], line[3], line[3]];
+        for i in 0..4 {
+            across[i] = line[i] + (next[i] - line[i]) * fx;
         }
     }
-    let mut between = [[0.0; 3]; 3];
+    let mut between = [[0.0; 4]; 3];
     for j in 0..3 {
-        for i in 0..3 {
+        for i in 0..4 {
             between[j][i] = across[j][i] + (across[j + 1][i] - across[j][i]) * fy;
         }
     }
-    Difference::new(&apart(patch, &between), there, x, y)
+    least_square(&apart(patch, &between), there, x, y)
 }
 
-fn apart(a: &[[f32; 3]; 3], b: &[[f32; 3]; 3]) -> [[f32; 3]; 3] {
-    let mut apart = [[0.0; 3]; 3];
+#[inline(always)]
+fn apart(a: &Patch, b: &Patch) -> Patch {
+    let mut apart = [[0.0; 4]; 3];
     for j in 0..3 {
-        for i in 0..3 {
+        for i in 0..4 {
             apart[j][i] = (b[j][i] - a[j][i]).abs();
         }
     }
     apart
 }
 
-impl Difference {
-    fn new<P>(apart: &[[f32; 3]; 3], there: Source<'_, P>, x: i32, y: i32) -> Self {
-        // A square that reaches over the edge counts pixels twice, and is left out where there is another.
-        let starts = |at: i32, len: usize| {
-            let at = at as usize;
-            usize::from(at == 0 && len > 1)..if at + 1 == len && len > 1 { 1 } else { 2 }
-        };
-        let square = |j: usize, i: usize| apart[j][i] + apart[j][i + 1] + apart[j + 1][i] + apart[j + 1][i + 1];
-        let mut least = f32::INFINITY;
-        for j in starts(y, there.height) {
-            for i in starts(x, there.width) {
-                least = least.min(square(j, i));
-            }
-        }
-        Self { square: least / 4.0, patch: apart.as_flattened().iter().sum::<f32>() / 9.0 }
+/// The mean over the best of the four squares of 2 x 2 that hold the centre: a pixel on the rim of a surface is judged by
+/// that surface alone.
+#[inline(always)]
+fn least_square<P>(apart: &Patch, there: Source<'_, P>, x: i32, y: i32) -> f32 {
+    let square = |j: usize, i: usize| apart[j][i] + apart[j][i + 1] + apart[j + 1][i] + apart[j + 1][i + 1];
+    // A square that reaches over the edge counts pixels twice, and is left out where there is another.
+    let is_off = |at: i32, len: usize| len > 1 && [at == 0, at as usize + 1 == len].contains(&true);
+    if !is_off(x, there.width) && !is_off(y, there.height) {
+        return square(0, 0).min(square(0, 1)).min(square(1, 0)).min(square(1, 1)) / 4.0;
     }
+    let starts = |at: i32, len: usize| {
+        let at = at as usize;
+        usize::from(at == 0 && len > 1)..if at + 1 == len && len > 1 { 1 } else { 2 }
+    };
+    let squares = starts(y, there.height).flat_map(|j| starts(x, there.width).map(move |i| (j, i)));
+    squares.fold(f32::INFINITY, |least, (j, i)| least.min(square(j, i))) / 4.0
 }
