@@ -19,7 +19,8 @@
 //! ```
 //!
 //! It runs from the current picture to the previous one, which is the motion given out, and back. Of a picture of more
-//! than a megapixel the finest level is that which has less. Where the two do not undo each other, lead out of the picture or to what looks otherwise, motion is
+//! than a megapixel the finest level is that which has less, and the way back, which is only for checking, stops at half
+//! the size of that. Where the two do not undo each other, lead out of the picture or to what looks otherwise, motion is
 //! taken from near places where none of this is so, those of similar colour first. Removing each patch's mean makes it
 //! blind to a change of brightness.
 //!
@@ -69,7 +70,7 @@ pub fn extract(previous: &Picture, current: &Picture, out: &mut Guidance) -> Res
     Extractor::new().extract(previous, current, out)
 }
 
-/// The extractor with its working memory, about 60 bytes per pixel. It allocates nothing once it has seen the largest
+/// The extractor with its working memory, about 60 bytes per pixel, a quarter of that in large pictures. It allocates nothing once it has seen the largest
 /// picture. Rows run in parallel on the current rayon pool; the result depends neither on how many threads it has nor on
 /// the vector instructions of the processor.
 #[derive(Debug)]

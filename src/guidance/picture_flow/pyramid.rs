@@ -97,9 +97,10 @@ impl Pyramid {
         &self.planes[..self.used]
     }
 
-    /// The finest level that is not large.
+    /// The finest level that is not large, or else the last.
     pub(super) fn finest(&self) -> usize {
-        self.levels().iter().position(|plane| !plane.luma.is_empty() && plane.luma.len() <= LARGE).unwrap_or(0)
+        let fits = |plane: &Plane| !plane.luma.is_empty() && plane.luma.len() <= LARGE;
+        self.levels().iter().position(fits).unwrap_or(self.used.saturating_sub(1))
     }
 
     /// Takes the luma of `picture` and halves it as often as it bears. The first level of a large picture, which nobody
