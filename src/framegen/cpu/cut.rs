@@ -6,6 +6,7 @@
 //! which brightness and contrast do not change, so that flashes and fades are no cuts. If most blocks are nowhere to be
 //! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
 
+use bytemuck::must_cast;
 use rayon::prelude::*;
 
 use super::kernels::{Level, Sampled};
@@ -324,6 +325,21 @@ impl<'a> Block<'a> {
     }
 }
 
+/// The sums of channels that were summed over at most [`ROWS_READ`] rows.
+#[inline(always)]
+fn sum_of(columns: &[[u16; 4]]) -> [u32; 4] {
+    // As many as fit 16 bits are added as one number.
+    const PART: usize = 64;
+    const { assert!(PART * ROWS_READ * 255 <= u16::MAX as usize) };
+    let mut sum = [0_u32; 4];
+    for part in columns.chunks(PART) {
+        let part: u64 = part.iter().map(|&channels| must_cast::<[u16; 4], u64>(channels)).sum();
+        let part: [u16; 4] = must_cast(part);
+        sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += u32::from(part));
+    }
+    sum
+}
+
 /// A small luma picture, and its detail where that was asked for.
 #[derive(Debug, Default)]
 struct Small {
@@ -350,9 +366,7 @@ impl Small {
                     P::add_levels(level, &pixels[y * width..][columns.clone()], &mut sums);
                 }
                 for (mean, square) in means.iter_mut().zip(sums[..columns.len()].chunks(factor)) {
-                    let sum = square
-                        .iter()
-                        .fold([0_u32; 4], |sum, column| std::array::from_fn(|c| sum[c] + u32::from(column[c])));
+                    let sum = sum_of(square);
                     // The weights of BT.601 over 256.
                     let luma = 77 * sum[0] + 150 * sum[1] + 29 * sum[2];
                     *mean = (luma as f32 / (256 * square.len() * rows.len()) as f32 + 0.5) as u8;

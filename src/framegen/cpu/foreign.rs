@@ -20,7 +20,7 @@ const SPARSE: usize = 8;
 
 /// The levels by which a colour may lie outside those around its place, for two anchors.
 pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>) -> f32 {
-    let [before, after] = [previous, current].map(|source| {
+    let mean = |source: Source<'_, P>| {
         let rows = source.pixels.chunks(source.width).step_by(SPARSE);
         let (mut sum, mut count) = ([0.0; 4], 0.0_f32);
         for pixel in rows.flat_map(|row| row.iter().step_by(SPARSE)) {
@@ -29,7 +29,8 @@ pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>)
             count += 1.0;
         }
         sum.map(|sum: f32| sum / count.max(1.0))
-    });
+    };
+    let (before, after) = rayon::join(|| mean(previous), || mean(current));
     MARGIN + LIGHT * (0..4).fold(0.0, |most: f32, c| most.max((after[c] - before[c]).abs()))
 }
 

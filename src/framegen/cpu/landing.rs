@@ -163,7 +163,7 @@ impl Filling {
                 }
             }
         }
-        for pass in passes.iter().filter(|pass| pass.of == Carried::Own) {
+        for pass in passes.iter().filter(|pass| pass.of == Carried::Own && !rough.is_empty()) {
             self.each_tile(pass, |column, row, tile| {
                 if tile.kind == Kind::Smooth {
                     self.carry_tile(&pass.way, column, row, tile, &rough, band);
