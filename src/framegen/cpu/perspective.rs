@@ -113,6 +113,10 @@ impl Moment {
     /// The phase at which even motion has what claims the pixel (x, y).
     #[inline(always)]
     pub(super) fn phase(&self, key: Key, at: [i32; 2]) -> i32 {
+        // At the previous anchor, and where all moves evenly, it is that of the clock.
+        if self.phase == 0.0 || self.perspective.least >= self.perspective.most {
+            return self.phase as i32;
+        }
         self.at(self.perspective.change(key, at))
     }
 
