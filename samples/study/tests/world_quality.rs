@@ -46,7 +46,22 @@ fn a_quick_look_has_every_scene_and_every_column() {
     let row = rows.iter().find(|row| row[0] == "snow" && row[2] == "1" && row[3] == "repeat").unwrap();
     let expected = standing_still(Family::Snow, include_str!("../../scripts/snow.txt"), (128, 72), 15);
     assert!((row[4].parse::<f64>().unwrap() - expected).abs() < 1e-3, "{row:?}, {expected}");
-    assert!(out.path().join("quality/world-quality.png").is_file());
+    // The sheets show two places each: those where the world gains most over standing still, and the others.
+    let gain = |scene: &str| {
+        let sum = |what: &str| -> f64 {
+            rows.iter().filter(|row| row[0] == scene && row[3] == what).map(|row| row[4].parse::<f64>().unwrap()).sum()
+        };
+        sum("world") - sum("repeat")
+    };
+    let mut ranked = ["forest", "sword", "desert", "snow"];
+    ranked.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+    let [first, second, third, fourth] = ranked;
+    let expected = format!("best: {first} 41, {second} 41\nworst: {fourth} 41, {third} 41\n");
+    assert!(text.contains(&expected), "{expected}{text}");
+    for name in ["good", "bad"] {
+        let sheet = image::open(out.path().join(format!("quality/world-quality-{name}.png"))).unwrap();
+        assert_eq!(sheet.height(), 32 + 4 * (135 + 8));
+    }
     // Looks away: one for each scene, at the only window this world has of its own.
     assert_eq!(text.lines().filter(|line| line.contains("  g16 ")).count(), 4, "{text}");
 }

@@ -19,8 +19,8 @@ Examples:
 
 A rollout starts from the first true picture of a place that no world was trained on and gets the controls of the scene's own
 script. Its pictures are scored against the true ones, beside showing the first picture all the time and beside the
-autoencoder's reconstruction of it. The folder --out gets world-quality.txt, world-quality.csv and world-quality.png, truth
-above the world's pictures.
+autoencoder's reconstruction of it. The folder --out gets world-quality.txt, world-quality.csv, and the places it shows best and
+worst as world-quality-good.png and world-quality-bad.png, truth above the world's pictures.
 
 Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
 

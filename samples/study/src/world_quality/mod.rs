@@ -111,12 +111,13 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     let mut text = head(settings, &bundle);
     text += &report::text(&places, &HORIZONS, rate);
     std::fs::create_dir_all(&settings.out).map_err(|e| describe_io("it cannot be made", &settings.out, &e))?;
-    let shown: Vec<&Place> = places.iter().collect();
+    let [good, bad] = report::extremes(&places);
     let mut files = Vec::new();
     for (name, bytes) in [
         ("world-quality.txt", text.clone().into_bytes()),
         ("world-quality.csv", report::csv(&places).into_bytes()),
-        ("world-quality.png", encode_small_png(&report::sheet(&shown)?)?),
+        ("world-quality-good.png", encode_small_png(&report::sheet(&good)?)?),
+        ("world-quality-bad.png", encode_small_png(&report::sheet(&bad)?)?),
     ] {
         let path = settings.out.join(name);
         write_whole(&RealDisk, &path, &bytes)?;

@@ -118,6 +118,11 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
             );
         }
     }
+    let names = |places: &[&Place]| {
+        places.iter().map(|place| format!("{} {}", place.family, place.scene)).collect::<Vec<_>>().join(", ")
+    };
+    let [best, worst] = extremes(places);
+    let _ = writeln!(text, "\nbest: {}\nworst: {}", names(&best), names(&worst));
     text + "\n" + &summary(places, horizons) + "\n"
 }
 
@@ -153,12 +158,24 @@ pub(super) fn csv(places: &[Place]) -> String {
     text
 }
 
+/// Places on a sheet of the best or of the worst.
+const SHOWN: usize = 4;
 const TILE: (u32, u32) = (240, 135);
 const GAP: u32 = 8;
 const LEFT: u32 = 128;
 const TOP: u32 = 32;
 const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
+
+/// The places that the world shows best, the best first, and worst, the worst first: by how much nearer it is to the truth than
+/// the last true picture. Half of them each, and at most [`SHOWN`].
+pub(super) fn extremes(places: &[Place]) -> [Vec<&Place>; 2] {
+    let gain = |place: &Place| mean(place.walked.horizons.iter().map(|h| h.world.psnr - h.repeat.psnr));
+    let mut ranked: Vec<&Place> = places.iter().collect();
+    ranked.sort_by(|a, b| gain(b).unwrap_or_default().total_cmp(&gain(a).unwrap_or_default()));
+    let (best, worst) = (ranked.len().div_ceil(2).min(SHOWN), (ranked.len() / 2).min(SHOWN));
+    [ranked[..best].to_vec(), ranked.iter().rev().take(worst).copied().collect()]
+}
 
 /// Truth above the world's pictures, a column for each horizon and two rows for each place, in the order given.
 pub(super) fn sheet(places: &[&Place]) -> Result<Picture> {
