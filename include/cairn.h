@@ -1748,8 +1748,8 @@ CAIRN_API cairn_result cairn_device_get_d3d12(
 /**
  * Appends a texture, as cairn_rollout_append does a picture: the seed, or an edit of the scene.
  *
- * picture: two-dimensional, RGBA8 or BGRA8; in state, a D3D12_RESOURCE_STATES, when it is read on the device's queue, and left
- * in it; it must live until this returns. info: may be null.
+ * picture: two-dimensional, RGBA8 or BGRA8, one slice; in state, a D3D12_RESOURCE_STATES, when it is read on the device's queue,
+ * behind what the queue has been given, and left in it; it must live until this returns. info: may be null.
  *
  * Ownership: the texture stays the caller's; info is filled on success; on failure it is not written and the rollout is as it was.
  * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.

@@ -2,56 +2,17 @@
 //! lab.
 #![cfg(windows)]
 
-use cairn::ErrorKind;
-use cairn::gpu::windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{Gpu, Moment, adapters};
+use cairn::gpu::{Gpu, Moment, adapters, read_texture, texture_of};
+use cairn::{ErrorKind, Picture};
 
 #[path = "d3d12/buffers.rs"]
 mod buffers;
 use buffers::{Buffers, List, bytes};
-
-/// An engine's objects.
-struct Engine {
-    device: ID3D12Device,
-    direct: ID3D12CommandQueue,
-    compute: ID3D12CommandQueue,
-}
-
-fn engine() -> Engine {
-    let mut device: Option<ID3D12Device> = None;
-    // SAFETY: the place lives during the call.
-    unsafe { D3D12CreateDevice(None, D3D_FEATURE_LEVEL_11_0, &mut device) }.expect("a device");
-    let device = device.expect("a device");
-    let direct = queue(&device, D3D12_COMMAND_LIST_TYPE_DIRECT);
-    let compute = queue(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE);
-    Engine { device, direct, compute }
-}
-
-fn queue(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE) -> ID3D12CommandQueue {
-    let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, ..Default::default() };
-    // SAFETY: the description lives during the call.
-    unsafe { device.CreateCommandQueue(&wanted) }.expect("a queue")
-}
-
-/// References to an object, ours among them.
-fn references(object: &impl Interface) -> u32 {
-    let unknown = std::mem::ManuallyDrop::new(object.cast::<cairn::gpu::windows::core::IUnknown>().expect("IUnknown"));
-    // SAFETY: releases the reference that the cast above took, and counts the rest.
-    unsafe { (Interface::vtable(&*unknown).Release)(unknown.as_raw()) }
-}
-
-/// Waits for `count` to become `expected`: a driver's own thread may let go of a fence a little after it has signalled it.
-fn comes_back<const N: usize>(count: impl Fn() -> [u32; N], expected: [u32; N]) {
-    for _ in 0..500 {
-        if count() == expected {
-            return;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    assert_eq!(count(), expected, "references come back");
-}
+#[path = "d3d12/engine.rs"]
+mod engine;
+use engine::{comes_back, engine, queue, references};
 
 #[test]
 fn adapters_are_listed_and_a_device_is_made_on_each() {
@@ -89,7 +50,7 @@ fn an_engine_gets_all_its_references_back() {
         comes_back(count, before);
     }
     // What is refused holds nothing either.
-    let other = self::engine();
+    let other = engine::engine();
     let copy = queue(&engine.device, D3D12_COMMAND_LIST_TYPE_COPY);
     for (queue, anchors, field) in [
         (&copy, None, "queue"),
@@ -132,7 +93,7 @@ fn one_queue_waits_for_the_other_at_a_moment() {
     }
     assert_eq!(&bytes(&buffers.read), b"at last!");
 
-    let other = self::engine();
+    let other = engine::engine();
     // SAFETY: values only.
     let foreign: ID3D12Fence = unsafe { other.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
     let refused = Moment::of_engine(&gpu, &foreign, 1).expect_err("another device's");
@@ -157,6 +118,34 @@ fn two_devices_work_side_by_side() {
             });
         }
     });
+}
+
+#[test]
+fn a_picture_goes_into_a_texture_and_comes_back() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    // A row is no whole number of the 256 bytes that a texture's rows in a buffer begin at.
+    let mut picture = Picture::new(75, 31).expect("a picture");
+    for (i, byte) in (0u32..).zip(picture.rgba_mut()) {
+        *byte = (i.wrapping_mul(2_654_435_761) >> 24) as u8;
+    }
+    let (texture, moment) = texture_of(&gpu, &picture).expect("a texture");
+    assert!(moment.reached());
+    for _ in 0..2 {
+        // Twice: it is left in the state it was in.
+        let found = read_texture(&gpu, &texture, D3D12_RESOURCE_STATE_COMMON).expect("a picture");
+        assert!(found == picture, "every pixel comes back");
+    }
+    let buffers = Buffers::new(gpu.device(), 2);
+    let other = Gpu::on_adapter(None).expect("another device");
+    for (gpu, resource) in [(&gpu, &buffers.read), (&other, &texture)] {
+        let refused = read_texture(gpu, resource, D3D12_RESOURCE_STATE_COMMON).expect_err("no texture of this device");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("texture")));
+    }
+    // An engine whose only queue is one for compute.
+    let compute = Gpu::of_engine(gpu.device(), gpu.anchors().d3d12(), None).expect("a device");
+    assert!(read_texture(&compute, &texture, D3D12_RESOURCE_STATE_COMMON).expect("a picture") == picture);
+    let refused = read_texture(&compute, &texture, D3D12_RESOURCE_STATE_RENDER_TARGET).expect_err("a state of drawing");
+    assert_eq!(refused.offending_field(), Some("state"));
 }
 
 #[test]

@@ -1,14 +1,28 @@
 //! The C interface's doors of Direct3D 12, as an engine in C calls them. On Windows, or in the lab.
 #![cfg(windows)]
 
-use std::ptr::null_mut;
+use std::ffi::CString;
+use std::ptr::{null, null_mut};
 
-use cairn::abi::d3d12::{cairn_device_create_adapter, cairn_device_create_d3d12, cairn_device_get_d3d12};
+use cairn::abi::anchor::cairn_anchor_destroy;
+use cairn::abi::d3d12::{
+    cairn_anchor_get_d3d12, cairn_device_create_adapter, cairn_device_create_d3d12, cairn_device_get_d3d12,
+    cairn_rollout_append_d3d12,
+};
 use cairn::abi::device::{CAIRN_DEVICE_D3D12, cairn_device_destroy, cairn_device_get_info, cairn_device_info};
+use cairn::abi::images::cairn_picture;
 use cairn::abi::requirements::{cairn_adapter, cairn_adapters};
-use cairn::abi::results::{CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK};
-use cairn::gpu::Gpu;
+use cairn::abi::results::{CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK, cairn_result};
+use cairn::abi::rollout::{
+    cairn_rollout_append, cairn_rollout_create, cairn_rollout_destroy, cairn_rollout_get_anchor,
+};
+use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_options};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Fence, ID3D12Resource};
 use cairn::gpu::windows::core::Interface;
+use cairn::gpu::{Gpu, Moment, read_texture, texture_of};
+
+mod common;
+use common::bundle_path;
 
 /// A struct that the library fills, as a host prepares it.
 fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
@@ -78,6 +92,61 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
     assert_eq!([references(d3d12), references(queue), references(compute)], before);
+}
+
+/// A handle that a call of the interface makes.
+fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> *mut T {
+    let mut handle = null_mut();
+    assert_eq!(make(&mut handle), CAIRN_OK);
+    assert!(!handle.is_null());
+    handle
+}
+
+#[test]
+fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
+    let gpu = Gpu::on_adapter(None).expect("a device that stands for an engine's");
+    let (d3d12, queue) = (gpu.device().as_raw().cast(), gpu.frames().d3d12().as_raw().cast());
+    // SAFETY: live objects and a place for the handle.
+    let device = made(|to| unsafe { cairn_device_create_d3d12(d3d12, queue, null_mut(), to) });
+    let path = CString::new(bundle_path("tiny").to_str().expect("text")).expect("no NUL");
+    let mut options: cairn_world_options = prepared(|options: &mut cairn_world_options| &mut options.struct_size);
+    options.path = path.as_ptr();
+    // SAFETY: a live handle, options of their size, and a place for the handle.
+    let world = made(|to| unsafe { cairn_world_load(device, &options, to) });
+    let seed = common::picture(40, 30, 1);
+    let (texture, _) = texture_of(&gpu, &seed).expect("a texture");
+    let mut shown = Vec::new();
+    for from_texture in [true, false] {
+        // SAFETY: a live handle and a place for the handle.
+        let rollout = made(|to| unsafe { cairn_rollout_create(world, null(), to) });
+        let appended = if from_texture {
+            // SAFETY: a live handle and a live texture in the state COMMON.
+            unsafe { cairn_rollout_append_d3d12(rollout, texture.as_raw().cast(), 0, null_mut()) }
+        } else {
+            let mut picture: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
+            (picture.width, picture.height) = seed.size();
+            (picture.pixels, picture.size) = (seed.rgba().as_ptr().cast(), seed.rgba().len() as u64);
+            // SAFETY: a live handle and a picture that lives during the call.
+            unsafe { cairn_rollout_append(rollout, &picture, null_mut()) }
+        };
+        assert_eq!(appended, CAIRN_OK);
+        // SAFETY: a live handle and a place for the handle.
+        let anchor = made(|to| unsafe { cairn_rollout_get_anchor(rollout, to) });
+        let (mut picture, mut fence, mut value) = (null_mut(), null_mut(), 0);
+        // SAFETY: a live handle and places for what is given.
+        assert_eq!(unsafe { cairn_anchor_get_d3d12(anchor, 0, &mut picture, &mut fence, &mut value) }, CAIRN_OK);
+        // SAFETY: the references that the call gave, used once.
+        let (picture, fence) =
+            unsafe { (ID3D12Resource::from_raw(picture.cast()), ID3D12Fence::from_raw(fence.cast())) };
+        Moment::of_engine(&gpu, &fence, value).expect("a fence of the device").wait().expect("it is there");
+        shown.push(read_texture(&gpu, &picture, D3D12_RESOURCE_STATE_COMMON).expect("a picture"));
+        // SAFETY: live handles.
+        assert_eq!(unsafe { [cairn_anchor_destroy(anchor), cairn_rollout_destroy(rollout)] }, [CAIRN_OK; 2]);
+    }
+    assert!(shown[0].rgba().iter().any(|byte| *byte != shown[0].rgba()[0]), "something is in it");
+    assert!(shown[0] == shown[1], "a texture counts as the picture in it");
+    // SAFETY: live handles.
+    assert_eq!(unsafe { [cairn_world_destroy(world), cairn_device_destroy(device)] }, [CAIRN_OK; 2]);
 }
 
 #[test]

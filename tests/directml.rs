@@ -1,8 +1,12 @@
-//! Worlds on DirectML: the CPU provider's numbers, the same bits again, and a saved state that goes on. On Windows, or in the lab.
+//! Worlds on DirectML: the CPU provider's numbers, the same bits again, a saved state that goes on, and no number that leaves the
+//! device unasked. On Windows, or in the lab.
 #![cfg(windows)]
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use cairn::ErrorKind;
 use cairn::bundle::Precision;
 use cairn::gpu::Gpu;
 use cairn::runtime::{Device, DirectMlOptions};
@@ -11,9 +15,10 @@ use cairn::world::{Rollout, World, WorldOptions};
 mod common;
 use common::{bundle, controls, fingerprint, ort, point, seeded};
 
-fn directml(precision: Precision) -> Arc<World> {
+fn directml(precision: Precision, profile: Option<PathBuf>) -> Arc<World> {
     let gpu = Gpu::on_adapter(None).expect("a device");
-    let device = Device::directml(&ort(), &gpu, DirectMlOptions { deterministic: true }).expect("DirectML");
+    let options = DirectMlOptions { deterministic: true, profile };
+    let device = Device::directml(&ort(), &gpu, options).expect("DirectML");
     assert!(device.describe().contains("DirectML on"), "{}", device.describe());
     load(&device, precision)
 }
@@ -32,7 +37,8 @@ fn latent(world: &Arc<World>) -> Vec<f32> {
 
 fn steps(rollout: &mut Rollout, range: std::ops::Range<u64>) {
     for i in range {
-        rollout.step(&controls(i)).expect("a step");
+        let info = rollout.step(&controls(i)).expect("a step");
+        assert_eq!((info.bytes.read, info.bytes.uploaded > 0), (0, true), "nothing comes down in a step");
     }
 }
 
@@ -43,11 +49,63 @@ fn error(found: &[f32], truth: &[f32]) -> f64 {
     (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
 }
 
+/// A folder that is gone in the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("cairn-directml-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).expect("a folder");
+        Self(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// How many nodes ran on each provider, as ONNX Runtime wrote it down for all sessions.
+fn nodes_by_provider(folder: &Path) -> BTreeMap<String, u64> {
+    let mut counts = BTreeMap::new();
+    for file in std::fs::read_dir(folder).expect("the folder") {
+        let bytes = std::fs::read(file.expect("a file").path()).expect("a profile");
+        let events: Vec<serde_json::Value> = serde_json::from_slice(&bytes).expect("a whole profile");
+        for provider in events.iter().filter_map(|event| event["args"]["provider"].as_str()) {
+            *counts.entry(provider.to_owned()).or_default() += 1;
+        }
+    }
+    counts
+}
+
+#[test]
+fn one_number_that_is_not_finite_is_found_wherever_it_is() {
+    let world = directml(Precision::F16, None);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    let before = fingerprint(&mut rollout).expect("bits");
+    let mut latent = rollout.latent().expect("a latent").to_vec();
+    for at in [0, 1, latent.len() / 2, latent.len() - 1] {
+        // A float that as a half is infinite.
+        let kept = std::mem::replace(&mut latent[at], 1e30);
+        let refused = rollout.append_latent(&latent).expect_err("no world goes on from that");
+        assert_eq!(refused.kind(), ErrorKind::Device);
+        assert!(refused.to_string().contains("latent 1 came out with a number that is not finite"), "{at}: {refused}");
+        latent[at] = kept;
+    }
+    assert!(fingerprint(&mut rollout).expect("bits") == before, "it is as it was");
+    rollout.append_latent(&latent).expect("all numbers are finite");
+}
+
 #[test]
 fn a_latent_is_the_cpu_provider_s() {
     for (precision, bound) in [(Precision::F32, 1e-4), (Precision::F16, 1e-2)] {
         let truth = latent(&load(&common::device(), precision));
-        let found = latent(&directml(precision));
+        let folder = Folder::new(&format!("{precision:?}"));
+        let found = latent(&directml(precision, Some(folder.0.join("nodes"))));
+        let nodes = nodes_by_provider(&folder.0);
+        assert!(nodes.get("DmlExecutionProvider").is_some_and(|count| *count >= 3), "three graphs: {nodes:?}");
+        assert_eq!(nodes.len(), 1, "no node runs elsewhere: {nodes:?}");
         let error = error(&found, &truth);
         assert!(error <= bound, "{precision:?}: a relative error of {error:e}");
         assert!(error > 0.0, "{precision:?}: the two do not compute alike to the last bit, so one of them did not run");
@@ -56,7 +114,7 @@ fn a_latent_is_the_cpu_provider_s() {
 
 #[test]
 fn the_same_rollout_has_the_same_bits_and_goes_on_from_a_saved_state() {
-    let world = directml(Precision::F16);
+    let world = directml(Precision::F16, None);
     let bits = |rollout: &mut Rollout| fingerprint(rollout).expect("bits");
     let mut first = seeded(&world, &point(&world), 7);
     steps(&mut first, 0..1);
@@ -71,4 +129,49 @@ fn the_same_rollout_has_the_same_bits_and_goes_on_from_a_saved_state() {
     restored.restore(&saved).expect("the state fits");
     steps(&mut restored, 1..3);
     assert!(bits(&mut first) == bits(&mut restored), "the state holds everything");
+}
+
+/// This test is its own second process: a process has one DirectML.dll that is found by its name.
+#[test]
+fn a_directml_that_is_there_already_is_used_where_it_is_new_enough() {
+    const VARIABLE: &str = "CAIRN_TEST_DIRECTML";
+    if let Some(text) = std::env::var_os(VARIABLE) {
+        let text = text.into_string().expect("text");
+        let (path, old) = text.strip_prefix("old ").map_or((text.as_str(), false), |path| (path, true));
+        // SAFETY: runs the initialisers of Microsoft's own library.
+        std::mem::forget(unsafe { libloading::Library::new(path) }.expect("it loads"));
+        let gpu = Gpu::on_adapter(None).expect("a device");
+        let made = Device::directml(&ort(), &gpu, DirectMlOptions::default());
+        if old {
+            let refused = made.expect_err("it is too old");
+            assert_eq!(refused.kind(), ErrorKind::Unsupported);
+            let words = refused.to_string();
+            assert!(words.contains("(version 1.14.") && words.contains(path), "{words}");
+        } else {
+            made.expect("it is new enough");
+        }
+        return;
+    }
+    let bytes = std::fs::read(ort().path().with_file_name("DirectML.dll")).expect("the library");
+    // The start of the record that holds its version, and the version in it.
+    let record = bytes.windows(4).position(|word| word == 0xfeef_04bd_u32.to_le_bytes()).expect("a version");
+    let version = &bytes[record + 8..record + 12];
+    assert_eq!(version, 0x0001_000f_u32.to_le_bytes(), "it is 1.15");
+    let mut older = bytes.clone();
+    older[record + 8..record + 12].copy_from_slice(&0x0001_000e_u32.to_le_bytes());
+    for (name, prefix, bytes) in [("an engine's", "", bytes), ("another DirectML.dll's", "old ", older)] {
+        let folder = Folder::new(name);
+        let path = folder.0.join("DirectML.dll");
+        std::fs::write(&path, bytes).expect("a copy");
+        let name = std::thread::current().name().expect("this test's name").to_owned();
+        let mut child = std::process::Command::new(std::env::current_exe().expect("this program"));
+        child.args(["--exact", &name]).env(VARIABLE, format!("{prefix}{}", path.display()));
+        let ended = child.output().expect("it runs");
+        let said = String::from_utf8_lossy(&ended.stdout);
+        assert!(
+            ended.status.success() && said.contains("1 passed"),
+            "{said}{}",
+            String::from_utf8_lossy(&ended.stderr)
+        );
+    }
 }

@@ -6,8 +6,9 @@ use super::device::cairn_device;
 use super::handles::{enter, enter_alone, insert};
 use super::presenter::{cairn_frame, cairn_presenter};
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
-use super::rollout::{cairn_rollout, cairn_step_info};
+use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out};
+use super::worker::Job;
 
 #[cfg_attr(windows, path = "d3d12/windows.rs")]
 #[cfg_attr(not(windows), path = "d3d12/elsewhere.rs")]
@@ -27,6 +28,9 @@ pub struct ID3D12Fence(());
 
 /// Direct3D 12's own, declared so that its header is not needed.
 pub struct ID3D12GraphicsCommandList(());
+
+/// A texture, and the fence with the value that guards it; both with a reference for whoever gets them.
+type Guarded = (*mut ID3D12Resource, *mut ID3D12Fence, u64);
 
 /// Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library
 /// has no Direct3D 12 part every function of it answers CAIRN_ERROR_UNSUPPORTED.
@@ -108,8 +112,8 @@ pub unsafe extern "C" fn cairn_device_get_d3d12(
 
 /// Appends a texture, as cairn_rollout_append does a picture: the seed, or an edit of the scene.
 ///
-/// picture: two-dimensional, RGBA8 or BGRA8; in state, a D3D12_RESOURCE_STATES, when it is read on the device's queue, and left
-/// in it; it must live until this returns. info: may be null.
+/// picture: two-dimensional, RGBA8 or BGRA8, one slice; in state, a D3D12_RESOURCE_STATES, when it is read on the device's queue,
+/// behind what the queue has been given, and left in it; it must live until this returns. info: may be null.
 ///
 /// Ownership: the texture stays the caller's; info is filled on success; on failure it is not written and the rollout is as it was.
 /// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
@@ -124,13 +128,16 @@ pub unsafe extern "C" fn cairn_rollout_append_d3d12(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_append_d3d12", || {
-        // Of use on Windows only.
-        let _ = state;
-        let _running = enter_alone(rollout)?;
+        let running = enter_alone(rollout)?;
         given(picture, "picture")?;
         // SAFETY: the host's promise about `info`.
-        unsafe { Out::optional(info, "info") }?;
-        Err(Failure::no_d3d12())
+        let info = unsafe { Out::optional(info, "info") }?;
+        let device = running.look()?.rollout.world().device().clone();
+        // SAFETY: the host's promise about its objects.
+        let picture = unsafe { behind::read(&device, picture, state) }?;
+        let made = running.run(&Job::Append(picture))?;
+        info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        Ok(CAIRN_OK)
     })
 }
 
@@ -158,10 +165,17 @@ pub unsafe extern "C" fn cairn_anchor_get_d3d12(
         check_out(texture, "texture")?;
         check_out(fence, "fence")?;
         check_out(value, "value")?;
-        if index as usize >= anchor.pictures().len() {
-            return Err(Failure::argument("index", format!("there is no picture {index}")));
-        }
-        Err(Failure::no_d3d12())
+        let picture = anchor.pictures().get(index as usize);
+        let picture = picture.ok_or_else(|| Failure::argument("index", format!("there is no picture {index}")))?;
+        let device = anchor.device().ok_or_else(Failure::no_d3d12)?;
+        let made = behind::texture(device, picture)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { texture.write(made.0) };
+        // SAFETY: as above.
+        unsafe { fence.write(made.1) };
+        // SAFETY: as above.
+        unsafe { value.write(made.2) };
+        Ok(CAIRN_OK)
     })
 }
 

@@ -8,15 +8,21 @@ mod adapter;
 pub mod compute;
 mod device;
 mod failure;
+mod memory;
 mod moment;
+mod pipeline;
 mod queue;
 mod resize;
+mod texture;
 
 pub use adapter::{Adapter, adapters};
 pub use device::Gpu;
 pub(crate) use failure::failed_on;
+pub(crate) use memory::{Heap, Shared, buffer};
 pub use moment::Moment;
+pub(crate) use pipeline::Pipeline;
 pub use queue::Queue;
 pub use resize::{Planes, Resize};
+pub use texture::{read_texture, texture_of};
 /// The bindings in which objects of Direct3D are handed over.
 pub use windows;

@@ -12,7 +12,7 @@ use super::device::Backend;
 use super::failure::{make, ort_failure};
 use super::finite::all_finite;
 use super::graph::TensorSpec;
-use super::lane::{BindingId, BufferId, Bytes, Lane, Region};
+use super::lane::{BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
 use super::memory::Memory;
 use super::{Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
@@ -98,7 +98,8 @@ impl Backend for CpuBackend {
     }
 
     fn lane(&self) -> Result<Box<dyn Lane>> {
-        Ok(Box::new(CpuLane { memories: Vec::new(), bindings: Vec::new(), bytes: Bytes::default(), read: 0.into() }))
+        let (memories, bindings, kept) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Box::new(CpuLane { memories, bindings, kept, bytes: Bytes::default(), read: 0.into() }))
     }
 }
 
@@ -113,6 +114,7 @@ struct CpuLane {
     // Bindings hold addresses of memories: they are dropped first.
     bindings: Vec<Bound>,
     memories: Vec<Memory>,
+    kept: Vec<Vec<KeptCopy>>,
     bytes: Bytes,
     read: std::sync::atomic::AtomicU64,
 }
@@ -168,6 +170,19 @@ impl Lane for CpuLane {
         Ok(())
     }
 
+    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
+        self.kept.push(copies);
+        Ok(CopiesId(self.kept.len() - 1))
+    }
+
+    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
+        // Taken out meanwhile, as a copy needs the whole lane.
+        let kept = std::mem::take(&mut self.kept[copies.0]);
+        let done = kept.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
+        self.kept[copies.0] = kept;
+        done
+    }
+
     fn run(&mut self, binding: BindingId) -> Result<()> {
         let Bound { binding, graph } = &self.bindings[binding.0];
         let run = ort::api().RunWithBinding;
@@ -183,8 +198,8 @@ impl Lane for CpuLane {
         Ok(())
     }
 
-    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool> {
-        Ok(all_finite(self.memories[of.0].bytes(), precision))
+    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
+        Ok(of.iter().all(|buffer| all_finite(self.memories[buffer.0].bytes(), precision)))
     }
 
     fn bytes(&self) -> Bytes {

@@ -52,8 +52,8 @@ impl Device {
     /// A Direct3D 12 device, by ONNX Runtime's DirectML provider: a world's passes run on its queue for anchors.
     ///
     /// # Errors
-    /// `RuntimeMissing` when the DirectML.dll that belongs to ONNX Runtime is not beside it; `Unsupported` when another one is in
-    /// the process already, or the adapter cannot do DirectML's feature level 5.0; `DeviceRemoved`.
+    /// `RuntimeMissing` when the DirectML.dll that belongs to ONNX Runtime is not beside it; `Unsupported` when one
+    /// older than 1.15 is in the process already, or the adapter cannot do DirectML's feature level 5.0; `DeviceRemoved`.
     #[cfg(windows)]
     pub fn directml(ort: &Ort, gpu: &crate::gpu::Gpu, options: super::DirectMlOptions) -> Result<Device> {
         Ok(Device(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))

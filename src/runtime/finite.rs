@@ -2,13 +2,22 @@
 
 use crate::bundle::Precision;
 
+/// The bits of a word of four bytes that are all set where its one number, or its first or its second, is NaN or infinite.
+pub(super) const fn exponents(precision: Precision) -> [u32; 2] {
+    match precision {
+        Precision::F32 => [0x7f80_0000; 2],
+        Precision::F16 => [0x7c00, 0x7c00_0000],
+    }
+}
+
 /// Whether every number of `bytes`, whole numbers of `precision` in the machine's order, is finite.
 pub(super) fn all_finite(bytes: &[u8], precision: Precision) -> bool {
     // All exponent bits set marks NaN and infinity; without an early exit the loop runs at the memory's speed.
     match precision {
         Precision::F32 => {
             let (words, _) = bytes.as_chunks::<4>();
-            !words.iter().fold(false, |bad, w| bad | (u32::from_ne_bytes(*w) & 0x7f80_0000 == 0x7f80_0000))
+            let [mask, _] = exponents(precision);
+            !words.iter().fold(false, |bad, w| bad | (u32::from_ne_bytes(*w) & mask == mask))
         }
         Precision::F16 => {
             let (words, _) = bytes.as_chunks::<2>();

@@ -14,6 +14,18 @@ pub(crate) struct BufferId(pub(super) usize);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BindingId(pub(super) usize);
 
+/// Names copies of one lane that were written down once to be done often.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct CopiesId(pub(super) usize);
+
+/// A copy between two different buffers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct KeptCopy {
+    pub(crate) to: BufferId,
+    pub(crate) from: BufferId,
+    pub(crate) regions: Vec<Region>,
+}
+
 /// One stretch of a copy between buffers, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Region {
@@ -49,7 +61,7 @@ impl std::ops::Sub for Bytes {
 /// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the lane, so a handle can
 /// never outlive what it names; a lane belongs to one user at a time.
 ///
-/// `upload`, `clear`, `copy` and `run` submit and may return before the work is done; `read` and `finite` wait for it.
+/// `upload`, `clear`, `copy`, `repeat` and `run` submit and may return before the work is done; `read` and `finite` wait for it.
 pub(crate) trait Lane: Send {
     /// Makes a zeroed buffer.
     fn buffer(&mut self, bytes: usize) -> Result<BufferId>;
@@ -70,14 +82,20 @@ pub(crate) trait Lane: Send {
     /// Copies regions of `from` into `to`, two different buffers.
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()>;
 
+    /// Writes copies down, of which none reads or writes what another one writes.
+    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId>;
+
+    /// Does copies that were written down.
+    fn repeat(&mut self, copies: CopiesId) -> Result<()>;
+
     /// Runs a bound graph.
     fn run(&mut self, binding: BindingId) -> Result<()>;
 
     /// Waits, then reads `into.len()` bytes of `from` from byte `at` on.
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()>;
 
-    /// Waits, then says whether every number of a buffer of `precision` is finite.
-    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool>;
+    /// Waits, then says whether every number of all these buffers of `precision` is finite. The numbers stay where they are.
+    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool>;
 
     /// What was moved so far.
     fn bytes(&self) -> Bytes;

@@ -50,6 +50,7 @@ impl Ort {
                 .remedy("Use one ONNX Runtime file in one process"))
             };
         }
+        report_others(&path);
         let Checked { version, library } = Checked::open(&path)?;
         let builder = ort::init_from(&path).map_err(|e| missing(&path, &e.to_string()))?;
         let environment = builder
@@ -81,9 +82,10 @@ impl Ort {
             Ok(path) => Self::load(&path),
             Err(tried) => {
                 let tried: Vec<_> = tried.iter().map(|p| p.display().to_string()).collect();
+                let system = system_copy().map(|own| format!("; {own} is the system's and never used"));
                 Err(Error::new(
                     ErrorKind::RuntimeMissing,
-                    format!("ONNX Runtime was not found; looked at {}", tried.join(", ")),
+                    format!("ONNX Runtime was not found; looked at {}{}", tried.join(", "), system.unwrap_or_default()),
                 )
                 .field(find::VARIABLE)
                 .remedy(REMEDY))
@@ -166,6 +168,34 @@ impl Checked {
         }
         Ok(Self { version, library })
     }
+}
+
+/// Says which other ONNX Runtime is in this process: ours is loaded beside it, by its path.
+#[cfg(windows)]
+fn report_others(ours: &Path) {
+    use super::module;
+    let other = module::loaded(windows::core::w!("onnxruntime.dll"))
+        .filter(|other| other.path.canonicalize().is_ok_and(|path| path != ours));
+    if let Some(other) = other {
+        log::warn!("another ONNX Runtime is in this process and is not used: {}", module::described(&other.path));
+    }
+}
+
+/// Elsewhere what a library is called is not what it is found by.
+#[cfg(not(windows))]
+fn report_others(_: &Path) {}
+
+/// The old ONNX Runtime that Windows has of its own, with its version.
+#[cfg(windows)]
+fn system_copy() -> Option<String> {
+    let path = PathBuf::from(std::env::var_os("SystemRoot")?).join("System32").join("onnxruntime.dll");
+    path.is_file().then(|| super::module::described(&path))
+}
+
+/// There is none.
+#[cfg(not(windows))]
+fn system_copy() -> Option<String> {
+    None
 }
 
 /// Whether a version that is not of the series is older, newer, or cannot be told.

@@ -16,6 +16,8 @@ mod graph;
 mod lane;
 mod library;
 mod memory;
+#[cfg(windows)]
+mod module;
 mod pin;
 mod stop;
 
@@ -25,6 +27,6 @@ pub use device::Device;
 pub use directml::DirectMlOptions;
 pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
-pub(crate) use lane::{BindingId, BufferId, Lane, Region};
+pub(crate) use lane::{BindingId, BufferId, CopiesId, KeptCopy, Lane, Region};
 pub use library::Ort;
 pub(crate) use stop::StopLane;

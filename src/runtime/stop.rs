@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::lane::{BindingId, BufferId, Bytes, Lane, Region};
+use super::lane::{BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
 use super::{Device, Graph};
 use crate::bundle::Precision;
 use crate::{Error, ErrorKind, Result};
@@ -46,6 +46,14 @@ impl Lane for StopLane {
         self.inner.copy(to, from, regions)
     }
 
+    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
+        self.inner.keep(copies)
+    }
+
+    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
+        self.inner.repeat(copies)
+    }
+
     fn run(&mut self, binding: BindingId) -> Result<()> {
         if self.stop.load(Ordering::SeqCst) {
             return Err(Error::new(ErrorKind::Cancelled, "the step was cancelled"));
@@ -57,7 +65,7 @@ impl Lane for StopLane {
         self.inner.read(from, at, into)
     }
 
-    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool> {
+    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
         self.inner.finite(of, precision)
     }
 

@@ -1,6 +1,7 @@
 //! Anchors that outlive the step that made them.
 
 use super::rollout::Rollout;
+use crate::runtime::Device;
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// A copy of an anchor: its pictures, its latent and its place in the rollout. It stays as it is, whatever becomes of the
@@ -14,6 +15,8 @@ pub struct KeptAnchor {
     pictures: Vec<Picture>,
     shape: [u32; 3],
     latent: Vec<f32>,
+    /// Where it was made.
+    device: Option<Device>,
 }
 
 impl KeptAnchor {
@@ -44,7 +47,8 @@ impl KeptAnchor {
             .try_reserve_exact(count)
             .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a latent of {count} numbers cannot be copied")))?;
         let shape = [shape.channels, shape.height, shape.width];
-        Ok(Self { number: 0, latents_per_second: point.latents_per_second, cut: false, pictures, shape, latent })
+        let (latents_per_second, device) = (point.latents_per_second, Some(rollout.world().device().clone()));
+        Ok(Self { number: 0, latents_per_second, cut: false, pictures, shape, latent, device })
     }
 
     /// Copies what `rollout`, whose room this is, made last. Allocates nothing that depends on the world.
@@ -65,7 +69,12 @@ impl KeptAnchor {
     /// An anchor of a picture that no world made: it has no latent and no rate.
     pub fn of_picture(picture: Picture, number: u64, cut: bool) -> Self {
         let pictures = vec![picture];
-        Self { number, latents_per_second: 0, cut, pictures, shape: [0; 3], latent: Vec::new() }
+        Self { number, latents_per_second: 0, cut, pictures, shape: [0; 3], latent: Vec::new(), device: None }
+    }
+
+    /// The device it was made on; none for a picture that no world made.
+    pub fn device(&self) -> Option<&Device> {
+        self.device.as_ref()
     }
 
     /// Number of its latent in the rollout, from 0.

@@ -11,8 +11,18 @@ use crate::{Picture, Result};
 
 /// A set of the decoder's memories and the pictures that were decoded with them.
 struct Side {
-    memories: Vec<BufferId>,
-    rgb: BufferId,
+    /// The memories in the bundle's order, then the pictures.
+    buffers: Vec<BufferId>,
+}
+
+impl Side {
+    fn memories(&self) -> &[BufferId] {
+        &self.buffers[..self.buffers.len() - 1]
+    }
+
+    fn rgb(&self) -> BufferId {
+        self.buffers[self.buffers.len() - 1]
+    }
 }
 
 /// A rollout's autoencoder.
@@ -41,13 +51,13 @@ impl Autoencoder {
         let shapes = &world.manifest().geometry.autoencoder.memories;
         let mut side = || -> Result<Side> {
             let bytes = |m: &[u32; 3]| m.iter().map(|&n| n as usize).product::<usize>() * element;
-            let memories = shapes.iter().map(|m| lane.buffer(bytes(m))).collect::<Result<_>>()?;
-            Ok(Side { memories, rgb: lane.buffer(pictures_bytes)? })
+            let sizes = shapes.iter().map(bytes).chain([pictures_bytes]);
+            Ok(Side { buffers: sizes.map(|bytes| lane.buffer(bytes)).collect::<Result<_>>()? })
         };
         let sides = [side()?, side()?];
         let mut bind = |from: &Side, to: &Side| {
             let tensors: Vec<_> =
-                [&[latent][..], &from.memories, &[to.rgb], &to.memories].into_iter().flatten().copied().collect();
+                [&[latent][..], from.memories(), &[to.rgb()], to.memories()].into_iter().flatten().copied().collect();
             lane.bind(&world.decoder, &tensors)
         };
         let decode = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
@@ -83,10 +93,8 @@ impl Autoencoder {
             Ok(1 - side)
         });
         let result = result.and_then(|side| {
-            for buffer in self.side_buffers(side) {
-                if !lane.finite(buffer, self.precision)? {
-                    return Err(device_not_finite(&format!("the decoder's view of latent {latent}")));
-                }
+            if !lane.finite(&self.sides[side].buffers, self.precision)? {
+                return Err(device_not_finite(&format!("the decoder's view of latent {latent}")));
             }
             Ok(side)
         });
@@ -110,17 +118,12 @@ impl Autoencoder {
 
     /// Fills `planes`, `[3, H, W]`, with picture `i` of the last decoded latent.
     pub(super) fn read(&self, lane: &dyn Lane, i: usize, planes: &mut [f32]) -> Result<()> {
-        numbers::read(lane, self.precision, self.sides[self.current].rgb, i * self.shapes.picture_len(), planes)
+        numbers::read(lane, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
     }
 
     /// The buffers that make up the decoder's state and last pictures, in the order of the bundle's memories, pictures
     /// last.
     pub(super) fn state(&self) -> impl Iterator<Item = BufferId> + '_ {
-        self.side_buffers(self.current)
-    }
-
-    fn side_buffers(&self, side: usize) -> impl Iterator<Item = BufferId> + '_ {
-        let side = &self.sides[side];
-        side.memories.iter().copied().chain([side.rgb])
+        self.sides[self.current].buffers.iter().copied()
     }
 }

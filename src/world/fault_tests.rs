@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Rollout, StepInfo};
 use crate::bundle::Precision;
-use crate::runtime::{BindingId, BufferId, Bytes, Graph, Lane, Region};
+use crate::runtime::{BindingId, BufferId, Bytes, CopiesId, Graph, KeptCopy, Lane, Region};
 use crate::{Error, ErrorKind, Result};
 
 /// A lane whose n-th call fails, once. Copies never fail by themselves: they are submitted with what does.
@@ -57,6 +57,14 @@ impl Lane for Faulty {
         self.inner.copy(to, from, regions)
     }
 
+    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
+        self.inner.keep(copies)
+    }
+
+    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
+        self.inner.repeat(copies)
+    }
+
     fn run(&mut self, binding: BindingId) -> Result<()> {
         self.call()?;
         self.inner.run(binding)
@@ -67,7 +75,7 @@ impl Lane for Faulty {
         self.inner.read(from, at, into)
     }
 
-    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool> {
+    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
         self.call()?;
         self.inner.finite(of, precision)
     }
@@ -108,11 +116,11 @@ fn no_fault_of_the_device_leaves_a_trace() {
     // The first one primes the decoder, which writes the very memories that count.
     let seed = common::picture(20, 10, 1);
     let faults = walk(&mut rollout, &left, |r| r.append(&seed));
-    assert!(faults > 30, "{faults} calls in an append");
+    assert!(faults > 14, "{faults} calls in an append");
     untroubled.append(&seed).expect("a seed");
     for i in 0..2 {
         let faults = walk(&mut rollout, &left, |r| r.step(&common::controls(i)));
-        assert!(faults > 30, "{faults} calls in a step");
+        assert!(faults > 14, "{faults} calls in a step");
         untroubled.step(&common::controls(i)).expect("a step");
     }
     assert!(rollout.save().expect("a state") == untroubled.save().expect("a state"));

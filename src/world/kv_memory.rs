@@ -4,7 +4,7 @@ use super::contract::Shapes;
 use super::world::World;
 use crate::Result;
 use crate::bundle::Precision;
-use crate::runtime::{BufferId, Lane, Region};
+use crate::runtime::{BufferId, CopiesId, KeptCopy, Lane, Region, element_size};
 
 /// Which half of a layer's memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -20,36 +20,46 @@ struct Half {
     global: bool,
     /// `[kv_heads, buckets * T, head_width]`, bound as `past`.
     ring: BufferId,
-    /// `[kv_heads, T, head_width]`, bound as `present`.
-    slab: BufferId,
 }
 
 /// Rings and slabs of all layers; K and V of layer i are halves 2i and 2i + 1.
 pub(super) struct KvMemory {
     halves: Vec<Half>,
-    shapes: Shapes,
+    /// Of each half, `[kv_heads, T, head_width]`, bound as `present`.
+    slabs: Vec<BufferId>,
     precision: Precision,
-    /// The regions of one commit, kept for their memory.
-    regions: Vec<Region>,
+    /// For each slot, what brings the slabs of all local layers there; then the same of global layers.
+    commits: [Vec<CopiesId>; 2],
 }
 
 impl KvMemory {
     pub(super) fn new(lane: &mut dyn Lane, world: &World) -> Result<Self> {
         let (shapes, precision) = (world.shapes, world.precision());
-        let element = crate::runtime::element_size(precision);
+        let element = element_size(precision);
         let geometry = &world.manifest().geometry;
         let mut halves = Vec::with_capacity(2 * shapes.layers);
+        let mut slabs = Vec::with_capacity(2 * shapes.layers);
         for layer in 0..geometry.layers {
             let global = geometry.is_global(layer);
             for _ in [Part::Keys, Part::Values] {
-                halves.push(Half {
-                    global,
-                    ring: lane.buffer(shapes.ring_len(global) * element)?,
-                    slab: lane.buffer(shapes.slab_len() * element)?,
-                });
+                halves.push(Half { global, ring: lane.buffer(shapes.ring_len(global) * element)? });
+                slabs.push(lane.buffer(shapes.slab_len() * element)?);
             }
         }
-        Ok(Self { halves, shapes, precision, regions: Vec::with_capacity(shapes.kv_heads) })
+        let mut commits = |global: bool| {
+            let to_slot = |slot: usize| {
+                let ours = halves.iter().zip(&slabs).filter(|(half, _)| half.global == global);
+                let copy = |(half, slab): (&Half, &BufferId)| KeptCopy {
+                    to: half.ring,
+                    from: *slab,
+                    regions: regions(&shapes, element, global, slot),
+                };
+                lane.keep(ours.map(copy).collect())
+            };
+            (0..shapes.buckets(global)).map(to_slot).collect::<Result<Vec<_>>>()
+        };
+        let commits = [commits(false)?, commits(true)?];
+        Ok(Self { halves, slabs, precision, commits })
     }
 
     /// The rings in the order of the transformer's `past` inputs.
@@ -59,7 +69,7 @@ impl KvMemory {
 
     /// The slabs in the order of the transformer's `present` outputs.
     pub(super) fn slabs(&self) -> impl Iterator<Item = BufferId> + '_ {
-        self.halves.iter().map(|half| half.slab)
+        self.slabs.iter().copied()
     }
 
     /// The ring of one half of a layer.
@@ -69,27 +79,16 @@ impl KvMemory {
 
     /// Whether the slabs hold finite numbers only.
     pub(super) fn slabs_finite(&self, lane: &dyn Lane) -> Result<bool> {
-        self.slabs().try_fold(true, |all, slab| Ok(all && lane.finite(slab, self.precision)?))
+        lane.finite(&self.slabs, self.precision)
     }
 
     /// Copies the slabs into ring slots, one for local and one for global layers; `None` leaves that kind alone.
-    ///
-    /// Rings are heads-first, so a slab is one stretch per head, and no byte more is moved.
-    pub(super) fn commit(&mut self, lane: &mut dyn Lane, local: Option<usize>, global: Option<usize>) -> Result<()> {
-        let s = &self.shapes;
-        let element = crate::runtime::element_size(self.precision);
-        let len = s.tokens * s.head_width * element;
-        for half in &self.halves {
-            let Some(slot) = (if half.global { global } else { local }) else { continue };
-            let buckets = s.buckets(half.global);
-            assert!(slot < buckets, "the plan's slot lies in the ring");
-            self.regions.clear();
-            self.regions.extend((0..s.kv_heads).map(|head| Region {
-                to: (head * buckets + slot) * len,
-                from: head * len,
-                len,
-            }));
-            lane.copy(half.ring, half.slab, &self.regions)?;
+    pub(super) fn commit(&self, lane: &mut dyn Lane, local: Option<usize>, global: Option<usize>) -> Result<()> {
+        for (slots, slot) in self.commits.iter().zip([local, global]) {
+            if let Some(slot) = slot {
+                assert!(slot < slots.len(), "the plan's slot lies in the ring");
+                lane.repeat(slots[slot])?;
+            }
         }
         Ok(())
     }
@@ -98,4 +97,12 @@ impl KvMemory {
     pub(super) fn reset(&self, lane: &mut dyn Lane) -> Result<()> {
         self.rings().try_for_each(|ring| lane.clear(ring))
     }
+}
+
+/// Where a slab's numbers go in a ring's slot. Rings are heads-first, so a slab is one stretch per head, and no byte more is
+/// moved.
+fn regions(shapes: &Shapes, element: usize, global: bool, slot: usize) -> Vec<Region> {
+    let len = shapes.tokens * shapes.head_width * element;
+    let to = |head| (head * shapes.buckets(global) + slot) * len;
+    (0..shapes.kv_heads).map(|head| Region { to: to(head), from: head * len, len }).collect()
 }

@@ -165,7 +165,7 @@ impl Passes {
 
     /// Whether the finished latent holds finite numbers only.
     pub(super) fn finite(&self, lane: &dyn Lane) -> Result<bool> {
-        lane.finite(self.x[0], self.precision)
+        lane.finite(&[self.x[0]], self.precision)
     }
 }
 

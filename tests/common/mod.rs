@@ -20,16 +20,28 @@ pub fn ort() -> Ort {
 /// The test bundle `name`: in the folder `CAIRN_TEST_BUNDLE` where that is set, else the one `cargo xtask setup` keeps
 /// in the user's cache.
 pub fn bundle(name: &str) -> Arc<Bundle> {
-    let path = match std::env::var_os("CAIRN_TEST_BUNDLE").filter(|v| !v.is_empty()) {
-        Some(folder) => PathBuf::from(folder).join(name),
-        None => provision::bundle(name, &provision::Silent)
-            .unwrap_or_else(|e| panic!("this test runs a bundle that `cargo xtask setup` makes: {e}")),
-    };
+    let path = bundle_path(name);
     Bundle::open(&path).unwrap_or_else(|e| panic!("{}: {e}; run `cargo xtask setup`", path.display()))
 }
 
-/// Two threads whatever the machine has, so that figures of one run can be compared with another's.
+/// Where that is.
+pub fn bundle_path(name: &str) -> PathBuf {
+    match std::env::var_os("CAIRN_TEST_BUNDLE").filter(|v| !v.is_empty()) {
+        Some(folder) => PathBuf::from(folder).join(name),
+        None => provision::bundle(name, &provision::Silent)
+            .unwrap_or_else(|e| panic!("this test runs a bundle that `cargo xtask setup` makes: {e}")),
+    }
+}
+
+/// The processor with two threads whatever the machine has, so that figures of one run can be compared with another's; on Windows
+/// a Direct3D 12 adapter where `CAIRN_TEST_DEVICE` says `d3d12`.
 pub fn device() -> Device {
+    #[cfg(windows)]
+    if std::env::var_os("CAIRN_TEST_DEVICE").is_some_and(|name| name == "d3d12") {
+        let gpu = cairn::gpu::Gpu::on_adapter(None).expect("an adapter");
+        let options = cairn::runtime::DirectMlOptions { deterministic: true, profile: None };
+        return Device::directml(&ort(), &gpu, options).expect("DirectML");
+    }
     Device::cpu(&ort(), CpuOptions { threads: Some(2), deterministic: true }).expect("a CPU device")
 }
 

@@ -2,7 +2,8 @@
 
 use super::super::requirements::cairn_adapter;
 use super::super::results::{Failure, Outcome};
-use super::{ID3D12CommandQueue, ID3D12Device};
+use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource};
+use crate::Picture;
 use crate::runtime::Device;
 
 /// # Safety
@@ -21,6 +22,16 @@ pub(in crate::abi) fn on_adapter(_: u64) -> Outcome<Device> {
 
 pub(in crate::abi) fn parts(_: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
     None
+}
+
+/// # Safety
+/// Nothing is asked for.
+pub(in crate::abi) unsafe fn read(_: &Device, _: *mut ID3D12Resource, _: u32) -> Outcome<Picture> {
+    Err(Failure::no_d3d12())
+}
+
+pub(in crate::abi) fn texture(_: &Device, _: &Picture) -> Outcome<Guarded> {
+    Err(Failure::no_d3d12())
 }
 
 pub(in crate::abi) fn list() -> Vec<cairn_adapter> {

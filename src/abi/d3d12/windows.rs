@@ -9,8 +9,9 @@ use super::super::device::CAIRN_DEVICE_D3D12;
 use super::super::requirements::cairn_adapter;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
-use super::{ID3D12CommandQueue, ID3D12Device};
-use crate::gpu::{Gpu, adapters};
+use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource};
+use crate::Picture;
+use crate::gpu::{Gpu, adapters, read_texture, texture_of};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 
 /// A device of an engine's objects.
@@ -47,6 +48,24 @@ fn running(gpu: &Gpu) -> Outcome<Device> {
 pub(in crate::abi) fn parts(device: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
     let gpu = device.gpu()?;
     Some((gpu.device().clone().into_raw().cast(), gpu.frames().d3d12().clone().into_raw().cast()))
+}
+
+/// What a texture holds that is in `state`.
+///
+/// # Safety
+/// What is not null is an object of COM and lives during the call.
+pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut ID3D12Resource, state: u32) -> Outcome<Picture> {
+    let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
+    // SAFETY: the caller's promise.
+    let texture: direct3d::ID3D12Resource = unsafe { object(texture.cast(), "picture") }?;
+    let state = direct3d::D3D12_RESOURCE_STATES(state.cast_signed());
+    Ok(read_texture(gpu, &texture, state)?)
+}
+
+/// A texture with a picture in it.
+pub(in crate::abi) fn texture(device: &Device, picture: &Picture) -> Outcome<Guarded> {
+    let (texture, moment) = texture_of(device.gpu().ok_or_else(Failure::no_d3d12)?, picture)?;
+    Ok((texture.into_raw().cast(), moment.fence().clone().into_raw().cast(), moment.value()))
 }
 
 /// The adapters, in the system's order.

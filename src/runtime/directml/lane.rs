@@ -13,16 +13,23 @@ use parking_lot::Mutex;
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 use windows::core::Interface;
 
-use super::memory::{Heap, Shared, buffer};
+use super::kept::KeptList;
 use super::recorder::Recorder;
 use crate::bundle::Precision;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Heap, Pipeline, Shared, buffer};
 use crate::runtime::Graph;
 use crate::runtime::failure::{make, ort_failure};
-use crate::runtime::finite::all_finite;
+use crate::runtime::finite::exponents;
 use crate::runtime::graph::TensorSpec;
-use crate::runtime::lane::{BindingId, BufferId, Bytes, Lane, Region};
+use crate::runtime::lane::{BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
 use crate::{Error, Result};
+
+/// The shader that looks whether numbers are finite.
+const FINITE: &[u8] = include_bytes!("../../gpu/shaders/finite.dxbc");
+/// Threads of its groups, as its source has it.
+const FINITE_GROUP: u32 = 256;
+/// Its groups at most: each thread then looks at many numbers, and a large adapter is still full.
+const FINITE_GROUPS: u32 = 1024;
 
 /// Bytes of zeroes that buffers are cleared with.
 const ZEROES: usize = 1 << 20;
@@ -32,8 +39,14 @@ pub(super) struct DirectMlLane {
     // Bindings hold allocations of buffers: they are dropped first.
     bindings: Vec<Bound>,
     buffers: Vec<Buffer>,
+    /// Copies that are recorded once, and the bytes that they move.
+    kept: Vec<(KeptList, u64)>,
     zeroes: Shared,
+    /// A word that a shader sets, and where the processor reads it.
+    verdict: ID3D12Resource,
+    answer: Shared,
     recorder: Mutex<Recorder>,
+    kernels: Arc<Kernels>,
     gpu: Gpu,
     bytes: Bytes,
     read: AtomicU64,
@@ -51,6 +64,17 @@ unsafe impl Send for Buffer {}
 // SAFETY: shared access only reads the two.
 unsafe impl Sync for Buffer {}
 
+/// The shaders of a device's lanes, compiled once.
+pub(super) struct Kernels {
+    finite: Pipeline,
+}
+
+impl Kernels {
+    pub(super) fn new(gpu: &Gpu) -> Result<Arc<Self>> {
+        Ok(Arc::new(Self { finite: Pipeline::new(gpu, FINITE, 4, 1, 1)? }))
+    }
+}
+
 /// A session's inputs and outputs, tied to buffers.
 struct Bound {
     binding: IoBinding,
@@ -58,13 +82,20 @@ struct Bound {
 }
 
 impl DirectMlLane {
-    pub(super) fn new(gpu: &Gpu) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, kernels: &Arc<Kernels>) -> Result<Self> {
+        // Not every driver refuses to make things on a device that is gone.
+        if let Some(gone) = gpu.removed() {
+            return Err(gone);
+        }
         let recorder = Mutex::new(Recorder::new(gpu)?);
         // Written here: not every driver gives memory that is zero.
         let mut zeroes = Shared::new(gpu, Heap::Upload, ZEROES)?;
         zeroes.write(0, &vec![0; ZEROES]);
-        let (bindings, buffers) = (Vec::new(), Vec::new());
-        Ok(Self { bindings, buffers, zeroes, recorder, gpu: gpu.clone(), bytes: Bytes::default(), read: 0.into() })
+        let verdict = buffer(gpu, Heap::Device, size_of::<u32>())?;
+        let answer = Shared::new(gpu, Heap::Readback, size_of::<u32>())?;
+        let (bindings, buffers, kept, kernels) = (Vec::new(), Vec::new(), Vec::new(), kernels.clone());
+        let (gpu, bytes, read) = (gpu.clone(), Bytes::default(), 0.into());
+        Ok(Self { bindings, buffers, kept, zeroes, verdict, answer, recorder, kernels, gpu, bytes, read })
     }
 
     /// A failure of ONNX Runtime; where the device is gone, that says more.
@@ -115,8 +146,10 @@ impl Lane for DirectMlLane {
 
     fn clear(&mut self, buffer: BufferId) -> Result<()> {
         let buffer = &self.buffers[buffer.0];
-        let regions = (0..buffer.bytes).step_by(ZEROES);
-        let regions = regions.map(|at| Region { to: at, from: 0, len: ZEROES.min(buffer.bytes - at) });
+        // With what fills its last word up, which shaders read.
+        let bytes = buffer.bytes.next_multiple_of(size_of::<u32>());
+        let regions = (0..bytes).step_by(ZEROES);
+        let regions = regions.map(|at| Region { to: at, from: 0, len: ZEROES.min(bytes - at) });
         self.recorder.get_mut().fill(&buffer.resource, self.zeroes.resource(), regions)
     }
 
@@ -128,6 +161,23 @@ impl Lane for DirectMlLane {
             self.bytes.copied += r.len as u64;
         }
         self.recorder.get_mut().copy(&to.resource, &from.resource, regions.iter().copied())
+    }
+
+    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
+        let resources = |copy: &KeptCopy| (&self.buffers[copy.to.0].resource, &self.buffers[copy.from.0].resource);
+        let resolved = copies.iter().map(|copy| (resources(copy), copy.regions.as_slice()));
+        let list = KeptList::new(&self.gpu, resolved)?;
+        let bytes = copies.iter().flat_map(|copy| &copy.regions).map(|region| region.len as u64).sum();
+        self.kept.push((list, bytes));
+        Ok(CopiesId(self.kept.len() - 1))
+    }
+
+    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
+        self.recorder.get_mut().submit()?;
+        let (list, bytes) = &mut self.kept[copies.0];
+        list.submit(&self.gpu)?;
+        self.bytes.copied += *bytes;
+        Ok(())
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
@@ -156,10 +206,25 @@ impl Lane for DirectMlLane {
         Ok(())
     }
 
-    fn finite(&self, of: BufferId, precision: Precision) -> Result<bool> {
-        let mut bytes = vec![0; self.buffers[of.0].bytes];
-        self.read(of, 0, &mut bytes)?;
-        Ok(all_finite(&bytes, precision))
+    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
+        let [low, high] = exponents(precision);
+        let word = |from| std::iter::once(Region { to: 0, from, len: size_of::<u32>() });
+        let moment = {
+            let mut recorder = self.recorder.lock();
+            recorder.fill(&self.verdict, self.zeroes.resource(), word(0))?;
+            for buffer in of.iter().map(|buffer| &self.buffers[buffer.0]) {
+                let words = u32::try_from(buffer.bytes.div_ceil(size_of::<u32>())).unwrap_or(u32::MAX);
+                let groups = words.div_ceil(FINITE_GROUP).clamp(1, FINITE_GROUPS);
+                let constants = [words, low, high, groups * FINITE_GROUP];
+                recorder.dispatch(&self.kernels.finite, &constants, &[&buffer.resource], &[&self.verdict], groups);
+            }
+            recorder.copy(self.answer.resource(), &self.verdict, word(0))?;
+            recorder.now()?
+        };
+        moment.wait()?;
+        let mut verdict = [0; size_of::<u32>()];
+        self.answer.read(&mut verdict);
+        Ok(u32::from_ne_bytes(verdict) == 0)
     }
 
     fn bytes(&self) -> Bytes {

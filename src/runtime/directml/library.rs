@@ -1,4 +1,4 @@
-//! DirectML's library: the one beside ONNX Runtime's, by its absolute path, and no other.
+//! DirectML's library: the one beside ONNX Runtime's, by its absolute path, unless the process has one already.
 
 use std::ffi::c_void;
 use std::os::windows::ffi::OsStrExt;
@@ -8,14 +8,13 @@ use windows::Win32::AI::MachineLearning::DirectML::{
     DML_CREATE_DEVICE_FLAG_NONE, DML_CREATE_DEVICE_FLAGS, DML_FEATURE_LEVEL, DML_FEATURE_LEVEL_5_0, IDMLDevice,
 };
 use windows::Win32::Foundation::HMODULE;
-use windows::Win32::System::LibraryLoader::{
-    GetModuleFileNameW, GetModuleHandleW, GetProcAddress, LOAD_WITH_ALTERED_SEARCH_PATH, LoadLibraryExW,
-};
+use windows::Win32::System::LibraryLoader::{GetProcAddress, LOAD_WITH_ALTERED_SEARCH_PATH, LoadLibraryExW};
 use windows::core::{GUID, HRESULT, Interface, PCWSTR, s, w};
 
 use super::unsupported;
 use crate::gpu::Gpu;
 use crate::runtime::Ort;
+use crate::runtime::module::{self, Version};
 use crate::{Error, ErrorKind, Result};
 
 /// The library, which is never unloaded: ONNX Runtime finds it by its name when the first session is made.
@@ -24,10 +23,13 @@ pub(super) struct Library {
     path: PathBuf,
 }
 
+/// The oldest that serves: the release ONNX Runtime 1.24 is built against.
+const OLDEST: Version = Version([1, 15, 0, 0]);
+
 /// Loads it, or finds it loaded.
 ///
 /// Windows gives a library that is asked for by name to whoever asks if one of this name is in the process already: ONNX
-/// Runtime would get an engine's. So that it gets ours, ours must be the first.
+/// Runtime gets an engine's where that is the first. One that is new enough serves us as well; an older one would not.
 pub(super) fn load(ort: &Ort) -> Result<Library> {
     let path = ort.path().with_file_name("DirectML.dll");
     let missing = |why: String| {
@@ -38,31 +40,25 @@ pub(super) fn load(ort: &Ort) -> Result<Library> {
     if !path.is_file() {
         return Err(missing("DirectML's library is not there".to_owned()));
     }
-    // SAFETY: a static name.
-    if let Ok(first) = unsafe { GetModuleHandleW(w!("DirectML.dll")) } {
-        let found = place(first);
-        return match found.canonicalize() {
-            Ok(canonical) if canonical == path => Ok(Library { module: first, path }),
-            _ => Err(unsupported(format!(
-                "another DirectML.dll is in this process already, which ONNX Runtime would use: {}",
-                found.display()
-            ))
-            .remedy("Load Cairn's device before the engine's DirectML, or give the engine the same file")),
-        };
+    if let Some(first) = module::loaded(w!("DirectML.dll")) {
+        let described = module::described(&first.path);
+        if first.path.canonicalize().is_ok_and(|canonical| canonical == path) {
+            return Ok(Library { module: first.handle, path });
+        }
+        if Version::of(&first.path).is_some_and(|version| version >= OLDEST) {
+            log::info!("DirectML is the one that the process has already: {described}");
+            return Ok(Library { module: first.handle, path: first.path });
+        }
+        return Err(unsupported(format!(
+            "a DirectML.dll older than 1.15 is in this process already, which ONNX Runtime would use: {described}"
+        ))
+        .remedy("Load Cairn's device before the engine's DirectML, or give the engine DirectML 1.15 or newer"));
     }
     let wide: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
     // SAFETY: a NUL-terminated path; runs the initialisers of a library beside the one the caller named, with its trust.
     let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, LOAD_WITH_ALTERED_SEARCH_PATH) }
         .map_err(|e| missing(format!("DirectML's library cannot be loaded: {e}")))?;
     Ok(Library { module, path })
-}
-
-/// Where a loaded module's file is.
-fn place(module: HMODULE) -> PathBuf {
-    let mut wide = vec![0; 1 << 15];
-    // SAFETY: a loaded module and memory of the length that the slice tells.
-    let length = unsafe { GetModuleFileNameW(Some(module), &mut wide) } as usize;
-    String::from_utf16_lossy(&wide[..length]).into()
 }
 
 impl Library {

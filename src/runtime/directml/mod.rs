@@ -1,10 +1,11 @@
 //! A Direct3D 12 device as a device for worlds: ONNX Runtime's DirectML provider over buffers of our own. Windows only.
 
+mod kept;
 mod lane;
 mod library;
-mod memory;
 mod recorder;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use ort::AsPointer;
@@ -22,10 +23,13 @@ use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
 /// How DirectML is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DirectMlOptions {
     /// Gives up what a driver may choose freely, so that a rollout repeats bit for bit: metacommands.
     pub deterministic: bool,
+    /// Lets ONNX Runtime write down which node ran where and for how long: a file of JSON for each session, which is whole when
+    /// the session is gone. Its path begins with this one, and date and time follow. Costs time in every pass.
+    pub profile: Option<PathBuf>,
 }
 
 /// The backend behind [`Device::directml`](super::Device::directml).
@@ -33,6 +37,7 @@ pub(super) struct DirectMlBackend {
     ort: Ort,
     gpu: Gpu,
     device: IDMLDevice,
+    kernels: Arc<lane::Kernels>,
     name: String,
     options: DirectMlOptions,
 }
@@ -50,7 +55,8 @@ impl DirectMlBackend {
             .into_iter()
             .find(|adapter| adapter.luid == gpu.luid())
             .map_or_else(|| format!("adapter {:#x}", gpu.luid()), |adapter| adapter.description);
-        Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, name, options })
+        let kernels = lane::Kernels::new(gpu)?;
+        Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, kernels, name, options })
     }
 
     /// The options every session shares.
@@ -65,6 +71,9 @@ impl DirectMlBackend {
             .with_deterministic_compute(self.options.deterministic)?;
         if self.options.deterministic {
             builder = builder.with_config_entry("ep.dml.disable_metacommands", "1")?;
+        }
+        if let Some(path) = &self.options.profile {
+            builder = builder.with_profiling(path)?;
         }
         for &(name, size) in dimensions {
             builder = builder.with_dimension_override(name, i64::try_from(size).unwrap_or(i64::MAX))?;
@@ -109,7 +118,7 @@ impl Backend for DirectMlBackend {
     }
 
     fn lane(&self) -> Result<Box<dyn Lane>> {
-        Ok(Box::new(lane::DirectMlLane::new(&self.gpu)?))
+        Ok(Box::new(lane::DirectMlLane::new(&self.gpu, &self.kernels)?))
     }
 
     fn gpu(&self) -> Option<&Gpu> {

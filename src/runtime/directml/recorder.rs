@@ -1,4 +1,4 @@
-//! Copies on a queue's timeline: recorded as they come, given to the queue when something must see them.
+//! Copies and shaders on a queue's timeline: recorded as they come, given to the queue when something must see them.
 
 use std::collections::VecDeque;
 use std::mem::ManuallyDrop;
@@ -6,8 +6,7 @@ use std::mem::ManuallyDrop;
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use super::memory::{Heap, Shared};
-use crate::gpu::{Gpu, Moment, failed_on};
+use crate::gpu::{Gpu, Heap, Moment, Pipeline, Shared, failed_on};
 use crate::runtime::lane::Region;
 use crate::{Error, Result};
 
@@ -46,6 +45,10 @@ impl Recorder {
 
     /// Writes `bytes` into `to` from byte `at` on; they may be reused at once.
     pub(super) fn upload(&mut self, to: &ID3D12Resource, at: usize, bytes: &[u8]) -> Result<()> {
+        // What is only uploaded would show it at the next submission, which may never come.
+        if let Some(gone) = self.gpu.removed() {
+            return Err(gone);
+        }
         self.written_once(to)?;
         let mut at = at;
         for piece in bytes.chunks(PAGE) {
@@ -105,6 +108,25 @@ impl Recorder {
         }
     }
 
+    /// Runs a shader in `groups` groups, which reads and writes buffers of the device.
+    pub(super) fn dispatch(
+        &mut self,
+        pipeline: &Pipeline,
+        constants: &[u32],
+        reads: &[&ID3D12Resource],
+        writes: &[&ID3D12Resource],
+        groups: u32,
+    ) {
+        for buffer in reads {
+            self.becomes(buffer, D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE);
+        }
+        for buffer in writes {
+            self.becomes(buffer, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+        }
+        pipeline.record(&self.list, constants, reads, writes, groups);
+        self.pending = true;
+    }
+
     /// Gives what is recorded to the queue.
     pub(super) fn submit(&mut self) -> Result<()> {
         if !self.pending {
@@ -155,7 +177,7 @@ impl Recorder {
         if written { self.submit() } else { Ok(()) }
     }
 
-    /// Brings a buffer into the state that a copy needs.
+    /// Brings a buffer into the state that a copy or a shader needs.
     fn becomes(&mut self, buffer: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         let key = buffer.as_raw() as usize;
         let Some(entry) = self.used.iter_mut().find(|(address, _)| *address == key) else {

@@ -3,12 +3,12 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
 
-use crate::gpu::{Gpu, failed_on};
+use super::{Gpu, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// Whose memory a buffer is in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Heap {
+pub(crate) enum Heap {
     /// The device's, for shaders; rests in the state COMMON, from which Direct3D promotes it to what it is first used as.
     Device,
     /// The processor's to write and the device's to read.
@@ -18,7 +18,7 @@ pub(super) enum Heap {
 }
 
 /// A zeroed buffer of `bytes` bytes, rounded up to what ONNX Runtime's provider binds: whole words of four bytes.
-pub(super) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resource> {
+pub(crate) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resource> {
     let (kind, state, flags) = match heap {
         Heap::Device => {
             (D3D12_HEAP_TYPE_DEFAULT, D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS)
@@ -52,7 +52,7 @@ pub(super) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resour
 }
 
 /// Memory that processor and device share, mapped as long as it lives.
-pub(super) struct Shared {
+pub(crate) struct Shared {
     resource: ID3D12Resource,
     address: *mut u8,
     len: usize,
@@ -62,7 +62,7 @@ pub(super) struct Shared {
 unsafe impl Send for Shared {}
 
 impl Shared {
-    pub(super) fn new(gpu: &Gpu, heap: Heap, len: usize) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu, heap: Heap, len: usize) -> Result<Self> {
         let resource = buffer(gpu, heap, len)?;
         let mut address = std::ptr::null_mut();
         // SAFETY: a buffer of a heap that the processor sees, and a place that lives during the call.
@@ -71,19 +71,19 @@ impl Shared {
         Ok(Self { resource, address: address.cast(), len })
     }
 
-    pub(super) fn resource(&self) -> &ID3D12Resource {
+    pub(crate) fn resource(&self) -> &ID3D12Resource {
         &self.resource
     }
 
     /// Writes what the device has no business with any more.
-    pub(super) fn write(&mut self, at: usize, bytes: &[u8]) {
+    pub(crate) fn write(&mut self, at: usize, bytes: &[u8]) {
         assert!(at + bytes.len() <= self.len, "inside the mapping");
         // SAFETY: inside the mapping, and `bytes` is none of it.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.address.add(at), bytes.len()) };
     }
 
     /// Reads what the device has written and will not write meanwhile.
-    pub(super) fn read(&self, into: &mut [u8]) {
+    pub(crate) fn read(&self, into: &mut [u8]) {
         assert!(into.len() <= self.len, "inside the mapping");
         // SAFETY: inside the mapping, and `into` is none of it.
         unsafe { std::ptr::copy_nonoverlapping(self.address, into.as_mut_ptr(), into.len()) };

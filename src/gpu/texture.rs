@@ -1,0 +1,199 @@
+//! Pictures out of textures, and textures of pictures.
+
+use std::mem::ManuallyDrop;
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+use windows::core::Interface;
+
+use super::memory::{Heap, Shared};
+use super::{Gpu, Moment, failed_on};
+use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
+
+/// The states that a compute list may name in a barrier.
+const OF_COMPUTE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATES(
+    D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER.0
+        | D3D12_RESOURCE_STATE_UNORDERED_ACCESS.0
+        | D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE.0
+        | D3D12_RESOURCE_STATE_INDIRECT_ARGUMENT.0
+        | D3D12_RESOURCE_STATE_COPY_DEST.0
+        | D3D12_RESOURCE_STATE_COPY_SOURCE.0,
+);
+
+/// Reads a texture into the processor's memory, after all that the queue for frames was given before; waits for it.
+///
+/// `texture` is two-dimensional, one slice, not multisampled, RGBA8 or BGRA8, sRGB views of them included; its bytes are taken as
+/// they are. It must be in `state` when the queue comes to it, and is left in it; of several mip levels the first is read, and all
+/// must be in that state.
+///
+/// # Errors
+/// `InvalidArgument` for another kind of resource, one of another device, and a state that the queue's lists cannot name;
+/// `OutOfMemory`; `DeviceRemoved`.
+pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) -> Result<Picture> {
+    gpu.owns(texture, "texture")?;
+    // SAFETY: a live resource.
+    let desc = unsafe { texture.GetDesc() };
+    let blue_first = check(&desc)?;
+    let compute = gpu.frames().kind() == D3D12_COMMAND_LIST_TYPE_COMPUTE;
+    if compute && state & OF_COMPUTE != state {
+        return Err(refuse("state", "the queue for frames is a compute queue, which cannot name that state"));
+    }
+    let mut picture = Picture::new(desc.Width as u32, desc.Height)?;
+    let (layout, bytes) = layout(gpu, &desc);
+    let readback = Shared::new(gpu, Heap::Readback, bytes)?;
+    once(gpu, |list| {
+        let change = state != D3D12_RESOURCE_STATE_COPY_SOURCE;
+        if change {
+            barrier(list, texture, state, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        }
+        copy(list, &placed(readback.resource(), layout), &first_level(texture));
+        if change {
+            barrier(list, texture, D3D12_RESOURCE_STATE_COPY_SOURCE, state);
+        }
+    })?;
+    let mut found = Vec::new();
+    found
+        .try_reserve_exact(bytes)
+        .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a texture of {bytes} bytes cannot be read")))?;
+    found.resize(bytes, 0);
+    readback.read(&mut found);
+    let len = picture.width() as usize * 4;
+    for (row, from) in picture.rgba_mut().chunks_exact_mut(len).zip(found.chunks(layout.Footprint.RowPitch as usize)) {
+        row.copy_from_slice(&from[..len]);
+        if blue_first {
+            row.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel.swap(0, 2));
+        }
+    }
+    Ok(picture)
+}
+
+/// A texture of the device with a picture in it, RGBA8, in the state COMMON; waits for the copy, which runs on the queue for frames.
+///
+/// # Errors
+/// `OutOfMemory`; `DeviceRemoved`.
+pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Moment)> {
+    let (width, height) = picture.size();
+    let desc = D3D12_RESOURCE_DESC {
+        Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
+        Width: u64::from(width),
+        Height: height,
+        DepthOrArraySize: 1,
+        MipLevels: 1,
+        Format: DXGI_FORMAT_R8G8B8A8_UNORM,
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        ..Default::default()
+    };
+    let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
+    let (state, mut made) = (D3D12_RESOURCE_STATE_COPY_DEST, None::<ID3D12Resource>);
+    // SAFETY: a live device; descriptions and place live during the call.
+    unsafe { gpu.device().CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, state, None, &mut made) }
+        .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommittedResource", &e))?;
+    let texture =
+        made.ok_or_else(|| Error::new(ErrorKind::Device, "ID3D12Device::CreateCommittedResource gave no texture"))?;
+    let (layout, bytes) = layout(gpu, &desc);
+    let mut upload = Shared::new(gpu, Heap::Upload, bytes)?;
+    let rows = picture.rgba().chunks_exact(width as usize * 4);
+    rows.enumerate().for_each(|(y, row)| upload.write(y * layout.Footprint.RowPitch as usize, row));
+    let moment = once(gpu, |list| {
+        copy(list, &first_level(&texture), &placed(upload.resource(), layout));
+        barrier(list, &texture, state, D3D12_RESOURCE_STATE_COMMON);
+    })?;
+    Ok((texture, moment))
+}
+
+/// Refuses what is no plain picture; whether its pixels have blue first.
+fn check(desc: &D3D12_RESOURCE_DESC) -> Result<bool> {
+    if desc.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || desc.DepthOrArraySize != 1 {
+        return Err(refuse("texture", "it is no two-dimensional texture of one slice"));
+    }
+    if desc.SampleDesc.Count != 1 {
+        return Err(refuse("texture", "it is multisampled").remedy("Resolve it first"));
+    }
+    if desc.Width > u64::from(MAX_SIDE) || desc.Height > MAX_SIDE {
+        return Err(refuse("texture", &format!("{} x {} pixels are too many", desc.Width, desc.Height)));
+    }
+    match desc.Format {
+        DXGI_FORMAT_R8G8B8A8_UNORM | DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_R8G8B8A8_TYPELESS => Ok(false),
+        DXGI_FORMAT_B8G8R8A8_UNORM | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_TYPELESS => Ok(true),
+        other => Err(refuse("texture", &format!("its format is DXGI_FORMAT {}", other.0)).remedy("Use RGBA8 or BGRA8")),
+    }
+}
+
+fn refuse(field: &str, why: &str) -> Error {
+    Error::new(ErrorKind::InvalidArgument, why).field(field)
+}
+
+/// How the first mip level of a texture lies in a buffer, and the bytes of that.
+fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUBRESOURCE_FOOTPRINT, usize) {
+    let (mut layout, mut bytes) = (D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default(), 0);
+    // SAFETY: a live device; description and places live during the call.
+    unsafe { gpu.device().GetCopyableFootprints(desc, 0, 1, 0, Some(&mut layout), None, None, Some(&mut bytes)) };
+    (layout, bytes as usize)
+}
+
+/// Runs what `record` records on the queue for frames, and waits for it; the moment when it was done.
+fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Moment> {
+    let (device, kind) = (gpu.device(), gpu.frames().kind());
+    // SAFETY: a live device.
+    let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
+        .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandAllocator", &e))?;
+    // SAFETY: a live device and allocator.
+    let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
+        .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandList", &e))?;
+    record(&list);
+    // SAFETY: an open list.
+    unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
+    let list = list.cast().map_err(|e| failed_on(device, "IUnknown::QueryInterface", &e))?;
+    let moment = gpu.frames().submit(&[list])?;
+    // Until then the list needs its allocator, and what it copies.
+    moment.wait()?;
+    Ok(moment)
+}
+
+/// A resource as a call names it that takes no reference.
+fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
+    // SAFETY: the same pointer, not released by this copy.
+    unsafe { std::mem::transmute_copy(resource) }
+}
+
+fn placed(buffer: &ID3D12Resource, layout: D3D12_PLACED_SUBRESOURCE_FOOTPRINT) -> D3D12_TEXTURE_COPY_LOCATION {
+    D3D12_TEXTURE_COPY_LOCATION {
+        pResource: borrowed(buffer),
+        Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
+        Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { PlacedFootprint: layout },
+    }
+}
+
+fn first_level(texture: &ID3D12Resource) -> D3D12_TEXTURE_COPY_LOCATION {
+    D3D12_TEXTURE_COPY_LOCATION {
+        pResource: borrowed(texture),
+        Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
+        Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
+    }
+}
+
+fn copy(list: &ID3D12GraphicsCommandList, to: &D3D12_TEXTURE_COPY_LOCATION, from: &D3D12_TEXTURE_COPY_LOCATION) {
+    // SAFETY: an open list, and live resources of its device in the states for it.
+    unsafe { list.CopyTextureRegion(to, 0, 0, 0, from, None) };
+}
+
+fn barrier(
+    list: &ID3D12GraphicsCommandList,
+    resource: &ID3D12Resource,
+    before: D3D12_RESOURCE_STATES,
+    after: D3D12_RESOURCE_STATES,
+) {
+    let transition = D3D12_RESOURCE_TRANSITION_BARRIER {
+        pResource: borrowed(resource),
+        Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
+        StateBefore: before,
+        StateAfter: after,
+    };
+    let barrier = D3D12_RESOURCE_BARRIER {
+        Type: D3D12_RESOURCE_BARRIER_TYPE_TRANSITION,
+        Anonymous: D3D12_RESOURCE_BARRIER_0 { Transition: ManuallyDrop::new(transition) },
+        ..Default::default()
+    };
+    // SAFETY: an open list and a live resource in the state before.
+    unsafe { list.ResourceBarrier(&[barrier]) };
+}

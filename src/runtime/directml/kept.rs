@@ -1,0 +1,54 @@
+//! Copies that are recorded once and run often.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::core::Interface;
+
+use crate::gpu::{Gpu, Moment, failed_on};
+use crate::runtime::lane::Region;
+use crate::{Error, Result};
+
+/// A closed command list of copies between buffers.
+pub(super) struct KeptList {
+    list: ID3D12CommandList,
+    _allocator: ID3D12CommandAllocator,
+    /// When it has run for the last time: until then it must not be given to a queue again.
+    last: Option<Moment>,
+}
+
+impl KeptList {
+    /// Records copies, each of regions of a buffer into another one. Buffers are in the state COMMON between lists, from which
+    /// each copy promotes them.
+    pub(super) fn new<'a>(
+        gpu: &Gpu,
+        copies: impl Iterator<Item = ((&'a ID3D12Resource, &'a ID3D12Resource), &'a [Region])>,
+    ) -> Result<Self> {
+        let (device, kind) = (gpu.device(), gpu.anchors().kind());
+        let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(device, call, e) };
+        // SAFETY: a live device.
+        let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
+            .map_err(|e| failed("ID3D12Device::CreateCommandAllocator", &e))?;
+        // SAFETY: a live device and allocator.
+        let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
+            .map_err(|e| failed("ID3D12Device::CreateCommandList", &e))?;
+        for ((to, from), regions) in copies {
+            for r in regions {
+                // SAFETY: an open list; the lane holds both buffers as long as this list, and the stretches lie inside them.
+                unsafe { list.CopyBufferRegion(to, r.to as u64, from, r.from as u64, r.len as u64) };
+            }
+        }
+        // SAFETY: an open list.
+        unsafe { list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
+        let list = list.cast().map_err(|e| failed("IUnknown::QueryInterface", &e))?;
+        Ok(Self { list, _allocator: allocator, last: None })
+    }
+
+    /// Gives it to the queue for anchors.
+    pub(super) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
+        if let Some(last) = &self.last {
+            // Long reached but for a slot that comes twice in a moment.
+            last.wait()?;
+        }
+        self.last = Some(gpu.anchors().submit(std::slice::from_ref(&self.list))?);
+        Ok(())
+    }
+}

@@ -1,0 +1,77 @@
+//! Libraries of this process and their versions. Windows only.
+
+use std::ffi::c_void;
+use std::fmt;
+use std::os::windows::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use windows::Win32::Foundation::HMODULE;
+use windows::Win32::System::LibraryLoader::{GetModuleFileNameW, GetModuleHandleW};
+use windows::core::{BOOL, PCWSTR, w};
+
+/// A library that is in this process already.
+pub(super) struct Module {
+    pub(super) handle: HMODULE,
+    pub(super) path: PathBuf,
+}
+
+/// The first library of this process with a name, whoever loaded it.
+pub(super) fn loaded(name: PCWSTR) -> Option<Module> {
+    // SAFETY: a NUL-terminated name, by the type's promise; no reference is taken.
+    let handle = unsafe { GetModuleHandleW(name) }.ok()?;
+    let mut wide = vec![0; 1 << 15];
+    // SAFETY: a loaded module and memory of the length that the slice tells.
+    let length = unsafe { GetModuleFileNameW(Some(handle), &mut wide) } as usize;
+    Some(Module { handle, path: String::from_utf16_lossy(&wide[..length]).into() })
+}
+
+// The bindings have these in a part that holds all of the file system besides.
+windows::core::link!("version.dll" "system" fn GetFileVersionInfoSizeW(file: PCWSTR, handle: *mut u32) -> u32);
+windows::core::link!("version.dll" "system" fn GetFileVersionInfoW(file: PCWSTR, handle: u32, size: u32, block: *mut c_void) -> BOOL);
+windows::core::link!("version.dll" "system" fn VerQueryValueW(block: *const c_void, name: PCWSTR, found: *mut *const c_void, length: *mut u32) -> BOOL);
+
+/// The start of VS_FIXEDFILEINFO: signature, version of this struct, and the file's own version, most significant half first.
+type Fixed = [u32; 4];
+
+/// A file's version, most significant part first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Version(pub(super) [u16; 4]);
+
+impl fmt::Display for Version {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [a, b, c, d] = self.0;
+        write!(f, "{a}.{b}.{c}.{d}")
+    }
+}
+
+impl Version {
+    /// What a library's file says of itself, where it says it.
+    pub(super) fn of(path: &Path) -> Option<Self> {
+        let name: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
+        let name = PCWSTR(name.as_ptr());
+        // SAFETY: a NUL-terminated path that lives during the call.
+        let size = unsafe { GetFileVersionInfoSizeW(name, std::ptr::null_mut()) };
+        let mut block = vec![0u8; size as usize];
+        // SAFETY: as above, and memory of the size told.
+        unsafe { GetFileVersionInfoW(name, 0, size, block.as_mut_ptr().cast()) }.ok().ok()?;
+        let (mut found, mut length) = (std::ptr::null(), 0);
+        // SAFETY: a block that the call above filled, a static name, and places that live during the call.
+        let there = unsafe { VerQueryValueW(block.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
+        if !there.as_bool() || found.is_null() || (length as usize) < size_of::<Fixed>() {
+            return None;
+        }
+        // SAFETY: inside the block, as long as told; the file may have placed it anywhere.
+        let [_, _, high, low] = unsafe { found.cast::<Fixed>().read_unaligned() };
+        let halves = |word: u32| [(word >> 16) as u16, word as u16];
+        let ([a, b], [c, d]) = (halves(high), halves(low));
+        Some(Self([a, b, c, d]))
+    }
+}
+
+/// A library's path with the version its file tells, for messages.
+pub(super) fn described(path: &Path) -> String {
+    match Version::of(path) {
+        Some(version) => format!("{} (version {version})", path.display()),
+        None => format!("{} (of no version)", path.display()),
+    }
+}

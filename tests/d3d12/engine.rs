@@ -1,0 +1,46 @@
+//! A device with two queues, as an engine makes them, and who holds them.
+
+use cairn::gpu::windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::core::{IUnknown, Interface};
+
+/// An engine's objects.
+pub(crate) struct Engine {
+    pub(crate) device: ID3D12Device,
+    pub(crate) direct: ID3D12CommandQueue,
+    pub(crate) compute: ID3D12CommandQueue,
+}
+
+pub(crate) fn engine() -> Engine {
+    let mut device: Option<ID3D12Device> = None;
+    // SAFETY: the place lives during the call.
+    unsafe { D3D12CreateDevice(None, D3D_FEATURE_LEVEL_11_0, &mut device) }.expect("a device");
+    let device = device.expect("a device");
+    let direct = queue(&device, D3D12_COMMAND_LIST_TYPE_DIRECT);
+    let compute = queue(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE);
+    Engine { device, direct, compute }
+}
+
+pub(crate) fn queue(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE) -> ID3D12CommandQueue {
+    let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, ..Default::default() };
+    // SAFETY: the description lives during the call.
+    unsafe { device.CreateCommandQueue(&wanted) }.expect("a queue")
+}
+
+/// References to an object, ours among them.
+pub(crate) fn references(object: &impl Interface) -> u32 {
+    let unknown = std::mem::ManuallyDrop::new(object.cast::<IUnknown>().expect("IUnknown"));
+    // SAFETY: releases the reference that the cast above took, and counts the rest.
+    unsafe { (Interface::vtable(&*unknown).Release)(unknown.as_raw()) }
+}
+
+/// Waits for `count` to become `expected`: a driver's own thread may let go of a fence a little after it has signalled it.
+pub(crate) fn comes_back<const N: usize>(count: impl Fn() -> [u32; N], expected: [u32; N]) {
+    for _ in 0..500 {
+        if count() == expected {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert_eq!(count(), expected, "references come back");
+}
