@@ -17,7 +17,7 @@ use engine::{Engine, comes_back, references};
 /// device leaves some 250 KB behind, ours or the driver's, so many lives need more room.
 const DRIFT: u64 = 24 << 20;
 
-/// How many cycles, by the variable `name`; `cargo xtask test --thorough` asks for more than the few of every run.
+/// How many cycles: the few of every run, or as many as the variable `name` asks for.
 fn cycles(name: &str, few: u64) -> u64 {
     std::env::var(name).map_or(few, |text| text.parse().expect("a number of cycles"))
 }

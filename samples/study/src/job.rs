@@ -6,10 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use cairn::runtime::{CpuOptions, Device};
-use cairn::world::{Preset, Rollout, World, WorldOptions};
+use cairn::runtime::Device;
+use cairn::world::{Preset, Rollout, WorldOptions};
 use cairn::{Error, ErrorKind, Result};
 
+use crate::device::{self, DeviceChoice};
 use crate::inputs::{self, Loaded};
 use crate::latents::LatentFile;
 use crate::machine::Versions;
@@ -50,6 +51,8 @@ pub struct Outcome {
     pub failure: Option<Error>,
     /// Whether [`Job::stop`] ended it.
     pub interrupted: bool,
+    /// Why [`DeviceChoice::Auto`] came to the processor, where it did.
+    pub fallback: Option<Error>,
 }
 
 /// Makes a rollout.
@@ -64,19 +67,26 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let loaded = inputs::load(job.settings, job.progress)?;
     checked.point.check_for(loaded.bundle.geometry())?;
     job.progress.phase("loading the world");
-    let device = Device::cpu(&loaded.ort, CpuOptions { threads: job.settings.threads, deterministic: true })?;
     let options = WorldOptions { global_window: Some(checked.point.global_window), ..WorldOptions::default() };
-    let world = World::load(&device, &loaded.bundle, options)?;
+    let Settings { device, threads, .. } = *job.settings;
+    let device::Loaded { world, choice, fallback } =
+        device::load(device, &loaded.ort, threads, &loaded.bundle, &options)?;
+    // A graphics device leaves all of the processor's threads to the video encoder.
+    let threads = match choice {
+        DeviceChoice::Cpu => world.device().threads(),
+        _ => threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
+    };
     let rollout = Rollout::new(&world, &checked.point, job.settings.seed)?;
     let loading = began.elapsed();
 
     folder.prepare(job.settings.formats.png)?;
-    let mut manifest = first_manifest(job.settings, &loaded, &device, &checked)?;
+    let settings = Settings { device: choice, threads: Some(threads), ..job.settings.clone() };
+    let mut manifest = first_manifest(settings, &loaded, world.device(), &checked)?;
     write_manifest(job, &folder, &manifest)?;
     let size = job.settings.size.into();
     let rate = FrameRate::new(checked.point.presented_rate().into(), 1)?;
     let format = VideoFormat::new(size, rate);
-    let sinks = sinks(&job.disk, &folder, job.settings.formats, [VIDEO, RAW], &format, device.threads())?;
+    let sinks = sinks(&job.disk, &folder, job.settings.formats, [VIDEO, RAW], &format, threads)?;
     let recorder = Recorder::start(sinks, size)?;
     let shape = loaded.bundle.geometry().latent;
     let shape = [shape.channels, shape.height, shape.width];
@@ -110,13 +120,11 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     if let Err(error) = write_manifest(job, &folder, &manifest) {
         failure = failure.or(Some(error));
     }
-    Ok(Outcome { manifest, failure, interrupted })
+    Ok(Outcome { manifest, failure, interrupted, fallback })
 }
 
 /// The manifest as it stands before the first frame, so that a broken run leaves one.
-fn first_manifest(settings: &Settings, loaded: &Loaded, device: &Device, checked: &Checked) -> Result<Manifest> {
-    let mut settings = settings.clone();
-    settings.threads = Some(device.threads());
+fn first_manifest(mut settings: Settings, loaded: &Loaded, device: &Device, checked: &Checked) -> Result<Manifest> {
     for path in [&mut settings.world, &mut settings.seed_picture, &mut settings.script].into_iter().flatten() {
         *path = absolute(path);
     }

@@ -9,6 +9,7 @@
 
 mod cli;
 mod demo;
+mod device;
 mod inputs;
 mod interpolate;
 mod job;
@@ -30,6 +31,7 @@ mod text;
 mod world_quality;
 
 pub use cli::run;
+pub use device::DeviceChoice;
 pub use inputs::Overrides;
 pub use interpolate::{FOLDER_RATE, Interpolation, MAX_MULTIPLIER, Report, interpolate};
 pub use job::{Job, Outcome, run as run_job};

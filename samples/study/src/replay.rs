@@ -139,7 +139,7 @@ fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compa
     if !differences.is_empty() {
         return Ok(Compared { differences, equal: 0, skipped: Vec::new(), out, interrupted: false });
     }
-    let Outcome { manifest: second, failure, interrupted } = run(&Job {
+    let Outcome { manifest: second, failure, interrupted, .. } = run(&Job {
         settings: &settings,
         out: &out,
         overwrite: job.overwrite,

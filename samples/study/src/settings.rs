@@ -7,6 +7,8 @@ use cairn::world::{OperatingPoint, Preset, WorldTime};
 use cairn::{Error, ErrorKind, MAX_SIDE, Result};
 use serde::{Deserialize, Serialize};
 
+use crate::device::DeviceChoice;
+
 /// Which media are written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,6 +70,9 @@ pub struct Settings {
     pub formats: Formats,
     /// Threads of a pass; the bits depend on it. None: one to a physical core, and the manifest has the number.
     pub threads: Option<usize>,
+    /// Where the world runs. A manifest has what `auto` came to.
+    #[serde(default, skip_serializing_if = "DeviceChoice::is_cpu")]
+    pub device: DeviceChoice,
 }
 
 /// Settings that have been understood.
@@ -92,6 +97,7 @@ impl Default for Settings {
             upscaler: "lanczos".into(),
             formats: Formats { mp4: true, ..Formats::default() },
             threads: None,
+            device: DeviceChoice::Cpu,
         }
     }
 }

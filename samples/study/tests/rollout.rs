@@ -13,7 +13,7 @@ use common::decoder::decode;
 use common::small_disk::SmallDisk;
 use common::worlds::{make, make_on, read_checked, short};
 use study::media::{Disk, RealDisk, Store};
-use study::{Difference, Formats, Manifest, Overrides, Progress, Replay, Settings, replay};
+use study::{DeviceChoice, Difference, Formats, Manifest, Overrides, Progress, Replay, Settings, replay};
 
 fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result<study::Compared> {
     replay(&Replay {
@@ -30,10 +30,16 @@ fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result
 fn a_rollout_is_complete_and_its_replay_is_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("first");
-    let outcome = make(&short(), &out);
+    let outcome = make(&Settings { device: DeviceChoice::Auto, ..short() }, &out);
     assert!(outcome.failure.is_none() && !outcome.interrupted, "{:?}", outcome.failure);
     let manifest = read_checked(&out);
     assert_eq!(manifest, outcome.manifest);
+    assert_eq!(
+        manifest.settings.device == DeviceChoice::Cpu,
+        outcome.fallback.is_some(),
+        "the processor needs a reason"
+    );
+    assert!(cfg!(windows) || outcome.fallback.is_some_and(|why| why.cause().contains("Windows only")));
     assert!(manifest.complete && manifest.stopped_by.is_none());
     assert!(manifest.note.as_deref().is_some_and(|n| n.contains("random weights")));
 

@@ -24,6 +24,10 @@ pub(super) struct DemoArgs {
     /// Size of the rollout's presented frames
     #[arg(long, value_name = "WxH", default_value = "1920x1080")]
     size: String,
+    /// Where the world runs: auto, cpu, d3d12 for the best adapter, or d3d12:N for number N of the system's list; auto is that
+    /// adapter where the world loads on it, else the processor, and says why
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    device: String,
     /// No progress, no summary
     #[arg(long)]
     quiet: bool,
@@ -36,6 +40,7 @@ impl DemoArgs {
             world: self.world.clone(),
             seconds: self.seconds.clone(),
             size: size(&self.size)?,
+            device: self.device.parse()?,
             ..Settings::default()
         })
     }

@@ -84,6 +84,10 @@ struct RunArgs {
     /// Threads of a pass; the same number gives the same bits [default: one to a physical core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Where the world runs: auto, cpu, d3d12 for the best adapter, or d3d12:N for number N of the system's list; auto is that
+    /// adapter where the world loads on it, else the processor, and says why
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    device: String,
     /// Folder for everything that is made
     #[arg(long, value_name = "DIR", default_value = "target/study")]
     out: PathBuf,
@@ -111,6 +115,7 @@ impl RolloutArgs {
             upscaler: self.upscaler.clone(),
             formats: Formats::parse(&self.formats)?,
             threads: self.run.threads,
+            device: self.run.device.parse()?,
         })
     }
 }
@@ -140,6 +145,9 @@ pub(super) fn make(settings: &Settings, out: &Path, overwrite: bool, quiet: bool
     if !quiet {
         if let Some(note) = &outcome.manifest.note {
             println!("{note}");
+        }
+        if let Some(why) = &outcome.fallback {
+            println!("It ran on the processor: {why}");
         }
         print!("{}", demo::summary(&outcome, out));
         let seconds = |stage: &str| outcome.manifest.timings.get(stage).copied().unwrap_or(0.0);

@@ -1,0 +1,159 @@
+//! Where a world runs: `--device`.
+
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use cairn::bundle::{Bundle, Precision};
+use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::world::{World, WorldOptions};
+use cairn::{Error, ErrorKind, Result};
+use serde::{Deserialize, Serialize};
+
+/// What was asked for, or, in a manifest, what it came to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum DeviceChoice {
+    /// A Direct3D 12 adapter where there is one on which the world loads, else the processor.
+    Auto,
+    /// The processor. What manifests mean that name no device.
+    #[default]
+    Cpu,
+    /// A Direct3D 12 adapter by its number in the system's list, or the best.
+    D3d12(Option<u32>),
+}
+
+impl FromStr for DeviceChoice {
+    type Err = Error;
+
+    /// Reads `auto`, `cpu`, `d3d12` or `d3d12:N`.
+    fn from_str(text: &str) -> Result<Self> {
+        match text.split_once(':') {
+            None if text == "auto" => Ok(Self::Auto),
+            None if text == "cpu" => Ok(Self::Cpu),
+            None if text == "d3d12" => Ok(Self::D3d12(None)),
+            Some(("d3d12", number)) if number.bytes().all(|b| b.is_ascii_digit()) => {
+                number.parse().map(|number| Self::D3d12(Some(number))).map_err(|_| unknown(text))
+            }
+            _ => Err(unknown(text)),
+        }
+    }
+}
+
+fn unknown(text: &str) -> Error {
+    Error::new(ErrorKind::InvalidArgument, format!("{text:?} is no device"))
+        .field("--device")
+        .remedy("Use auto, cpu, d3d12 for the best adapter, or d3d12:N for number N of the system's list, from 0 on")
+}
+
+impl fmt::Display for DeviceChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Cpu => f.write_str("cpu"),
+            Self::D3d12(None) => f.write_str("d3d12"),
+            Self::D3d12(Some(number)) => write!(f, "d3d12:{number}"),
+        }
+    }
+}
+
+impl TryFrom<String> for DeviceChoice {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
+    }
+}
+
+impl From<DeviceChoice> for String {
+    fn from(choice: DeviceChoice) -> Self {
+        choice.to_string()
+    }
+}
+
+impl DeviceChoice {
+    /// Whether it is what manifests mean that name no device.
+    pub(crate) fn is_cpu(&self) -> bool {
+        *self == Self::Cpu
+    }
+}
+
+/// A world on the device that was chosen for it.
+pub(crate) struct Loaded {
+    pub(crate) world: Arc<World>,
+    /// The device in the words that choose it again, on this machine.
+    pub(crate) choice: DeviceChoice,
+    /// Why `auto` came to the processor, where it did.
+    pub(crate) fallback: Option<Error>,
+}
+
+/// Loads `bundle` on the device that `choice` means; on the processor with `threads`.
+pub(crate) fn load(
+    choice: DeviceChoice,
+    ort: &Ort,
+    threads: Option<usize>,
+    bundle: &Arc<Bundle>,
+    options: &WorldOptions,
+) -> Result<Loaded> {
+    let graphics = |number: Option<u32>| {
+        let (device, number) = d3d12(ort, number)?;
+        // Older bundles hold one precision only.
+        let precision = Some(if bundle.has(device.precision()) { device.precision() } else { Precision::F32 });
+        let world = World::load(&device, bundle, WorldOptions { precision, ..options.clone() })?;
+        Ok(Loaded { world, choice: DeviceChoice::D3d12(Some(number)), fallback: None })
+    };
+    let processor = |fallback: Option<Error>| {
+        let device = Device::cpu(ort, CpuOptions { threads, deterministic: true })?;
+        Ok(Loaded { world: World::load(&device, bundle, options.clone())?, choice: DeviceChoice::Cpu, fallback })
+    };
+    match choice {
+        DeviceChoice::Cpu => processor(None),
+        DeviceChoice::D3d12(number) => graphics(number),
+        DeviceChoice::Auto => graphics(None).or_else(|why| processor(Some(why))),
+    }
+}
+
+/// The device of adapter `number` of the system's list, or of the first that is no software; the number is told.
+#[cfg(windows)]
+fn d3d12(ort: &Ort, number: Option<u32>) -> Result<(Device, u32)> {
+    let mut adapters = (0..).zip(cairn::gpu::adapters()?);
+    let found = match number {
+        Some(number) => adapters.find(|(i, _)| *i == number),
+        None => adapters.find(|(_, adapter)| !adapter.software),
+    };
+    let (number, adapter) = found.ok_or_else(|| match number {
+        Some(number) => Error::new(ErrorKind::InvalidArgument, format!("there is no adapter number {number}"))
+            .field("--device")
+            .remedy("Use d3d12 for the best adapter"),
+        None => Error::new(ErrorKind::Unsupported, "this machine has no adapter for Direct3D 12 but software")
+            .field("--device")
+            .remedy("Use cpu, or name the software by its number: d3d12:0"),
+    })?;
+    let gpu = cairn::gpu::Gpu::on_adapter(Some(adapter.luid))?;
+    let options = cairn::runtime::DirectMlOptions { deterministic: true, profile: None };
+    Ok((Device::directml(ort, &gpu, options)?, number))
+}
+
+/// There is none.
+#[cfg(not(windows))]
+fn d3d12(_: &Ort, _: Option<u32>) -> Result<(Device, u32)> {
+    Err(Error::new(ErrorKind::Unsupported, "Direct3D 12 is there on Windows only")
+        .field("--device")
+        .remedy("Use cpu or auto"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_choice_is_written_as_it_is_read() {
+        for text in ["auto", "cpu", "d3d12", "d3d12:0", "d3d12:17"] {
+            assert_eq!(text.parse::<DeviceChoice>().unwrap().to_string(), text);
+        }
+        for text in ["", "gpu", "d3d12:", "d3d12:-1", "d3d12:+1", "d3d12:99999999999", "cpu:0", "AUTO"] {
+            let error = text.parse::<DeviceChoice>().unwrap_err();
+            assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("--device")));
+        }
+    }
+}
