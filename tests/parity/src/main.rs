@@ -48,6 +48,9 @@ struct Arguments {
     /// The type the graphs compute in.
     #[arg(long, default_value = "f32")]
     precision: Kind,
+    /// Where the graphs run.
+    #[arg(long, default_value = "cpu")]
+    device: Where,
     /// The seed of all noise.
     #[arg(long, default_value_t = 7)]
     seed: u64,
@@ -63,6 +66,32 @@ enum Kind {
     F16,
 }
 
+/// A device by its name on the command line.
+#[derive(Clone, Copy, ValueEnum)]
+enum Where {
+    /// The processor.
+    Cpu,
+    /// The first Direct3D 12 adapter that is no software, else the first.
+    #[cfg(windows)]
+    D3d12,
+}
+
+impl Where {
+    fn device(self) -> Result<Device, Failure> {
+        let ort = Ort::find(None)?;
+        match self {
+            // One thread: the oracle's process may use the other cores, and these graphs are too small to share.
+            Self::Cpu => Ok(Device::cpu(&ort, CpuOptions { threads: Some(1), deterministic: true })?),
+            #[cfg(windows)]
+            Self::D3d12 => {
+                let gpu = cairn::gpu::Gpu::on_adapter(None)?;
+                let options = cairn::runtime::DirectMlOptions { deterministic: true, profile: None };
+                Ok(Device::directml(&ort, &gpu, options)?)
+            }
+        }
+    }
+}
+
 fn main() -> ExitCode {
     match run(Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -74,9 +103,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
-    let ort = Ort::find(None)?;
-    // One thread: the oracle's process may use the other cores, and these graphs are too small to share.
-    let device = Device::cpu(&ort, CpuOptions { threads: Some(1), deterministic: true })?;
+    let device = arguments.device.device()?;
     let bundle = Bundle::open(&arguments.bundle)?;
     let precision = match arguments.precision {
         Kind::F32 => Precision::F32,
