@@ -134,9 +134,9 @@ PRESETS = {
             rate=1.5e-3,
             decay=0.05,
             stages=(
-                Stage(steps=6000, frames=16, batch=4, noisy=2),
-                Stage(steps=1500, frames=64, batch=1, noisy=2),
-                Stage(steps=100, frames=512, batch=1, noisy=1, windows=WINDOWS),
+                Stage(steps=2500, frames=16, batch=4, noisy=2),
+                Stage(steps=300, frames=64, batch=1, noisy=2),
+                Stage(steps=40, frames=512, batch=1, noisy=1, windows=WINDOWS),
             ),
         ),
     ),
