@@ -1,6 +1,8 @@
 //! Devices and worlds on Direct3D 12 come and go, and nothing of them stays. On Windows, or in the lab.
 #![cfg(windows)]
 
+use std::sync::{Mutex, PoisonError};
+
 use cairn::Result;
 use cairn::bundle::Precision;
 use cairn::gpu::Gpu;
@@ -63,6 +65,9 @@ fn held(engine: &Engine) -> [u32; 3] {
 /// Does `cycle` for an engine's objects so many times; their references come back each time, and no life stays in memory.
 fn come_and_go(count: u64, cycle: impl Fn(&Engine)) {
     const WARM_UP: u64 = 2;
+    // One test at a time: the process's memory is all of theirs.
+    static ALONE: Mutex<()> = Mutex::new(());
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let engine = engine::engine();
     let before = held(&engine);
     let mut memory = 0;
