@@ -1,10 +1,10 @@
 //! A library with ffx-api's five exports that plays the releases of AMD's SDK, and a strict judge of who calls it. Windows only.
 //!
 //! A copy of it stands under each name of AMD's, and beside it a text with that name and `.txt` behind it says what it plays
-//! ([`role::Role`]). What it was asked is appended to `calls.txt` in the same folder, and what was wrong with it to
+//! (`role`). What it was asked is appended to `calls.txt` in the same folder, and what was wrong with it to
 //! `judgement.txt`.
 //!
-//! It shares nothing with the bindings under test: what it knows of structs are offsets, in [`memory`] and where they are read.
+//! It shares nothing with the bindings under test: what it knows of structs are offsets, in `memory` and where they are read.
 #![cfg(windows)]
 
 mod frames;
