@@ -147,7 +147,7 @@ pub(super) fn make(settings: &Settings, out: &Path, overwrite: bool, quiet: bool
             println!("{note}");
         }
         if let Some(why) = &outcome.fallback {
-            println!("It ran on the processor: {why}");
+            println!("It ran on the processor: {}", why.cause());
         }
         print!("{}", demo::summary(&outcome, out));
         let seconds = |stage: &str| outcome.manifest.timings.get(stage).copied().unwrap_or(0.0);
