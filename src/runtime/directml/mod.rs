@@ -7,6 +7,7 @@ mod recorder;
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use ort::AsPointer;
 use ort::session::Session;
@@ -28,7 +29,7 @@ pub struct DirectMlOptions {
     /// Gives up what a driver may choose freely, so that a rollout repeats bit for bit: metacommands.
     pub deterministic: bool,
     /// Lets ONNX Runtime write down which node ran where and for how long: a file of JSON for each session, which is whole when
-    /// the session is gone. Its path begins with this one, and date and time follow. Costs time in every pass.
+    /// the session is gone. Its path begins with this one; the session's number, date and time follow. Costs time in every pass.
     pub profile: Option<PathBuf>,
 }
 
@@ -73,6 +74,10 @@ impl DirectMlBackend {
             builder = builder.with_config_entry("ep.dml.disable_metacommands", "1")?;
         }
         if let Some(path) = &self.options.profile {
+            // ONNX Runtime adds the time in whole seconds: sessions of one second would write over each other.
+            static SESSIONS: AtomicUsize = AtomicUsize::new(0);
+            let mut path = path.clone().into_os_string();
+            path.push(format!("_{}", SESSIONS.fetch_add(1, Ordering::Relaxed)));
             builder = builder.with_profiling(path)?;
         }
         for &(name, size) in dimensions {
