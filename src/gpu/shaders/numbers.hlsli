@@ -1,4 +1,4 @@
-// Numbers in buffers.
+// Numbers in buffers, and what lies between them.
 
 // Number `index` of a buffer of halves or of floats.
 float number(ByteAddressBuffer from, uint index, bool halves)
@@ -15,6 +15,19 @@ float number(ByteAddressBuffer from, uint index, bool halves)
 bool finite(float x)
 {
     return (asuint(x) & 0x7f800000) != 0x7f800000;
+}
+
+// The two cells of place `i` of `to` on `from` cells, half-pixel centres and edges repeated, and the weight of the second. In
+// whole numbers, so that it is exact: the place is (2 i + 1) from / (2 to) - 1/2.
+void cells_of(uint i, uint from, uint to, out uint low, out uint high, out float t)
+{
+    int place = int((2 * i + 1) * from) - int(to);
+    bool outside = place < 0;
+    uint rest = outside ? uint(place + int(2 * to)) : uint(place);
+    uint cell = rest / (2 * to);
+    low = outside ? 0 : min(cell, from - 1);
+    high = outside ? 0 : min(cell + 1, from - 1);
+    t = float(rest - cell * 2 * to) / float(2 * to);
 }
 
 // Mixes top left, top right, bottom left, bottom right; `t` from the first to the second across and down.

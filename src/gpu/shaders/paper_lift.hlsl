@@ -16,18 +16,6 @@ RWTexture2D<float> Depth : register(u1);
 static const uint WORDS = 5;
 static const float COMPRESSION = 8;
 
-// The two cells of place `i` of `to` on `from` cells, and the weight of the second. In whole numbers, so that it is exact.
-void cells_of(uint i, uint from, uint to, out uint low, out uint high, out float t)
-{
-    int place = int((2 * i + 1) * from) - int(to);
-    bool outside = place < 0;
-    uint rest = outside ? uint(place + int(2 * to)) : uint(place);
-    uint cell = rest / (2 * to);
-    low = outside ? 0 : min(cell, from - 1);
-    high = outside ? 0 : min(cell + 1, from - 1);
-    t = float(rest - cell * 2 * to) / float(2 * to);
-}
-
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
 {

@@ -16,17 +16,6 @@ cbuffer Constants : register(b0)
 ByteAddressBuffer Planes : register(t0);
 RWTexture2D<float4> Picture : register(u0);
 
-// The two samples of place `i` of `to` on `from` samples, and how far the place is from the first to the second. In whole
-// numbers, so that it is exact: the place is (2 i + 1) from / (2 to) - 1/2.
-void samples(uint i, uint from, uint to, out uint low, out uint high, out float t)
-{
-    uint place = (2 * i + 1) * from;
-    place = place > to ? place - to : 0;
-    low = min(place / (2 * to), from - 1);
-    high = min(low + 1, from - 1);
-    t = float(place - low * 2 * to) / float(2 * to);
-}
-
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
 {
@@ -36,8 +25,8 @@ void main(uint3 at : SV_DispatchThreadID)
     }
     uint2 low, high;
     float2 t;
-    samples(at.x, From.x, To.x, low.x, high.x, t.x);
-    samples(at.y, From.y, To.y, low.y, high.y, t.y);
+    cells_of(at.x, From.x, To.x, low.x, high.x, t.x);
+    cells_of(at.y, From.y, To.y, low.y, high.y, t.y);
     float4 pixel = 1;
     [unroll]
     for (uint channel = 0; channel < 3; channel++)
