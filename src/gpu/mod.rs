@@ -13,6 +13,7 @@ mod moment;
 mod pipeline;
 mod queue;
 mod resize;
+mod shader;
 mod texture;
 
 pub use adapter::{Adapter, adapters};

@@ -1,13 +1,9 @@
 //! Compute shaders over raw buffers.
 
-use std::mem::ManuallyDrop;
-
-use windows::Win32::Graphics::Direct3D::ID3DBlob;
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::Gpu;
-use super::failure::failed_on;
-use crate::{Error, ErrorKind, Result};
+use super::{Gpu, shader};
+use crate::Result;
 
 /// A compute shader and what it is bound to: constants in `b0`, buffers it reads in `t0` and on, buffers it writes in `u0` and
 /// on, all as bytes. It must live until the lists that it was recorded into have run.
@@ -27,18 +23,8 @@ impl Pipeline {
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`, `Device`.
     pub(crate) fn new(gpu: &Gpu, code: &[u8], constants: usize, reads: usize, writes: usize) -> Result<Self> {
-        let device = gpu.device();
-        let root = root_signature(device, constants, reads, writes)?;
-        let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
-            pRootSignature: ManuallyDrop::new(Some(root.clone())),
-            CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
-            ..Default::default()
-        };
-        // SAFETY: a live device; the description and the code live during the call.
-        let state = unsafe { device.CreateComputePipelineState(&wanted) };
-        // The description's own reference.
-        drop(ManuallyDrop::into_inner(wanted.pRootSignature));
-        let state = state.map_err(|e| failed_on(device, "ID3D12Device::CreateComputePipelineState", &e))?;
+        let root = root_signature(gpu, constants, reads, writes)?;
+        let state = shader::pipeline_state(gpu, &root, code)?;
         Ok(Self { state, root, constants, reads, writes })
     }
 
@@ -78,43 +64,19 @@ impl Pipeline {
 }
 
 /// Constants first, then the buffers, each a parameter of its own.
-fn root_signature(device: &ID3D12Device, constants: usize, reads: usize, writes: usize) -> Result<ID3D12RootSignature> {
-    let visible = D3D12_SHADER_VISIBILITY_ALL;
-    let words = D3D12_ROOT_PARAMETER {
-        ParameterType: D3D12_ROOT_PARAMETER_TYPE_32BIT_CONSTANTS,
-        Anonymous: D3D12_ROOT_PARAMETER_0 {
-            Constants: D3D12_ROOT_CONSTANTS { ShaderRegister: 0, RegisterSpace: 0, Num32BitValues: constants as u32 },
-        },
-        ShaderVisibility: visible,
-    };
+fn root_signature(gpu: &Gpu, constants: usize, reads: usize, writes: usize) -> Result<ID3D12RootSignature> {
     let buffers = |kind, count: usize| {
         (0..count as u32).map(move |register| D3D12_ROOT_PARAMETER {
             ParameterType: kind,
             Anonymous: D3D12_ROOT_PARAMETER_0 {
                 Descriptor: D3D12_ROOT_DESCRIPTOR { ShaderRegister: register, RegisterSpace: 0 },
             },
-            ShaderVisibility: visible,
+            ShaderVisibility: D3D12_SHADER_VISIBILITY_ALL,
         })
     };
-    let parameters: Vec<_> = std::iter::once(words)
+    let parameters: Vec<_> = std::iter::once(shader::constants(constants as u32))
         .chain(buffers(D3D12_ROOT_PARAMETER_TYPE_SRV, reads))
         .chain(buffers(D3D12_ROOT_PARAMETER_TYPE_UAV, writes))
         .collect();
-    let wanted = D3D12_ROOT_SIGNATURE_DESC {
-        NumParameters: parameters.len() as u32,
-        pParameters: parameters.as_ptr(),
-        ..Default::default()
-    };
-    let mut blob: Option<ID3DBlob> = None;
-    // SAFETY: the description and the place live during the call.
-    unsafe { D3D12SerializeRootSignature(&wanted, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }
-        .map_err(|e| failed_on(device, "D3D12SerializeRootSignature", &e))?;
-    let blob = blob.ok_or_else(|| Error::new(ErrorKind::Device, "D3D12SerializeRootSignature gave nothing"))?;
-    // SAFETY: a live blob.
-    let (address, length) = unsafe { (blob.GetBufferPointer(), blob.GetBufferSize()) };
-    // SAFETY: the blob's own memory, which lives as long as it does and which nobody writes.
-    let bytes = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), length) };
-    // SAFETY: a live device.
-    unsafe { device.CreateRootSignature(0, bytes) }
-        .map_err(|e| failed_on(device, "ID3D12Device::CreateRootSignature", &e))
+    shader::root_signature(gpu, &parameters)
 }

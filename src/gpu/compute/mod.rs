@@ -8,12 +8,10 @@ mod barrier;
 mod frame;
 mod frames;
 mod kernel;
-mod memory;
 mod view;
 
 pub use frame::Frame;
 pub use frames::{FRAMES_IN_FLIGHT, Frames};
 pub(crate) use kernel::{Kernel, Shape};
-pub(crate) use memory::device_buffer;
 pub use view::Resting;
 pub(crate) use view::{Texture, View, Words, texture};

@@ -3,8 +3,8 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use crate::gpu::Gpu;
-use crate::gpu::compute::{Frame, Kernel, Resting, Shape, View, Words, device_buffer, texture};
+use crate::gpu::compute::{Frame, Kernel, Resting, Shape, View, Words, texture};
+use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
 /// A latent in a buffer: `[channels, height, width]` numbers, tightly packed.
@@ -56,7 +56,7 @@ impl GpuExtractor {
         }
         // At most 2^28 each.
         let shape = shape.map(|n| n as u32);
-        let cells = device_buffer(gpu, u64::from(shape[1]) * u64::from(shape[2]) * u64::from(WORDS) * 4)?;
+        let cells = buffer(gpu, Heap::Device, shape[1] as usize * shape[2] as usize * WORDS as usize * 4)?;
         let grid = Shape { constants: 6, inputs: 2, outputs: 1 };
         let lift = Shape { constants: 4, inputs: 1, outputs: 2 };
         let grid = Kernel::new(gpu, include_bytes!("../../gpu/shaders/paper_grid.dxbc"), grid)?;

@@ -1,0 +1,58 @@
+//! What every compute shader needs before it can run.
+
+use std::mem::ManuallyDrop;
+
+use windows::Win32::Graphics::Direct3D::ID3DBlob;
+use windows::Win32::Graphics::Direct3D12::*;
+
+use super::{Gpu, failed_on};
+use crate::{Error, ErrorKind, Result};
+
+/// Constants in `b0`: so many words, visible everywhere.
+pub(super) fn constants(words: u32) -> D3D12_ROOT_PARAMETER {
+    D3D12_ROOT_PARAMETER {
+        ParameterType: D3D12_ROOT_PARAMETER_TYPE_32BIT_CONSTANTS,
+        Anonymous: D3D12_ROOT_PARAMETER_0 {
+            Constants: D3D12_ROOT_CONSTANTS { Num32BitValues: words, ..Default::default() },
+        },
+        ShaderVisibility: D3D12_SHADER_VISIBILITY_ALL,
+    }
+}
+
+/// What is bound to a shader, parameter by parameter. What these point to lives during the call.
+pub(super) fn root_signature(gpu: &Gpu, parameters: &[D3D12_ROOT_PARAMETER]) -> Result<ID3D12RootSignature> {
+    let wanted = D3D12_ROOT_SIGNATURE_DESC {
+        NumParameters: parameters.len() as u32,
+        pParameters: parameters.as_ptr(),
+        ..Default::default()
+    };
+    let mut blob: Option<ID3DBlob> = None;
+    // SAFETY: the description and what it points to live during the call, and so does the place.
+    unsafe { D3D12SerializeRootSignature(&wanted, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }
+        .map_err(|e| failed_on(gpu.device(), "D3D12SerializeRootSignature", &e))?;
+    let blob = blob.ok_or_else(|| Error::new(ErrorKind::Device, "D3D12SerializeRootSignature gave nothing"))?;
+    // SAFETY: a live blob.
+    let (address, length) = unsafe { (blob.GetBufferPointer(), blob.GetBufferSize()) };
+    // SAFETY: the blob's own memory, which lives as long as it does and which nobody writes.
+    let bytes = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), length) };
+    // SAFETY: a live device and bytes that live during the call.
+    unsafe { gpu.device().CreateRootSignature(0, bytes) }
+        .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateRootSignature", &e))
+}
+
+/// The shader `code`, DXBC of profile cs_5_x, made ready for the device's driver.
+///
+/// # Errors
+/// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver cannot take it.
+pub(super) fn pipeline_state(gpu: &Gpu, root: &ID3D12RootSignature, code: &[u8]) -> Result<ID3D12PipelineState> {
+    let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
+        pRootSignature: ManuallyDrop::new(Some(root.clone())),
+        CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
+        ..Default::default()
+    };
+    // SAFETY: a live device; the description and the code live during the call.
+    let state = unsafe { gpu.device().CreateComputePipelineState(&wanted) };
+    // The description's own reference.
+    drop(ManuallyDrop::into_inner(wanted.pRootSignature));
+    state.map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateComputePipelineState", &e))
+}
