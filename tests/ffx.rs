@@ -2,26 +2,17 @@
 //! lab.
 #![cfg(windows)]
 
-use cairn::ffx::bindings::{
-    Coordinates, CreateFrameGeneration, Dimensions, DispatchFrameGeneration, Rect, Resource, ResourceState,
-    SurfaceFormat, TransferFunction,
-};
-use cairn::ffx::{
-    Camera, Chain, Choice, Context, Dialect, Effect, Family, FileVersion, Frame, Generator, Library, LoadOptions, Part,
-};
+use cairn::ffx::bindings::{CreateFrameGeneration, Dimensions, DispatchFrameGeneration, ResourceState, SurfaceFormat};
+use cairn::ffx::{Chain, Choice, Context, Dialect, Effect, Family, FileVersion, Generator, Library, LoadOptions, Part};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 use cairn::{ErrorKind, Result};
-
-use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{
-    DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT,
-};
 
 #[path = "ffx/pictures.rs"]
 mod pictures;
 #[path = "ffx/stage.rs"]
 mod stage;
-use pictures::{Texture, Work};
+use pictures::{Textures, run};
 use stage::{ANALYTIC, ANALYTIC_20, ML, Stage, alone, system};
 
 fn head() -> CreateFrameGeneration {
@@ -216,42 +207,16 @@ fn frames_of_each_release_are_asked_for_as_it_wants() {
         // SAFETY: a live device, which outlives the generator.
         let mut generator = unsafe { Generator::create(api, device, Choice::Any, head()) }.expect("a generator");
         let size = head().display_size;
-        let texture = |format| Texture::new(&gpu, format, (size.width, size.height));
-        let textures = [
-            texture(DXGI_FORMAT_R8G8B8A8_UNORM),
-            texture(DXGI_FORMAT_R8G8B8A8_UNORM),
-            texture(DXGI_FORMAT_R32_FLOAT),
-            texture(DXGI_FORMAT_R16G16_FLOAT),
-        ];
-        let described = |texture: &Texture| Resource::of(&texture.resource, ResourceState::UNORDERED_ACCESS);
-        let [color, output, depth, motion] = [0, 1, 2, 3].map(|index: usize| described(&textures[index]));
+        let textures = Textures::new(&gpu, size);
         for (number, reset) in (1_u8..).zip([false, false, true, false]) {
             let pixel = |x: u32, y: u32| [number, (x & 0xff) as u8, (y & 0xff) as u8, 255];
-            textures[0].fill(&gpu, pixel);
-            let work = Work::new(&gpu);
-            let frame = Frame {
-                command_list: work.list.as_raw(),
-                color,
-                output,
-                depth,
-                motion,
-                render_size: size,
-                jitter: Coordinates::default(),
-                motion_scale: Coordinates { x: 1.0, y: 1.0 },
-                frame_time: 66.6,
-                camera: Camera::default(),
-                reset,
-                hudless: Resource::default(),
-                rect: Rect::default(),
-                transfer: TransferFunction::SRGB,
-                luminance: [0.0, 100.0],
-            };
-            // SAFETY: an open list of the generator's device, and textures that live until it has run.
-            unsafe { generator.record(&frame) }.expect("recorded");
-            work.run();
+            textures.fill(&textures.color, pixel);
+            run(&gpu, |list| {
+                // SAFETY: an open list of the generator's device, and textures that live until it has run.
+                unsafe { generator.record(&textures.frame(list, reset)) }.expect("recorded");
+            });
             // The double copies: what it was told of list, pictures and states is right, or this is something else.
-            let found = textures[1].read(&gpu);
-            for (index, found) in (0..).zip(found) {
+            for (index, found) in (0..).zip(textures.generated()) {
                 assert_eq!(found, pixel(index % size.width, index / size.width), "pixel {index} of frame {number}");
             }
         }

@@ -4,22 +4,14 @@
 use std::path::PathBuf;
 
 use cairn::ErrorKind;
-use cairn::ffx::bindings::{
-    Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, Rect, Resource, ResourceState, SurfaceFormat,
-    TransferFunction,
-};
-use cairn::ffx::{
-    Camera, Choice, Context, Effect, Family, FileVersion, Frame, Generator, Library, LoadOptions, Part, versions,
-};
+use cairn::ffx::bindings::{CreateFlags, CreateFrameGeneration, Dimensions, SurfaceFormat};
+use cairn::ffx::{Choice, Context, Effect, Family, FileVersion, Generator, Library, LoadOptions, Part, versions};
 use cairn::gpu::Gpu;
-use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{
-    DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT,
-};
 use cairn::gpu::windows::core::Interface;
 
 #[path = "ffx/pictures.rs"]
 mod pictures;
-use pictures::{Texture, Work};
+use pictures::{Textures, run};
 
 fn options(signed: bool) -> LoadOptions {
     let directory = std::env::var_os("CAIRN_FFX_DIR").map(PathBuf::from);
@@ -137,38 +129,18 @@ fn a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself() {
     let mut generator =
         unsafe { Generator::create(api, device, Choice::Prefer(Family::Analytic), head()) }.expect("a generator");
     let size = head().display_size;
-    let texture = |format| Texture::new(&gpu, format, (size.width, size.height));
-    let (color, output) = (texture(DXGI_FORMAT_R8G8B8A8_UNORM), texture(DXGI_FORMAT_R8G8B8A8_UNORM));
-    let (depth, motion) = (texture(DXGI_FORMAT_R32_FLOAT), texture(DXGI_FORMAT_R16G16_FLOAT));
-    depth.fill(&gpu, |_, _| 0.5_f32.to_le_bytes());
+    let textures = Textures::new(&gpu, size);
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
     // -16 to the right and 0 down, as half floats: from where it is to where it was.
-    motion.fill(&gpu, |_, _| [0x00, 0xcc, 0, 0]);
-    let resource = |texture: &Texture| Resource::of(&texture.resource, ResourceState::UNORDERED_ACCESS);
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
     for (number, reset) in (1_u8..).zip([false, false, false, true]) {
         let now = STEP * f32::from(number);
-        color.fill(&gpu, moved(now));
-        let work = Work::new(&gpu);
-        let frame = Frame {
-            command_list: work.list.as_raw(),
-            color: resource(&color),
-            output: resource(&output),
-            depth: resource(&depth),
-            motion: resource(&motion),
-            render_size: size,
-            jitter: Coordinates::default(),
-            motion_scale: Coordinates { x: 1.0, y: 1.0 },
-            frame_time: 66.6,
-            camera: Camera::default(),
-            reset,
-            hudless: Resource::default(),
-            rect: Rect::default(),
-            transfer: TransferFunction::SRGB,
-            luminance: [0.0, 100.0],
-        };
-        // SAFETY: an open list of the generator's device, and textures that live until it has run.
-        unsafe { generator.record(&frame) }.expect("recorded");
-        work.run();
-        let found = output.read(&gpu);
+        textures.fill(&textures.color, moved(now));
+        run(&gpu, |list| {
+            // SAFETY: an open list of the generator's device, and textures that live until it has run.
+            unsafe { generator.record(&textures.frame(list, reset)) }.expect("recorded");
+        });
+        let found = textures.generated();
         let [before, half, after] = [now - STEP, now - STEP / 2.0, now].map(|at| psnr(&found, moved(at), size));
         println!(
             "frame {number}: {before:.1} dB to the frame before, {half:.1} dB to the truth, {after:.1} dB to the frame"

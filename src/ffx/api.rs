@@ -88,8 +88,7 @@ impl Api {
         mut context: RawContext,
         chain: &mut Chain<Head>,
     ) -> Result<(), Failure> {
-        let context = if context.is_null() { null_mut() } else { &raw mut context };
-        let head = chain.as_ptr();
+        let (context, head) = (or_null(&mut context), chain.as_ptr());
         // SAFETY: as the caller promises.
         let code = asked(|| unsafe { (self.configure)(context, head) });
         done("ffxConfigure", code, chain)
@@ -104,8 +103,7 @@ impl Api {
         mut context: RawContext,
         chain: &mut Chain<Head>,
     ) -> Result<(), Failure> {
-        let context = if context.is_null() { null_mut() } else { &raw mut context };
-        let head = chain.as_ptr();
+        let (context, head) = (or_null(&mut context), chain.as_ptr());
         // SAFETY: as the caller promises.
         let code = asked(|| unsafe { (self.query)(context, head) });
         done("ffxQuery", code, chain)
@@ -125,6 +123,11 @@ impl Api {
         let code = asked(|| unsafe { (self.dispatch)(&mut context, head) });
         done("ffxDispatch", code, chain)
     }
+}
+
+/// A context as a call takes it that may be given none: its address, or null.
+fn or_null(context: &mut RawContext) -> *mut RawContext {
+    if context.is_null() { null_mut() } else { context }
 }
 
 /// Calls, with what was said before on this thread put aside.

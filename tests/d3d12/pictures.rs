@@ -130,7 +130,8 @@ pub(crate) fn read(gpu: &Gpu, texture: &Kept, row: usize) -> Vec<u8> {
     (0..rows).flat_map(|y| all[y * place.Footprint.RowPitch as usize..][..row].to_vec()).collect()
 }
 
-fn becomes(
+/// Records a change of state, where there is one.
+pub(crate) fn becomes(
     list: &ID3D12GraphicsCommandList,
     texture: &Kept,
     before: D3D12_RESOURCE_STATES,
