@@ -1,9 +1,6 @@
 //! The library's compute shaders against what the processor computes, and the frames they are recorded in. On Windows, or in the lab.
 #![cfg(windows)]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frames, Resting};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
@@ -15,33 +12,12 @@ use cairn::world::Bilinear;
 use cairn::{ErrorKind, Picture};
 use half::f16;
 
+#[path = "d3d12/allocations.rs"]
+mod allocations;
 #[path = "d3d12/pictures.rs"]
 mod pictures;
+use allocations::ALLOCATIONS;
 use pictures::{Kept, buffer, flat, made, read, run, texture};
-
-/// Counts what each thread allocates.
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: the system's allocator, unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
-        // SAFETY: as the caller promises.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promises.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 fn gpu() -> Gpu {
     Gpu::on_adapter(None).expect("a device")

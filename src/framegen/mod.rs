@@ -2,6 +2,8 @@
 
 pub mod cpu;
 mod pair;
+#[cfg(windows)]
+pub mod shader;
 
 pub use pair::{Anchor, AnchorPair};
 

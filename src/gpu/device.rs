@@ -111,7 +111,7 @@ impl Gpu {
     }
 
     /// Refuses an object of another device.
-    pub(super) fn owns(&self, object: &impl Interface, name: &str) -> Result<()> {
+    pub(crate) fn owns(&self, object: &impl Interface, name: &str) -> Result<()> {
         owns(&self.0.device, object, name)
     }
 }

@@ -1,4 +1,5 @@
 //! Buffers and textures with contents, as an engine makes them, and how they are read back.
+#![allow(dead_code, reason = "each user of this module needs another part of it")]
 
 use cairn::gpu::Gpu;
 use cairn::gpu::compute::Resting;
@@ -92,6 +93,59 @@ fn linear(bytes: usize) -> D3D12_RESOURCE_DESC {
         Layout: D3D12_TEXTURE_LAYOUT_ROW_MAJOR,
         ..Default::default()
     }
+}
+
+/// A texture that shaders only read, in the state COMMON, with these rows of bytes one after the other.
+pub(crate) fn filled(gpu: &Gpu, (width, height): (u32, u32), format: DXGI_FORMAT, rows: &[u8]) -> Kept {
+    let wanted = flat((width, height), format, D3D12_RESOURCE_FLAG_NONE);
+    let resource = made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, D3D12_RESOURCE_STATE_COPY_DEST);
+    let mut place = D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default();
+    let mut bytes = 0;
+    // SAFETY: places that live during the call.
+    unsafe { gpu.device().GetCopyableFootprints(&wanted, 0, 1, 0, Some(&mut place), None, None, Some(&mut bytes)) };
+    let upload = made(gpu, D3D12_HEAP_TYPE_UPLOAD, &linear(bytes as usize), D3D12_RESOURCE_STATE_GENERIC_READ);
+    let mut address = std::ptr::null_mut();
+    // SAFETY: a buffer of a heap that the processor sees.
+    unsafe { upload.Map(0, None, Some(&mut address)) }.expect("a mapping");
+    // SAFETY: the mapping is as long as the buffer, and nothing uses it yet.
+    let all = unsafe { std::slice::from_raw_parts_mut(address.cast::<u8>(), bytes as usize) };
+    let row = rows.len() / height as usize;
+    for (to, from) in all.chunks_mut(place.Footprint.RowPitch as usize).zip(rows.chunks(row)) {
+        to[..row].copy_from_slice(from);
+    }
+    let texture = Kept { resource, state: D3D12_RESOURCE_STATE_COMMON };
+    run(gpu, |list| {
+        let to = D3D12_TEXTURE_COPY_LOCATION {
+            // SAFETY: a copy without a reference, only read during the call.
+            pResource: unsafe { std::mem::transmute_copy(&texture.resource) },
+            Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
+            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
+        };
+        let from = D3D12_TEXTURE_COPY_LOCATION {
+            // SAFETY: as above.
+            pResource: unsafe { std::mem::transmute_copy(&upload) },
+            Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
+            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { PlacedFootprint: place },
+        };
+        // SAFETY: an open list; both resources live until it has run.
+        unsafe { list.CopyTextureRegion(&to, 0, 0, 0, &from, None) };
+        becomes(list, &texture, D3D12_RESOURCE_STATE_COPY_DEST, D3D12_RESOURCE_STATE_COMMON);
+    });
+    texture
+}
+
+/// The first words of a buffer.
+pub(crate) fn words<const N: usize>(gpu: &Gpu, buffer: &Resting<'_>) -> [u32; N] {
+    let back = made(gpu, D3D12_HEAP_TYPE_READBACK, &linear(4 * N), D3D12_RESOURCE_STATE_COPY_DEST);
+    run(gpu, |list| {
+        // SAFETY: an open list; both buffers live until it has run.
+        unsafe { list.CopyBufferRegion(&back, 0, buffer.resource, 0, 4 * N as u64) };
+    });
+    let mut address = std::ptr::null_mut();
+    // SAFETY: a buffer of a heap that the processor sees.
+    unsafe { back.Map(0, None, Some(&mut address)) }.expect("a mapping");
+    // SAFETY: the mapping is as long, and the device is done with it.
+    unsafe { address.cast::<[u32; N]>().read() }
 }
 
 /// The rows of a texture, each of `row` bytes.

@@ -33,8 +33,18 @@ pub(super) fn written(resource: &ID3D12Resource) -> D3D12_RESOURCE_BARRIER {
     }
 }
 
-/// A resource as a barrier names it: without a reference of its own, as it is only read during the call.
-fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
+/// Whatever was written as an unordered view is seen by the next dispatch.
+pub(super) fn all_written() -> D3D12_RESOURCE_BARRIER {
+    let uav = D3D12_RESOURCE_UAV_BARRIER { pResource: ManuallyDrop::new(None) };
+    D3D12_RESOURCE_BARRIER {
+        Type: D3D12_RESOURCE_BARRIER_TYPE_UAV,
+        Anonymous: D3D12_RESOURCE_BARRIER_0 { UAV: ManuallyDrop::new(uav) },
+        ..Default::default()
+    }
+}
+
+/// A resource as a call names it that takes no reference and only reads it.
+pub(super) fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
     // SAFETY: the same pointer; what is never dropped releases no reference.
     unsafe { std::mem::transmute_copy(resource) }
 }

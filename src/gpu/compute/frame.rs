@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use super::barrier::{transition, written};
+use super::barrier::{all_written, borrowed, transition, written};
 use super::frames::Slot;
 use super::{Kernel, Resting, View};
 use crate::gpu::{Gpu, Moment, Queue, failed_on};
@@ -30,6 +30,15 @@ pub struct Frame<'a> {
     list: ID3D12GraphicsCommandList,
     own: bool,
     open: bool,
+    /// Whether what the last dispatch wrote may still be on its way.
+    is_written: bool,
+}
+
+/// Views that a frame's shaders see.
+pub(crate) struct Table {
+    place: D3D12_GPU_DESCRIPTOR_HANDLE,
+    inputs: u32,
+    outputs: u32,
 }
 
 /// A resource of a frame.
@@ -52,7 +61,7 @@ impl<'a> Frame<'a> {
         let heaps = [Some(heap.clone())];
         // SAFETY: an open list and a live heap, which the ring keeps until the list has run.
         unsafe { list.SetDescriptorHeaps(&heaps) };
-        Self { gpu, heap, step, room, next: slot.first, kind, slot, list, own, open: true }
+        Self { gpu, heap, step, room, next: slot.first, kind, slot, list, own, open: true, is_written: false }
     }
 
     /// Ends the frame and gives it to `queue`, of the kind that the ring was made for; the moment when it has run.
@@ -86,8 +95,7 @@ impl<'a> Frame<'a> {
     /// Runs a shader over `groups` of its threads. What it needs of the frame before is there: writes are waited for.
     ///
     /// # Errors
-    /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states; `Unsupported` when the
-    /// frame has no descriptor left. Nothing is recorded then.
+    /// As for [`bind`](Self::bind). Nothing is recorded then.
     pub(crate) fn run(
         &mut self,
         kernel: &Kernel,
@@ -96,36 +104,94 @@ impl<'a> Frame<'a> {
         outputs: &[View<'_>],
         groups: [u32; 3],
     ) -> Result<()> {
-        let found = [constants.len(), inputs.len(), outputs.len()];
-        let expected = [kernel.shape.constants, kernel.shape.inputs, kernel.shape.outputs].map(|n| n as usize);
-        assert_eq!(found, expected, "constants, inputs and outputs are the kernel's");
+        let table = self.bind(inputs, outputs)?;
+        self.dispatch(&table, kernel, constants, groups);
+        Ok(())
+    }
+
+    /// Brings resources into the states in which shaders read and write them, for one dispatch or several until anything else is
+    /// recorded.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states; `Unsupported` when the
+    /// frame has no descriptor left. Nothing is recorded then.
+    pub(crate) fn bind(&mut self, inputs: &[View<'_>], outputs: &[View<'_>]) -> Result<Table> {
         let read = |view: &View<'_>| inputs.iter().any(|input| input.resting().resource == view.resting().resource);
         assert!(!outputs.iter().any(read), "a dispatch does not write what it reads");
-        let count = (inputs.len() + outputs.len()) as u32;
-        if count > self.room {
-            return Err(Error::new(ErrorKind::Unsupported, "the frame has no descriptor left")
-                .remedy("Make the ring with more descriptors"));
-        }
+        self.fits((inputs.len() + outputs.len()) as u32)?;
         inputs.iter().chain(outputs).try_for_each(|view| self.takes(&view.resting()))?;
 
         inputs.iter().for_each(|view| self.becomes(&view.resting(), READ));
         outputs.iter().for_each(|view| self.becomes(&view.resting(), WRITTEN));
         self.flush();
-        let table = self.describe(inputs, outputs);
+        self.is_written = false;
+        let place = self.describe(inputs, outputs);
+        Ok(Table { place, inputs: inputs.len() as u32, outputs: outputs.len() as u32 })
+    }
+
+    /// Refuses where fewer than so many descriptors are left.
+    pub(crate) fn fits(&self, descriptors: u32) -> Result<()> {
+        if descriptors > self.room {
+            return Err(Error::new(ErrorKind::Unsupported, "the frame has no descriptor left")
+                .remedy("Make the ring with more descriptors"));
+        }
+        Ok(())
+    }
+
+    /// Runs a shader over `groups` of its threads with what was bound last. Writes of the dispatch before are waited for.
+    pub(crate) fn dispatch(&mut self, table: &Table, kernel: &Kernel, constants: &[u32], groups: [u32; 3]) {
+        let found = [constants.len() as u32, table.inputs, table.outputs];
+        let expected = [kernel.shape.constants, kernel.shape.inputs, kernel.shape.outputs];
+        assert_eq!(found, expected, "constants, inputs and outputs are the kernel's");
+        if self.is_written {
+            // SAFETY: an open list.
+            unsafe { self.list.ResourceBarrier(&[all_written()]) };
+        }
+        self.is_written = true;
         self.slot.kernels.push((kernel.root.clone(), kernel.pipeline.clone()));
         // SAFETY: an open list; the ring holds kernel, heap and resources until it has run.
         unsafe {
             self.list.SetComputeRootSignature(&kernel.root);
             self.list.SetPipelineState(&kernel.pipeline);
             self.list.SetComputeRoot32BitConstants(0, constants.len() as u32, constants.as_ptr().cast(), 0);
-            self.list.SetComputeRootDescriptorTable(1, table);
+            self.list.SetComputeRootDescriptorTable(1, table.place);
             self.list.Dispatch(groups[0], groups[1], groups[2]);
         }
+    }
+
+    /// Copies a buffer that holds a picture's rows as `footprint` says over all of a texture.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states. Nothing is recorded then.
+    pub(crate) fn copy_rows(
+        &mut self,
+        from: &Resting<'_>,
+        footprint: D3D12_SUBRESOURCE_FOOTPRINT,
+        to: &Resting<'_>,
+    ) -> Result<()> {
+        self.takes(from)?;
+        self.takes(to)?;
+        self.becomes(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
+        self.flush();
+        let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: footprint };
+        let from = D3D12_TEXTURE_COPY_LOCATION {
+            pResource: borrowed(from.resource),
+            Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
+            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { PlacedFootprint: rows },
+        };
+        let to = D3D12_TEXTURE_COPY_LOCATION {
+            pResource: borrowed(to.resource),
+            Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
+            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
+        };
+        // SAFETY: an open list, and live resources of its device in the states for it, which the ring holds.
+        unsafe { self.list.CopyTextureRegion(&to, 0, 0, 0, &from, None) };
         Ok(())
     }
 
-    /// Refuses a resource whose state does not fit.
-    fn takes(&self, given: &Resting<'_>) -> Result<()> {
+    /// Refuses a resource whose state does not fit: one that the queue does not know, or another than it was given in before.
+    pub(crate) fn takes(&self, given: &Resting<'_>) -> Result<()> {
         let known = WRITTEN
             | READ
             | D3D12_RESOURCE_STATE_COPY_DEST

@@ -11,6 +11,7 @@ mod kernel;
 mod view;
 
 pub use frame::Frame;
+pub(crate) use frame::Table;
 pub use frames::{FRAMES_IN_FLIGHT, Frames};
 pub(crate) use kernel::{Kernel, Shape};
 pub use view::Resting;

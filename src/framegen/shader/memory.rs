@@ -1,0 +1,86 @@
+//! The buffers of a generator.
+
+use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
+
+use super::layout::Layout;
+use crate::gpu::compute::{Resting, View, Words};
+use crate::gpu::{Gpu, Heap, buffer};
+use crate::{Error, ErrorKind, Result};
+
+/// What buffers and dispatches have room for: places in groups of 1024.
+const MOST_PLACES: u64 = 65_535 * 1024;
+
+/// About 50 bytes to a pixel, made once.
+pub(super) struct Memory {
+    small: ID3D12Resource,
+    scratch: ID3D12Resource,
+    field: ID3D12Resource,
+    owners: ID3D12Resource,
+    places: ID3D12Resource,
+    picture: ID3D12Resource,
+    sizes: [u64; 4],
+}
+
+/// Bytes of a row of the finished picture of so many pixels, as copies want it.
+pub(super) fn pitch(width: u32, bytes: u32) -> u32 {
+    (width * bytes).next_multiple_of(256)
+}
+
+impl Memory {
+    /// # Errors
+    /// `Unsupported` for pictures beyond about 64 million pixels; `OutOfMemory`, `DeviceRemoved`.
+    pub(super) fn new(gpu: &Gpu, layout: &Layout) -> Result<Self> {
+        let [width, height] = layout.constants.size;
+        // Halves are the widest.
+        let picture = u64::from(pitch(width, 8)) * u64::from(height);
+        let keys = 8 * u64::from(width) * u64::from(height);
+        let sizes = [layout.small, 8 * layout.places, keys, picture];
+        if layout.places > MOST_PLACES || sizes.iter().any(|&bytes| bytes / 4 > 1 << 27) {
+            return Err(Error::new(ErrorKind::Unsupported, format!("frames of {width} x {height} pixels"))
+                .field("size")
+                .remedy("Generate at a smaller size and scale up"));
+        }
+        let make = |bytes: u64| buffer(gpu, Heap::Device, bytes as usize);
+        Ok(Self {
+            small: make(sizes[0])?,
+            scratch: make(sizes[1])?,
+            field: make(sizes[2])?,
+            owners: make(sizes[2])?,
+            places: make(sizes[2])?,
+            picture: make(sizes[3])?,
+            sizes,
+        })
+    }
+
+    /// The views that shaders write: with what claims land on being the previous anchor (`swapped`), or the frame.
+    pub(super) fn views(&self, swapped: bool) -> [View<'_>; 6] {
+        let [small, scratch, keys, picture] = self.sizes;
+        let (owners, places) = if swapped { (&self.places, &self.owners) } else { (&self.owners, &self.places) };
+        [
+            view(&self.small, small),
+            view(&self.scratch, scratch),
+            view(&self.field, keys),
+            view(owners, keys),
+            view(places, keys),
+            view(&self.picture, picture),
+        ]
+    }
+
+    /// The finished picture.
+    pub(super) fn picture(&self) -> Resting<'_> {
+        resting(&self.picture)
+    }
+
+    /// What was found out besides.
+    pub(super) fn small(&self) -> Resting<'_> {
+        resting(&self.small)
+    }
+}
+
+fn resting(resource: &ID3D12Resource) -> Resting<'_> {
+    Resting { resource, state: D3D12_RESOURCE_STATE_COMMON }
+}
+
+fn view(resource: &ID3D12Resource, bytes: u64) -> View<'_> {
+    View::Buffer(resting(resource), Words { first: 0, count: bytes.div_ceil(4) as u32 })
+}

@@ -1,0 +1,293 @@
+//! The generator in compute shaders, on an engine's own Direct3D device.
+//!
+//! It computes what the [`cpu`](super::cpu) generator does, whose modules say what each step is for; its shaders are
+//! `frame_*.hlsl`, and `frame.hlsli` holds what they share. What the processor does tile by tile with bands and short cuts, they do
+//! place by place: a claim lands by an atomic minimum of its key, the upper word in one dispatch and the lower in a second, so that
+//! the winner is the same. Cuts, bars and the way of the camera are found on the device, and later dispatches read them there:
+//! nothing comes back to the processor. A finished picture is copied into its target, which thus need not be one that shaders write.
+
+mod kernels;
+mod layout;
+mod memory;
+mod pictures;
+mod steps;
+
+use windows::Win32::Graphics::Direct3D12::D3D12_SUBRESOURCE_FOOTPRINT;
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use crate::gpu::Gpu;
+use crate::gpu::compute::{Frame, Resting, Table, View};
+use crate::{Error, ErrorKind, MAX_SIDE, Result};
+use kernels::Kernels;
+use layout::{Constants, Layout};
+use memory::Memory;
+use pictures::Format;
+use steps::Steps;
+
+/// The whole way between two anchors.
+const WHOLE: i32 = 1 << 12;
+/// The mark of a place of the previous anchor that no pixel of the current one comes from.
+const ORPHAN: u32 = 254;
+/// The mark of a place between the anchors that nothing lands on.
+const HOLE: u32 = 255;
+/// Formats of motion and of depth.
+const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
+const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
+
+/// Motion and depth in textures, as [`Guidance`](crate::guidance::Guidance) holds them.
+#[derive(Clone, Copy)]
+pub struct GuidanceTextures<'a> {
+    /// R16G16 or R32G32 (FLOAT): from the current anchor to the previous one, in pixels, y down.
+    pub motion: Resting<'a>,
+    /// Pixels to a side for which it has one vector: 1, 8 or 16.
+    pub motion_tile: u32,
+    /// R32 or R16 (FLOAT): device depth of the current anchor, 0 near.
+    pub depth: Resting<'a>,
+    /// Pixels to a side for which it has one value: 1, 8 or 16.
+    pub depth_tile: u32,
+}
+
+/// Two consecutive anchors in textures, as [`AnchorPair`](super::AnchorPair) holds them.
+///
+/// Both pictures are of one format: R8G8B8A8, B8G8R8A8 or R10G10B10A2 (UNORM or typeless) or R16G16B16A16 (FLOAT or typeless); what is
+/// viewed in sRGB is made typeless.
+#[derive(Clone, Copy)]
+pub struct TexturePair<'a> {
+    /// The earlier anchor.
+    pub previous: Resting<'a>,
+    /// The later anchor.
+    pub current: Resting<'a>,
+    /// From the later back to the earlier.
+    pub guidance: GuidanceTextures<'a>,
+    /// The earlier anchor's depth with its tile, where it is known and of the same camera as the later's.
+    pub previous_depth: Option<(Resting<'a>, u32)>,
+    /// Whether a cut is known to lie between the two. Where this is not stated, cuts are looked for.
+    pub cut: bool,
+}
+
+/// Generates frames of one size on a Direct3D device. Its memory is about 50 bytes to a pixel and is made with it, as are its
+/// pipelines; recording makes nothing. Frames that use it run one after the other: on one queue, as ever.
+///
+/// Threads: one at a time; may move between them.
+pub struct ShaderGenerator {
+    gpu: Gpu,
+    kernels: Kernels,
+    layout: Layout,
+    memory: Memory,
+}
+
+/// In a generator's [report](ShaderGenerator::report) the word that is 1 where a cut lies between the anchors, and else 0.
+pub const WORD_OF_CUT: u32 = 0;
+/// The word that counts the pixels that nothing visible in the current anchor lands on.
+pub const WORD_OF_UNCOVERED: u32 = 6;
+/// The word with the share, a float from 0 to 1, for which no counterpart was found in the previous anchor; 0 where none was sought.
+pub const WORD_OF_UNEXPLAINED: u32 = 29;
+/// Descriptors that a frame of it takes.
+pub const DESCRIPTORS: u32 = 22;
+
+impl ShaderGenerator {
+    /// Makes it ready for pictures of `size`, 1 to [`MAX_SIDE`](crate::MAX_SIDE) to a side and about 64 million pixels.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for another size, `Unsupported` for one that does not fit into the buffers of Direct3D; `OutOfMemory`,
+    /// `DeviceRemoved`, or `Device` when the driver refuses a shader.
+    pub fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
+        let sides = 1..=MAX_SIDE;
+        if !sides.contains(&size.0) || !sides.contains(&size.1) {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("frames of {} x {} pixels", size.0, size.1))
+                .field("size")
+                .remedy(format!("Use a width and a height from 1 to {MAX_SIDE}")));
+        }
+        let layout = Layout::new(size);
+        let memory = Memory::new(gpu, &layout)?;
+        Ok(Self { gpu: gpu.clone(), kernels: Kernels::new(gpu)?, layout, memory })
+    }
+
+    /// `shader`.
+    pub fn name(&self) -> &str {
+        "shader"
+    }
+
+    /// Records the picture at phase `t` of `pair`, 0 being the previous anchor and 1 the current one, into `target`: a texture
+    /// of the generator's size in a format of anchors, those typed as sRGB included; it need not be one that shaders write. Across a cut
+    /// the nearer anchor is shown.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when `t` is not inside (0, 1), or for a texture of another size, format or device; as for any frame.
+    /// Nothing is recorded then.
+    pub fn generate(
+        &mut self,
+        frame: &mut Frame<'_>,
+        pair: &TexturePair<'_>,
+        t: f32,
+        target: &Resting<'_>,
+    ) -> Result<()> {
+        if !(t > 0.0 && t < 1.0) {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("a phase of {t} is not inside (0, 1)"))
+                .field("t")
+                .remedy("Show an anchor itself at phases 0 and 1"));
+        }
+        let phase = ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1);
+        let mut seen = self.look(&pair.current, &pair.guidance, target)?;
+        let size = seen.constants.size;
+        let format = pictures::anchor(&self.gpu, &pair.previous, size, "previous")?;
+        if format.viewed != seen.anchor.viewed {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
+        }
+        seen.inputs[0] = View::Texture(pair.previous, format.viewed);
+        let mut past_tile = 0;
+        if let Some((depth, tile)) = &pair.previous_depth {
+            seen.inputs[4] = pictures::guidance(&self.gpu, depth, size, *tile, &DEPTH, "previous_depth")?;
+            past_tile = *tile;
+        }
+        let found = Constants {
+            is_pair: 1,
+            past_tile,
+            is_stated: pair.cut.into(),
+            phase,
+            nearer_is_current: (phase >= WHOLE / 2).into(),
+            cut_shows_current: (t >= 0.5).into(),
+            ..seen.constants
+        };
+        let at_place_tiles = self.layout.at_place_tiles;
+        let in_previous = Constants { at_tiles: found.at_owner_tiles, mark: ORPHAN, ..found };
+        let between = Constants { landing_phase: phase, borrows: 1, mark: HOLE, at_tiles: at_place_tiles, ..found };
+
+        let kernels = &self.kernels;
+        let tables = self.tables(frame, &seen.inputs, target)?;
+        let mut steps = self.steps(frame, &tables[0]);
+        steps.begin(in_previous);
+        steps.by_lines(&kernels.lines, in_previous);
+        steps.find_cut(in_previous);
+        steps.by_one(&kernels.seen, in_previous);
+        steps.by_tiles(&kernels.given, in_previous);
+        steps.by_tiles(&kernels.field, in_previous);
+        steps.land(in_previous);
+        steps.by_ends(&kernels.leave, in_previous);
+        steps.by_ends(&kernels.join, in_previous);
+        steps.by_tiles(&kernels.free, in_previous);
+        steps.fill(in_previous);
+        steps.table = &tables[1];
+        steps.land(between);
+        steps.fill(between);
+        steps.by_tiles(&kernels.render, between);
+        steps.paint(between);
+        self.copy(frame, &seen, target)
+    }
+
+    /// Records the picture `t` anchor intervals after an anchor, as if its motion went on, into `target`. Bounded to one interval:
+    /// later than that, and after a cut (`is_after_cut`), a picture is held.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when `t` is not above 0 and finite, and as for [`generate`](Self::generate).
+    pub fn extrapolate(
+        &mut self,
+        frame: &mut Frame<'_>,
+        current: &Resting<'_>,
+        guidance: &GuidanceTextures<'_>,
+        is_after_cut: bool,
+        t: f32,
+        target: &Resting<'_>,
+    ) -> Result<()> {
+        if !(t > 0.0 && t.is_finite()) {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("{t} intervals after an anchor"))
+                .field("t")
+                .remedy("Pass a positive number of anchor intervals"));
+        }
+        let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
+        let seen = self.look(current, guidance, target)?;
+        let beyond = Constants {
+            is_stated: is_after_cut.into(),
+            landing_phase: WHOLE + phase,
+            mark: HOLE,
+            at_tiles: self.layout.at_place_tiles,
+            ..seen.constants
+        };
+        let kernels = &self.kernels;
+        let tables = self.tables(frame, &seen.inputs, target)?;
+        let mut steps = self.steps(frame, &tables[1]);
+        steps.begin(beyond);
+        steps.by_one(&kernels.seen, beyond);
+        steps.by_tiles(&kernels.given, beyond);
+        steps.by_tiles(&kernels.field, beyond);
+        steps.land(beyond);
+        steps.fill(beyond);
+        steps.by_tiles(&kernels.beyond, beyond);
+        steps.paint(beyond);
+        self.copy(frame, &seen, target)
+    }
+
+    /// A buffer in which the device leaves what happened in the frame that was made last, for whoever wants to copy it from there:
+    /// [`WORD_OF_CUT`], [`WORD_OF_UNCOVERED`] and [`WORD_OF_UNEXPLAINED`] say in which words of four bytes. The next frame overwrites it.
+    pub fn report(&self) -> Resting<'_> {
+        self.memory.small()
+    }
+
+    /// Looks at what a frame is made of, so that nothing is recorded of what cannot be.
+    fn look<'t>(
+        &self,
+        current: &Resting<'t>,
+        guidance: &GuidanceTextures<'t>,
+        target: &Resting<'_>,
+    ) -> Result<Seen<'t>> {
+        let size = self.layout.constants.size;
+        let anchor = pictures::anchor(&self.gpu, current, size, "current")?;
+        let target = pictures::target(&self.gpu, target, size)?;
+        let (tile, formats) = (guidance.motion_tile, &MOTION);
+        let motion = pictures::guidance(&self.gpu, &guidance.motion, size, tile, formats, "motion")?;
+        let (tile, formats) = (guidance.depth_tile, &DEPTH);
+        let depth = pictures::guidance(&self.gpu, &guidance.depth, size, tile, formats, "depth")?;
+        let picture = View::Texture(*current, anchor.viewed);
+        let pitch = memory::pitch(size[0], target.bytes);
+        let constants = Constants {
+            guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
+            is_float: anchor.is_float.into(),
+            written: target.written,
+            pitch,
+            ..self.layout.constants
+        };
+        // What is not there is another of its kind, which nobody reads.
+        Ok(Seen { constants, inputs: [picture, picture, motion, depth, depth], anchor, target })
+    }
+
+    /// What shaders see: with the previous anchor being what claims land on, and with the frame. All that a frame may be refused
+    /// for is done with it.
+    fn tables(&self, frame: &mut Frame<'_>, inputs: &[View<'_>; 5], target: &Resting<'_>) -> Result<[Table; 2]> {
+        frame.fits(DESCRIPTORS)?;
+        let tables = [frame.bind(inputs, &self.memory.views(true))?, frame.bind(inputs, &self.memory.views(false))?];
+        frame.takes(target)?;
+        Ok(tables)
+    }
+
+    fn steps<'f, 'g>(&'f self, frame: &'f mut Frame<'g>, table: &'f Table) -> Steps<'f, 'g> {
+        Steps { frame, table, kernels: &self.kernels, layout: &self.layout }
+    }
+
+    /// Copies the finished picture into its target.
+    fn copy(&self, frame: &mut Frame<'_>, seen: &Seen<'_>, target: &Resting<'_>) -> Result<()> {
+        let [width, height] = self.layout.constants.size;
+        let rows = D3D12_SUBRESOURCE_FOOTPRINT {
+            Format: seen.target.viewed,
+            Width: width,
+            Height: height,
+            Depth: 1,
+            RowPitch: seen.constants.pitch,
+        };
+        frame.copy_rows(&self.memory.picture(), rows, target)
+    }
+}
+
+impl std::fmt::Debug for ShaderGenerator {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [width, height] = self.layout.constants.size;
+        write!(f, "ShaderGenerator({width} x {height})")
+    }
+}
+
+/// What a frame is made of.
+struct Seen<'t> {
+    constants: Constants,
+    inputs: [View<'t>; 5],
+    anchor: Format,
+    target: Format,
+}

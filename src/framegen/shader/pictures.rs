@@ -1,0 +1,116 @@
+//! Textures that frames are made from and written to.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use crate::gpu::Gpu;
+use crate::gpu::compute::{Resting, View};
+use crate::{Error, ErrorKind, Result};
+
+/// How a picture's pixels are held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Format {
+    /// In which it is viewed and copied: sRGB is not undone.
+    pub(super) viewed: DXGI_FORMAT,
+    /// Its number in the shaders.
+    pub(super) written: u32,
+    /// Whether colours are computed as floats.
+    pub(super) is_float: bool,
+    /// Bytes of a pixel.
+    pub(super) bytes: u32,
+}
+
+impl Format {
+    /// That of a texture, if frames can be made in it.
+    fn of(format: DXGI_FORMAT) -> Option<Self> {
+        let (viewed, written, is_float, bytes) = match format {
+            DXGI_FORMAT_R8G8B8A8_UNORM | DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_R8G8B8A8_TYPELESS => {
+                (DXGI_FORMAT_R8G8B8A8_UNORM, 0, false, 4)
+            }
+            DXGI_FORMAT_B8G8R8A8_UNORM | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_TYPELESS => {
+                (DXGI_FORMAT_B8G8R8A8_UNORM, 1, false, 4)
+            }
+            DXGI_FORMAT_R10G10B10A2_UNORM | DXGI_FORMAT_R10G10B10A2_TYPELESS => {
+                (DXGI_FORMAT_R10G10B10A2_UNORM, 2, true, 4)
+            }
+            DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R16G16B16A16_TYPELESS => {
+                (DXGI_FORMAT_R16G16B16A16_FLOAT, 3, true, 8)
+            }
+            _ => return None,
+        };
+        Some(Self { viewed, written, is_float, bytes })
+    }
+}
+
+/// An anchor's picture to read from.
+///
+/// # Errors
+/// `InvalidArgument`, of `field`, for another size, another device's, no plain texture, or a format that frames are not made of.
+pub(super) fn anchor(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2], field: &str) -> Result<Format> {
+    let found = checked(gpu, given, size, field)?;
+    let Some(format) = Format::of(found.Format) else { return Err(refused(&found, field)) };
+    if matches!(found.Format, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB) {
+        let why = format!("DXGI format {} lets shaders read light only, not what is shown", found.Format.0);
+        return Err(Error::new(ErrorKind::InvalidArgument, why)
+            .field(field)
+            .remedy("Make the texture typeless, and views of it in sRGB"));
+    }
+    Ok(format)
+}
+
+/// A texture to write a frame to.
+///
+/// # Errors
+/// As for an anchor's.
+pub(super) fn target(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2]) -> Result<Format> {
+    let found = checked(gpu, given, size, "target")?;
+    Format::of(found.Format).ok_or_else(|| refused(&found, "target"))
+}
+
+/// Motion or depth, one texel to a square of `tile` pixels.
+///
+/// # Errors
+/// `InvalidArgument`, of `field`, for another tile than 1, 8 or 16 pixels, another size or format, or another device's.
+pub(super) fn guidance<'a>(
+    gpu: &Gpu,
+    given: &Resting<'a>,
+    size: [u32; 2],
+    tile: u32,
+    formats: &[DXGI_FORMAT],
+    field: &str,
+) -> Result<View<'a>> {
+    if !matches!(tile, 1 | 8 | 16) {
+        return Err(Error::new(ErrorKind::InvalidArgument, format!("guidance in tiles of {tile} pixels"))
+            .field(field)
+            .remedy("Use tiles of 1, 8 or 16 pixels"));
+    }
+    let found = checked(gpu, given, size.map(|len| len.div_ceil(tile)), field)?;
+    if !formats.contains(&found.Format) {
+        return Err(refused(&found, field));
+    }
+    Ok(View::Texture(*given, found.Format))
+}
+
+fn checked(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2], field: &str) -> Result<D3D12_RESOURCE_DESC> {
+    gpu.owns(given.resource, field)?;
+    // SAFETY: a live resource.
+    let found = unsafe { given.resource.GetDesc() };
+    let refuse = |why: String| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+    let one = found.SampleDesc.Count == 1 && found.MipLevels == 1 && found.DepthOrArraySize == 1;
+    if found.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || !one {
+        return refuse("it is no texture of two dimensions with one sample, level and layer".to_owned());
+    }
+    if (found.Width, found.Height) != (u64::from(size[0]), size[1]) {
+        return refuse(format!("{} x {} texels are not {} x {}", found.Width, found.Height, size[0], size[1]));
+    }
+    if found.Flags.contains(D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE) {
+        return refuse("it was made with D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE".to_owned());
+    }
+    Ok(found)
+}
+
+fn refused(found: &D3D12_RESOURCE_DESC, field: &str) -> Error {
+    Error::new(ErrorKind::InvalidArgument, format!("frames are not made with DXGI format {}", found.Format.0))
+        .field(field)
+        .remedy("Use a format that is documented")
+}

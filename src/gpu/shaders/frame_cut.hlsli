@@ -1,0 +1,25 @@
+// Small pictures of the two anchors, in which cuts are looked for: the previous one's come first.
+
+static const uint BLOCK = 16;
+static const uint TINY_FACTOR = 4;
+
+uint luma_at(uint anchor, uint2 at)
+{
+    return Small.Load(AtLumas + 4 * (anchor * Reduced.x * Reduced.y + at.y * Reduced.x + at.x));
+}
+
+int detail_at(uint anchor, uint2 at)
+{
+    return int(Small.Load(AtDetails + 4 * (anchor * Reduced.x * Reduced.y + at.y * Reduced.x + at.x)));
+}
+
+uint2 tiny_size()
+{
+    return (Reduced + TINY_FACTOR - 1) / TINY_FACTOR;
+}
+
+// How far the shifts of the tiny pictures go.
+uint2 shift_reach()
+{
+    return tiny_size() / uint2(2, 4);
+}

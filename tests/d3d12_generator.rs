@@ -1,0 +1,485 @@
+//! The generator in compute shaders beside that of the processor. On Windows, or in the lab.
+#![cfg(windows)]
+
+use std::collections::HashMap;
+use std::fmt::Debug;
+use std::ops::Range;
+
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::framegen::shader::{
+    DESCRIPTORS, GuidanceTextures, ShaderGenerator, TexturePair, WORD_OF_CUT, WORD_OF_UNCOVERED, WORD_OF_UNEXPLAINED,
+};
+use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome};
+use cairn::gpu::Gpu;
+use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frames, Resting};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
+use cairn::guidance::{DepthMap, Guidance};
+use cairn::{ErrorKind, Picture, PictureF16, Pixel, Raster};
+use half::f16;
+
+#[path = "d3d12/allocations.rs"]
+mod allocations;
+#[path = "d3d12/cases.rs"]
+mod cases;
+#[path = "d3d12/pictures.rs"]
+mod pictures;
+use allocations::ALLOCATIONS;
+use cases::Dice;
+use pictures::{Kept, filled, flat, made, read, run, words};
+
+/// A pixel that frames are compared in.
+trait Compared: Pixel + bytemuck::Pod + Debug {
+    const FORMAT: DXGI_FORMAT;
+    fn from_levels(levels: [f32; 4]) -> Self;
+    /// Whether two are within one level of 255.
+    fn is_near(self, other: Self) -> bool;
+}
+
+impl Compared for [u8; 4] {
+    const FORMAT: DXGI_FORMAT = DXGI_FORMAT_R8G8B8A8_UNORM;
+
+    fn from_levels(levels: [f32; 4]) -> Self {
+        levels.map(|v| (v + 0.5) as u8)
+    }
+
+    fn is_near(self, other: Self) -> bool {
+        self.iter().zip(other).all(|(a, b)| a.abs_diff(b) <= 1)
+    }
+}
+
+impl Compared for [f16; 4] {
+    const FORMAT: DXGI_FORMAT = DXGI_FORMAT_R16G16B16A16_FLOAT;
+
+    fn from_levels(levels: [f32; 4]) -> Self {
+        levels.map(|v| f16::from_f32(v / 255.0))
+    }
+
+    fn is_near(self, other: Self) -> bool {
+        self.iter().zip(other).all(|(a, b)| (a.to_f32() - b.to_f32()).abs() <= 1.0 / 255.0)
+    }
+}
+
+fn raster<P: Compared>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
+    let mut picture = Raster::new(size.0, size.1).expect("a picture");
+    picture.pixels_mut().iter_mut().zip(levels).for_each(|(pixel, &levels)| *pixel = P::from_levels(levels));
+    picture
+}
+
+fn textured<P: Compared>(gpu: &Gpu, picture: &Raster<P>) -> Kept {
+    filled(gpu, picture.size(), P::FORMAT, bytemuck::cast_slice(picture.pixels()))
+}
+
+fn depth_texture(gpu: &Gpu, depth: &DepthMap) -> Kept {
+    filled(gpu, (depth.columns(), depth.rows()), DXGI_FORMAT_R32_FLOAT, bytemuck::cast_slice(depth.depth()))
+}
+
+/// A guidance on the device.
+struct Guided {
+    motion: Kept,
+    depth: Kept,
+    tiles: [u32; 2],
+}
+
+impl Guided {
+    fn new(gpu: &Gpu, guidance: &Guidance) -> Self {
+        let (field, depth) = (guidance.motion(), guidance.depth());
+        let size = (field.columns(), field.vectors().len() as u32 / field.columns());
+        let motion = filled(gpu, size, DXGI_FORMAT_R16G16_FLOAT, bytemuck::cast_slice(field.vectors()));
+        Self { motion, depth: depth_texture(gpu, depth), tiles: [field.tile(), depth.tile()] }
+    }
+
+    fn textures(&self) -> GuidanceTextures<'_> {
+        GuidanceTextures {
+            motion: self.motion.resting(),
+            motion_tile: self.tiles[0],
+            depth: self.depth.resting(),
+            depth_tile: self.tiles[1],
+        }
+    }
+}
+
+/// A texture to write to that shaders cannot write.
+fn target(gpu: &Gpu, size: (u32, u32), format: DXGI_FORMAT) -> Kept {
+    let state = D3D12_RESOURCE_STATE_RENDER_TARGET;
+    let wanted = flat(size, format, D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET);
+    Kept { resource: made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state }
+}
+
+/// Counts pixels, and those that are not the same, and not near.
+#[derive(Default, Debug)]
+struct Tally {
+    pixels: usize,
+    unequal: usize,
+    far: usize,
+}
+
+impl Tally {
+    fn compare<P: Compared>(&mut self, found: &[u8], wanted: &Raster<P>, what: &str) {
+        let found: &[P] = bytemuck::cast_slice(found);
+        let mut this = Self::default();
+        for (&found, &wanted) in found.iter().zip(wanted.pixels()) {
+            this.pixels += 1;
+            this.unequal += usize::from(bytemuck::bytes_of(&found) != bytemuck::bytes_of(&wanted));
+            this.far += usize::from(!found.is_near(wanted));
+        }
+        if this.far > 0 {
+            println!("{what}: {this:?}");
+        }
+        self.pixels += this.pixels;
+        self.unequal += this.unequal;
+        self.far += this.far;
+    }
+}
+
+/// Holds what the device says of a frame against what the processor does.
+fn assert_reported(gpu: &Gpu, generator: &ShaderGenerator, wanted: &GenerateReport, size: (u32, u32), what: &str) {
+    let words: [u32; 32] = words(gpu, &generator.report());
+    let of = |word: u32| words[word as usize];
+    assert_eq!(of(WORD_OF_CUT) == 1, wanted.outcome == Outcome::CutFallback, "{what}");
+    let uncovered = of(WORD_OF_UNCOVERED) as f32 / (size.0 * size.1) as f32;
+    let unexplained = f32::from_bits(of(WORD_OF_UNEXPLAINED));
+    assert!((uncovered - wanted.uncovered).abs() <= 1e-3, "{what}: {uncovered} for {wanted:?}");
+    assert!((unexplained - wanted.unexplained).abs() <= 1e-6, "{what}: {unexplained} for {wanted:?}");
+}
+
+/// Holds random cases against the processor's generator.
+fn compare<P: Compared>(cases: Range<u64>)
+where
+    CpuGenerator: FrameGenerator<P>,
+{
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut cpu = CpuGenerator::new();
+    let (mut between, mut beyond, mut cuts) = (Tally::default(), Tally::default(), 0);
+    let mut generators = HashMap::new();
+    for seed in cases {
+        let mut dice = Dice(seed);
+        let sizes = [(1, 1), (1, 40), (40, 1), (8, 8), (16, 24), (33, 17), (64, 40), (95, 70), (130, 81)];
+        let size = sizes[dice.below(sizes.len() as u64) as usize];
+        let guidance = cases::guidance(&mut dice, size);
+        let [previous, current] = cases::pictures(&mut dice, size).map(|levels| raster::<P>(size, &levels));
+        let t = [0.5, 1.0 / 3.0, 0.25, 0.75, f32::MIN_POSITIVE, 1.0 - f32::EPSILON, 0.1, 0.9][dice.below(8) as usize];
+        let depth = cases::previous_depth(&mut dice, guidance.depth());
+        let has_depth = dice.below(3) != 0;
+        let mut pair = AnchorPair::new(&previous, &current, &guidance).expect("a pair");
+        if has_depth {
+            pair = pair.with_previous_depth(&depth).expect("a depth");
+        }
+        let mut wanted = previous.clone();
+        let report = FrameGenerator::<P>::generate(&mut cpu, &pair, t, &mut wanted).expect("a frame");
+        cuts += usize::from(report.outcome == Outcome::CutFallback);
+
+        let generator =
+            generators.entry(size).or_insert_with(|| ShaderGenerator::new(&gpu, size).expect("a generator"));
+        let (before, after, guided) =
+            (textured(&gpu, &previous), textured(&gpu, &current), Guided::new(&gpu, &guidance));
+        let depth = depth_texture(&gpu, &depth);
+        let textures = TexturePair {
+            previous: before.resting(),
+            current: after.resting(),
+            guidance: guided.textures(),
+            previous_depth: has_depth.then(|| (depth.resting(), guidance.depth().tile())),
+            cut: false,
+        };
+        let out = target(&gpu, size, P::FORMAT);
+        let mut frame = frames.begin().expect("a frame");
+        generator.generate(&mut frame, &textures, t, &out.resting()).expect("it is recorded");
+        frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
+        let row = size.0 as usize * size_of::<P>();
+        let what = format!("case {seed}, {size:?}, t = {t}, {:?}", report.outcome);
+        between.compare(&read(&gpu, &out, row), &wanted, &what);
+        assert_reported(&gpu, generator, &report, size, &what);
+
+        let anchor = Anchor::new(&current, &guidance).expect("an anchor");
+        let report = FrameGenerator::<P>::extrapolate(&mut cpu, &anchor, t, &mut wanted).expect("a frame");
+        let mut frame = frames.begin().expect("a frame");
+        generator
+            .extrapolate(&mut frame, &after.resting(), &guided.textures(), false, t, &out.resting())
+            .expect("it is recorded");
+        frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
+        beyond.compare(&read(&gpu, &out, row), &wanted, &format!("case {seed}, {size:?}, t = {t}, beyond"));
+        assert_reported(&gpu, generator, &report, size, &format!("case {seed}, beyond"));
+    }
+    println!("between {between:?}, {cuts} cuts; beyond {beyond:?}");
+    for tally in [between, beyond] {
+        // Ten times fewer than is promised: all that may differ is how a device divides.
+        assert!(10_000 * tally.far <= tally.pixels, "{tally:?}");
+    }
+}
+
+#[test]
+fn frames_of_bytes_are_those_of_the_processor() {
+    compare::<[u8; 4]>(0..70);
+}
+
+#[test]
+fn frames_of_half_floats_are_those_of_the_processor() {
+    compare::<[f16; 4]>(0..26);
+}
+
+const SIZE: (u32, u32) = (96, 64);
+
+/// A pair of anchors on the device, and what the processor makes of it.
+struct Scene {
+    guided: Guided,
+    guidance: Guidance,
+    levels: [Vec<[f32; 4]>; 2],
+}
+
+impl Scene {
+    /// Of a case whose two pictures have to do with each other.
+    fn new(gpu: &Gpu) -> Self {
+        let mut dice = Dice(17);
+        let guidance = cases::guidance(&mut dice, SIZE);
+        Self { guided: Guided::new(gpu, &guidance), guidance, levels: cases::pictures(&mut dice, SIZE) }
+    }
+
+    fn made_by_the_processor<P: Compared>(&self, t: f32, pixel: impl Fn([f32; 4]) -> P) -> Raster<P>
+    where
+        CpuGenerator: FrameGenerator<P>,
+    {
+        let [previous, current] = self.levels.each_ref().map(|levels| {
+            let mut picture = Raster::<P>::new(SIZE.0, SIZE.1).expect("a picture");
+            picture.pixels_mut().iter_mut().zip(levels).for_each(|(to, levels)| *to = pixel(*levels));
+            picture
+        });
+        let pair = AnchorPair::new(&previous, &current, &self.guidance).expect("a pair");
+        let mut wanted = previous.clone();
+        let report = FrameGenerator::<P>::generate(&mut CpuGenerator::new(), &pair, t, &mut wanted).expect("a frame");
+        assert_eq!(report.outcome, Outcome::Generated);
+        wanted
+    }
+
+    /// Both anchors in a format, each pixel of so many bytes.
+    fn anchors<const N: usize>(
+        &self,
+        gpu: &Gpu,
+        format: DXGI_FORMAT,
+        pixel: impl Fn([f32; 4]) -> [u8; N],
+    ) -> [Kept; 2] {
+        self.levels.each_ref().map(|levels| {
+            let bytes: Vec<u8> = levels.iter().flat_map(|levels| pixel(*levels)).collect();
+            filled(gpu, SIZE, format, &bytes)
+        })
+    }
+
+    fn pair<'a>(&'a self, [previous, current]: &'a [Kept; 2]) -> TexturePair<'a> {
+        TexturePair {
+            previous: previous.resting(),
+            current: current.resting(),
+            guidance: self.guided.textures(),
+            previous_depth: None,
+            cut: false,
+        }
+    }
+}
+
+/// Makes a frame, and reads it back in rows of pixels of so many bytes.
+fn generated(
+    gpu: &Gpu,
+    generator: &mut ShaderGenerator,
+    pair: &TexturePair<'_>,
+    t: f32,
+    target: &Kept,
+    bytes: usize,
+) -> Vec<u8> {
+    let mut frames = Frames::new(gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frame = frames.begin().expect("a frame");
+    generator.generate(&mut frame, pair, t, &target.resting()).expect("it is recorded");
+    frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
+    read(gpu, target, SIZE.0 as usize * bytes)
+}
+
+fn bytes_of(levels: [f32; 4]) -> [u8; 4] {
+    Compared::from_levels(levels)
+}
+
+fn tenths_of(levels: [f32; 4]) -> [u32; 4] {
+    let [r, g, b, a] = levels.map(|v| v.floor() / 255.0);
+    let of = |v: f32, most: f32| (v * most + 0.5) as u32;
+    [of(r, 1023.0), of(g, 1023.0), of(b, 1023.0), of(a, 3.0)]
+}
+
+#[test]
+fn every_format_is_read_and_written() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let scene = Scene::new(&gpu);
+    let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let wanted: Picture = scene.made_by_the_processor(0.4, bytes_of);
+    let swapped = |bytes: &[u8]| bytes.chunks(4).flat_map(|p| [p[2], p[1], p[0], p[3]]).collect::<Vec<_>>();
+
+    let [rgba, bgra] = [
+        scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_TYPELESS, bytes_of),
+        scene.anchors(&gpu, DXGI_FORMAT_B8G8R8A8_UNORM, |levels| {
+            let [r, g, b, a] = bytes_of(levels);
+            [b, g, r, a]
+        }),
+    ];
+    for anchors in [&rgba, &bgra] {
+        for (format, is_swapped) in [
+            (DXGI_FORMAT_R8G8B8A8_UNORM, false),
+            (DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, false),
+            (DXGI_FORMAT_R8G8B8A8_TYPELESS, false),
+            (DXGI_FORMAT_B8G8R8A8_UNORM, true),
+            (DXGI_FORMAT_B8G8R8A8_UNORM_SRGB, true),
+        ] {
+            let out = target(&gpu, SIZE, format);
+            let found = generated(&gpu, &mut generator, &scene.pair(anchors), 0.4, &out, 4);
+            assert_eq!(if is_swapped { swapped(&found) } else { found }, wanted.rgba(), "{format:?}");
+        }
+    }
+
+    // Ten bits are computed as halves, which hold them.
+    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R10G10B10A2_UNORM, |levels| {
+        let [r, g, b, a] = tenths_of(levels);
+        (r | g << 10 | b << 20 | a << 30).to_le_bytes()
+    });
+    let wanted: PictureF16 = scene.made_by_the_processor(0.4, |levels| {
+        let [r, g, b, a] = tenths_of(levels).map(|v| v as f32);
+        [r / 1023.0, g / 1023.0, b / 1023.0, a / 3.0].map(f16::from_f32)
+    });
+    for format in [DXGI_FORMAT_R10G10B10A2_UNORM, DXGI_FORMAT_R16G16B16A16_FLOAT, DXGI_FORMAT_R8G8B8A8_UNORM] {
+        let out = target(&gpu, SIZE, format);
+        let size = if format == DXGI_FORMAT_R16G16B16A16_FLOAT { 8 } else { 4 };
+        let found = generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &out, size);
+        let far = found.chunks(size).zip(wanted.pixels()).filter(|(found, wanted)| {
+            let part = |c: usize| match format {
+                DXGI_FORMAT_R10G10B10A2_UNORM => {
+                    let word = u32::from_le_bytes([found[0], found[1], found[2], found[3]]);
+                    (word >> (10 * c) & 1023) as f32 / 1023.0
+                }
+                DXGI_FORMAT_R8G8B8A8_UNORM => f32::from(found[c]) / 255.0,
+                _ => f16::from_le_bytes([found[2 * c], found[2 * c + 1]]).to_f32(),
+            };
+            (0..3).any(|c| (part(c) - wanted[c].to_f32().clamp(0.0, 1.0)).abs() > 1.0 / 255.0)
+        });
+        assert!(1000 * far.count() <= wanted.pixels().len(), "{format:?}");
+    }
+}
+
+#[test]
+fn across_a_cut_the_nearer_anchor_is_shown() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let mut scene = Scene::new(&gpu);
+    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    for is_stated in [true, false] {
+        if !is_stated {
+            // A picture of its own, which the processor finds to be another.
+            let mut noise = Dice(3);
+            scene.levels[1].iter_mut().for_each(|levels| {
+                *levels = [255.0 * noise.part().abs(), 255.0 * noise.part().abs(), 255.0 * noise.part().abs(), 255.0];
+            });
+        }
+        let [previous, current] = scene.levels.each_ref().map(|levels| raster::<[u8; 4]>(SIZE, levels));
+        let pair = AnchorPair::new(&previous, &current, &scene.guidance).expect("a pair").with_cut(is_stated);
+        let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+        let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
+        for (t, nearer) in [(0.3, &previous), (0.499_99, &previous), (0.5, &current), (0.9, &current)] {
+            let mut wanted = previous.clone();
+            let report = FrameGenerator::generate(&mut CpuGenerator::new(), &pair, t, &mut wanted).expect("a frame");
+            assert_eq!(report.outcome, Outcome::CutFallback);
+            let textures = TexturePair { cut: is_stated, ..scene.pair(&anchors) };
+            let found = generated(&gpu, &mut generator, &textures, t, &out, 4);
+            assert!(found == nearer.rgba() && wanted == *nearer, "t = {t}, stated: {is_stated}");
+        }
+        let (guided, last) = (scene.guided.textures(), anchors[1].resting());
+        let mut frame = frames.begin().expect("a frame");
+        generator.extrapolate(&mut frame, &last, &guided, true, 0.5, &out.resting()).expect("it is recorded");
+        frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
+        assert!(read(&gpu, &out, SIZE.0 as usize * 4) == current.rgba(), "a picture after a cut is held");
+    }
+}
+
+#[test]
+fn frames_follow_each_other_in_an_engines_list_and_allocate_nothing() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let scene = Scene::new(&gpu);
+    let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+    let pair = scene.pair(&anchors);
+    let phases = [0.25, 0.5, 0.75];
+    const { assert!(FRAMES_IN_FLIGHT == 3) };
+    let targets = phases.map(|_| target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM));
+    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let done = gpu.frames().now().expect("a moment");
+    let mut allocated = 0;
+    for _ in 0..2 {
+        run(&gpu, |list| {
+            let before = ALLOCATIONS.get();
+            for (t, target) in phases.iter().zip(&targets) {
+                let mut frame = frames.begin_in(list, &done).expect("a frame");
+                generator.generate(&mut frame, &pair, *t, &target.resting()).expect("it is recorded");
+            }
+            allocated = ALLOCATIONS.get() - before;
+        });
+    }
+    assert_eq!(allocated, 0);
+    for (t, target) in phases.iter().zip(&targets) {
+        let wanted: Picture = scene.made_by_the_processor(*t, bytes_of);
+        assert!(read(&gpu, target, SIZE.0 as usize * 4) == wanted.rgba(), "t = {t}");
+    }
+}
+
+#[test]
+fn what_cannot_be_made_is_refused_by_name() {
+    let (gpu, other) = (Gpu::on_adapter(None).expect("a device"), Gpu::on_adapter(None).expect("a device"));
+    for size in [(0, 8), (8, 0), (16_385, 1)] {
+        let refused = ShaderGenerator::new(&gpu, size).expect_err("no size of pictures");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("size")));
+    }
+    let refused = ShaderGenerator::new(&gpu, (16_384, 16_384)).expect_err("beyond what buffers hold");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("size")));
+
+    let scene = Scene::new(&gpu);
+    let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let mut frames = Frames::new(&gpu, gpu.frames(), 4 * DESCRIPTORS).expect("a ring");
+    let mut frame = frames.begin().expect("a frame");
+    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+    let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
+    let good = scene.pair(&anchors);
+    let rgba = DXGI_FORMAT_R8G8B8A8_UNORM;
+    let kept = [
+        target(&gpu, (SIZE.0, 63), rgba),
+        target(&gpu, SIZE, DXGI_FORMAT_R32_FLOAT),
+        target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB),
+        target(&gpu, SIZE, DXGI_FORMAT_B8G8R8A8_UNORM),
+        target(&other, SIZE, rgba),
+    ];
+    let [small, grey, srgb, bgra, foreign] = kept.each_ref().map(Kept::resting);
+    let elsewhere = Resting { state: D3D12_RESOURCE_STATE_COPY_DEST, ..good.previous };
+    let tiled = GuidanceTextures { motion_tile: 4, ..good.guidance };
+    let guided_by_grey = GuidanceTextures { motion: grey, ..good.guidance };
+    let cases: [(TexturePair<'_>, f32, Resting<'_>, &str); 14] = [
+        (good, 0.0, out.resting(), "t"),
+        (good, 1.0, out.resting(), "t"),
+        (good, f32::NAN, out.resting(), "t"),
+        (good, 0.5, small, "target"),
+        (good, 0.5, grey, "target"),
+        (good, 0.5, foreign, "target"),
+        (TexturePair { previous: small, ..good }, 0.5, out.resting(), "previous"),
+        (TexturePair { previous: bgra, ..good }, 0.5, out.resting(), "previous"),
+        (TexturePair { current: srgb, ..good }, 0.5, out.resting(), "current"),
+        (TexturePair { current: foreign, ..good }, 0.5, out.resting(), "current"),
+        (TexturePair { guidance: tiled, ..good }, 0.5, out.resting(), "motion"),
+        (TexturePair { guidance: guided_by_grey, ..good }, 0.5, out.resting(), "motion"),
+        (TexturePair { previous_depth: Some((small, 1)), ..good }, 0.5, out.resting(), "previous_depth"),
+        (good, 0.5, elsewhere, "state"),
+    ];
+    for (i, (pair, t, target, field)) in cases.iter().enumerate() {
+        let refused = generator.generate(&mut frame, pair, *t, target).expect_err("it cannot be made");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(*field)), "{i}");
+    }
+    for t in [0.0, -1.0, f32::INFINITY, f32::NAN] {
+        let refused = generator
+            .extrapolate(&mut frame, &good.current, &good.guidance, false, t, &out.resting())
+            .expect_err("no time");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("t")));
+    }
+    drop(frame);
+    let mut short = Frames::new(&gpu, gpu.frames(), DESCRIPTORS - 1).expect("a ring");
+    let mut frame = short.begin().expect("a frame");
+    let refused = generator.generate(&mut frame, &good, 0.5, &out.resting()).expect_err("too few descriptors");
+    assert_eq!(refused.kind(), ErrorKind::Unsupported);
+}
