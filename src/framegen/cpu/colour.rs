@@ -17,10 +17,10 @@ pub(super) trait Colour: Sampled {
         0.299 * r + 0.587 * g + 0.114 * b
     }
 
-    /// [`luma`](Self::luma) of four pixels.
+    /// [`luma`](Self::luma) of some pixels.
     #[inline(always)]
-    fn lumas_of_four(pixels: &[Self; 4]) -> [f32; 4] {
-        let mut lumas = [0.0; 4];
+    fn lumas_of<const N: usize>(pixels: &[Self; N]) -> [f32; N] {
+        let mut lumas = [0.0; N];
         lumas.iter_mut().zip(pixels).for_each(|(luma, pixel)| *luma = pixel.luma());
         lumas
     }
@@ -38,8 +38,8 @@ impl Colour for [u8; 4] {
     }
 
     #[inline(always)]
-    fn lumas_of_four(pixels: &[Self; 4]) -> [f32; 4] {
-        let mut lumas = [0.0; 4];
+    fn lumas_of<const N: usize>(pixels: &[Self; N]) -> [f32; N] {
+        let mut lumas = [0.0; N];
         for (luma, &pixel) in lumas.iter_mut().zip(pixels) {
             // As one number, which vectors take apart faster than four bytes.
             let pixel = u32::from_le_bytes(pixel);

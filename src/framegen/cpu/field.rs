@@ -19,6 +19,8 @@ use crate::guidance::Guidance;
 pub(super) const SMOOTH: i32 = 48;
 /// Levels within which a pixel on the rim of a surface is that surface's.
 pub(super) const RIM: f32 = 28.0;
+/// Tiles ahead of the one that is looked at whose keys and pixels are asked for.
+const AHEAD: usize = 2;
 /// The match of a smooth tile whose pixels are not looked at: neither good nor bad.
 pub(super) const UNKNOWN_MATCH: u8 = 24;
 
@@ -69,6 +71,9 @@ impl Preparation {
         rows.zip(&mut field.spans).enumerate().for_each(|(row, ((tiles, keys), span))| {
             *span = [i32::MAX, i32::MIN];
             for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
+                if column + AHEAD < columns {
+                    edges.fetch(column + AHEAD, row);
+                }
                 edges.finish(column, row, tile, keys);
                 *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
             }
@@ -221,6 +226,21 @@ struct Edges<'a, P> {
 }
 
 impl<P: Colour> Edges<'_, P> {
+    /// Asks for what a rough tile will be judged by.
+    #[inline(always)]
+    fn fetch(&self, column: usize, row: usize) {
+        let index = row * self.given.grid.columns + column;
+        let tile = &self.given.tiles[index];
+        if tile.kind == Kind::Rough {
+            Layer::fetch_keys(&self.given.keys[index]);
+            if let Some((previous, current)) = self.anchors.filter(|_| self.is_flat) {
+                let at = [64 * (column * TILE) as i32, 64 * (row * TILE) as i32];
+                current.fetch_tile(at, 0);
+                previous.fetch_tile([at[0] + tile.low[0], at[1] + tile.low[1]], 0);
+            }
+        }
+    }
+
     /// Takes a tile over from what is given. Colours on the rim of a surface are mixed with what is behind it, so that
     /// the rim moves with the surface in front: a pixel takes the key of the nearest around it.
     #[inline(never)]
@@ -311,49 +331,74 @@ impl<P: Colour> Edges<'_, P> {
         current: Source<'_, P>,
         keys: &mut [Key; BLOCK],
     ) {
-        let width = current.width;
-        for (j, keys) in keys.chunks_mut(TILE).enumerate() {
-            let (x, y) = (column * TILE, row * TILE + j);
-            let vector = layer::vector(keys[0]);
-            let [u, v] = [64 * x as i32 + vector[0], 64 * y as i32 + vector[1]].map(|at| (at >> 6) as usize);
-            // Of one motion and inside, as most are; what is negative is far beyond.
-            let is_run = keys.iter().all(|&key| key != EMPTY && layer::vector(key) == vector)
-                && u.saturating_add(TILE) < width
-                && v.saturating_add(1) < previous.height;
-            if is_run {
-                let there = &previous.pixels[v * width + u..];
-                let mut apart = [0; TILE];
-                let here = &current.pixels[y * width + x..][..TILE];
-                matches_of_run(self.level, here, &there[..=TILE], &there[width..][..=TILE], &mut apart);
-                keys.iter_mut().zip(apart).for_each(|(key, apart)| *key = layer::marked(*key, apart));
-                continue;
-            }
-            for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-                *key = layer::marked(*key, match_of(previous, current, [x + i, y], *key));
-            }
-        }
+        mark_matches(self.level, previous, current, [column * TILE, row * TILE], keys);
     }
 }
 
 at_every_level! {
-    /// [`match_of`] for eight pixels beside each other (`here`) that come from between two rows of nine.
-    fn matches_of_run<P: Colour>(here: &[P], above: &[P], below: &[P], matches: &mut [u8; TILE])
-        = matches_side_by_side | matches_side_by_side
+    /// Marks the claims of the pixels of a tile at `corner` with how badly they match, see [`match_of`].
+    fn mark_matches<P: Colour>(
+        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], keys: &mut [Key; BLOCK],
+    ) = mark_one_by_one | mark_side_by_side
+}
+
+fn mark_one_by_one<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    keys: &mut [Key; BLOCK],
+) {
+    for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+        *key = layer::marked(*key, match_of(previous, current, [x + place % TILE, y + place / TILE], *key));
+    }
 }
 
 #[inline(always)]
-fn matches_side_by_side<P: Colour>(here: &[P], above: &[P], below: &[P], matches: &mut [u8; TILE]) {
-    let mut lumas = [[0.0; 2 * TILE]; 2];
-    for (lumas, row) in lumas.iter_mut().zip([above, below]) {
-        lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma());
+fn mark_side_by_side<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    keys: &mut [Key; BLOCK],
+) {
+    for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
+        let here = current.pixels.get((y + j) * current.width + x..).and_then(|row| row.first_chunk::<TILE>());
+        let (Some(here), Some(squares)) = (here, squares_of(previous, [x, y + j], keys)) else {
+            for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+                *key = layer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
+            }
+            continue;
+        };
+        let here = P::lumas_of(here);
+        let [a, b, c, d] = &squares;
+        let (a, b, c, d) = (P::lumas_of(a), P::lumas_of(b), P::lumas_of(c), P::lumas_of(d));
+        for i in 0..TILE {
+            let low = a[i].min(b[i]).min(c[i].min(d[i]));
+            let high = a[i].max(b[i]).max(c[i].max(d[i]));
+            let apart = (low - here[i]).max(here[i] - high).max(0.0);
+            keys[i] = layer::marked(keys[i], (apart as u8).min(WORST_MATCH));
+        }
     }
-    let [above, below] = lumas;
-    for (i, (found, pixel)) in matches.iter_mut().zip(here).enumerate() {
-        let low = above[i].min(above[i + 1]).min(below[i]).min(below[i + 1]);
-        let high = above[i].max(above[i + 1]).max(below[i]).max(below[i + 1]);
-        let luma = pixel.luma();
-        *found = ((low - luma).max(luma - high).max(0.0) as u8).min(WORST_MATCH);
+}
+
+/// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have claims and
+/// come from inside.
+#[inline(always)]
+fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Key; TILE]) -> Option<[[P; TILE]; 4]> {
+    let mut squares = [[P::OPAQUE_BLACK; TILE]; 4];
+    for (i, &key) in keys.iter().enumerate() {
+        let [vx, vy] = layer::vector(key);
+        // What is negative is far beyond.
+        let (u, v) = ((x + i) as i32 + (vx >> 6), y as i32 + (vy >> 6));
+        let (u, v) = (u as u32 as usize, v as u32 as usize);
+        if key == EMPTY || u + 1 >= previous.width || v + 1 >= previous.height {
+            return None;
+        }
+        let start = v * previous.width + u;
+        let above = previous.pixels.get(start..start + 2)?;
+        let below = previous.pixels.get(start + previous.width..start + previous.width + 2)?;
+        (squares[0][i], squares[1][i], squares[2][i], squares[3][i]) = (above[0], above[1], below[0], below[1]);
     }
+    Some(squares)
 }
 
 /// The levels by which the luma of a pixel of the current anchor lies outside those of the four pixels of the previous

@@ -18,6 +18,8 @@ use super::perspective::Way;
 use super::sized;
 use crate::Result;
 
+/// Tiles ahead of the one that is filled whose keys and pixels are asked for.
+const AHEAD: usize = 1;
 /// Candidates are looked for up to this many pixels away.
 pub(super) const NEAR: usize = 24;
 
@@ -69,6 +71,13 @@ impl Filler {
         let (filled, is_left) = (&*layer, AtomicBool::new(false));
         borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
             for (column, keys) in tiles.iter_mut().enumerate() {
+                let next = row * grid.columns + column + AHEAD;
+                if column + AHEAD < grid.columns && filled.tiles[next].holes > 0 {
+                    Layer::fetch_keys(&filled.keys[next]);
+                    if let Some(shown) = evidence.shown {
+                        shown.fetch_tile([64 * ((column + AHEAD) * TILE) as i32, 64 * (row * TILE) as i32], 0);
+                    }
+                }
                 if filled.tiles[row * grid.columns + column].holes > 0
                     && !fill_tile(level, filled, evidence, column, row, keys)
                 {
@@ -164,21 +173,26 @@ fn fill_tile<P: Colour>(
     let tile = row * grid.columns + column;
     let own = &layer.keys[tile];
     let holes = claims::having(level, own, HOLE);
-    let mut sides =
-        Sides { layer, evidence, own, holes, corner: [column * TILE, row * TILE], best: [(u64::MAX, EMPTY); BLOCK] };
-    // From the left, the right, above and below.
-    sides.look::<true, false>();
-    sides.look::<true, true>();
-    sides.look::<false, false>();
-    sides.look::<false, true>();
+    let corner = [column * TILE, row * TILE];
+    let best = [(u64::MAX, EMPTY); BLOCK];
+    let mut sides = Sides { layer, evidence, own, holes, corner, lumas: [0.0; BLOCK], best };
+    if holes != u64::MAX || !is_far_from_claims(layer, [column, row]) {
+        sides.find_lumas(grid.extent(column, row));
+        // From the left, the right, above and below.
+        sides.look::<true, false>();
+        sides.look::<true, true>();
+        sides.look::<false, false>();
+        sides.look::<false, true>();
+    }
     for (key, (_, found)) in keys.iter_mut().zip(sides.best) {
         *key = if found == EMPTY { EMPTY } else { layer::marked(found, evidence.mark) };
     }
     if let Some(past) = evidence.past {
+        let claims = past.claims(level, corner, grid.extent(column, row));
         for (place, key) in keys.iter_mut().enumerate().filter(|&(place, _)| own[place] == EMPTY) {
             let at = [column * TILE + place % TILE, row * TILE + place / TILE];
             if at[0] < grid.width && at[1] < grid.height {
-                *key = past.claim_or(evidence.field, at, *key);
+                *key = past.claim_or(evidence.field, at, claims[place], *key);
             }
         }
     }
@@ -192,6 +206,16 @@ fn fill_tile<P: Colour>(
     }
     let found = keys.iter().filter(|&&key| key != EMPTY).count();
     found == usize::from(layer.tiles[tile].holes)
+}
+
+/// Whether nothing claims a place as near as candidates are looked for, to the sides of a tile and above and below it.
+#[inline(always)]
+fn is_far_from_claims(layer: &Layer, [column, row]: [usize; 2]) -> bool {
+    const TILES: usize = NEAR.div_ceil(TILE);
+    let Grid { columns, rows, .. } = layer.grid;
+    let is_bare = |column: usize, row: usize| usize::from(layer.tiles[row * columns + column].holes) == BLOCK;
+    (column.saturating_sub(TILES)..(column + TILES + 1).min(columns)).all(|column| is_bare(column, row))
+        && (row.saturating_sub(TILES)..(row + TILES + 1).min(rows)).all(|row| is_bare(column, row))
 }
 
 /// Fills the holes of a tile for which there was no candidate with a claim from farther away.
@@ -212,11 +236,36 @@ struct Sides<'a, 'e, P> {
     /// Those that nothing claims: bit `8 j + i`.
     holes: u64,
     corner: [usize; 2],
+    /// Where an anchor shows the tile, the lumas there.
+    lumas: [f32; BLOCK],
     /// For each place the best so far, and what it costs.
     best: [(u64, Key); BLOCK],
 }
 
+/// A claim that may go on at places beside it.
+#[derive(Clone, Copy)]
+struct Candidate {
+    key: Key,
+    /// How far away it is.
+    away: usize,
+    /// The luma where it stands.
+    luma: f32,
+}
+
 impl<P: Colour> Sides<'_, '_, P> {
+    #[inline(always)]
+    fn find_lumas(&mut self, [across, down]: [usize; 2]) {
+        if let Some(shown) = self.evidence.shown {
+            for (j, lumas) in self.lumas.as_chunks_mut::<TILE>().0.iter_mut().enumerate().take(down) {
+                let row = &shown.pixels[(self.corner[1] + j) * shown.width + self.corner[0]..][..across];
+                match row.first_chunk() {
+                    Some(row) => *lumas = P::lumas_of(row),
+                    None => lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma()),
+                }
+            }
+        }
+    }
+
     /// Goes through the lines of the tile that have holes: the last claim before each hole, seen from one side, is the
     /// nearest there.
     #[inline(always)]
@@ -254,25 +303,29 @@ impl<P: Colour> Sides<'_, '_, P> {
                 let along = left.trailing_zeros() as usize;
                 left &= left - 1;
                 let before = if BACK { claims >> along } else { claims & ((1 << along) - 1) };
-                let (key, away) = match (before, outside) {
+                let inside =
+                    |from: usize, away| Candidate { key: self.own[place(from)], away, luma: self.lumas[place(from)] };
+                let candidate = match (before, outside) {
                     (0, None) => continue,
-                    (0, Some((key, away))) => (key, away + if BACK { len - 1 - along } else { along }),
+                    (0, Some(outside)) => {
+                        Candidate { away: outside.away + if BACK { len - 1 - along } else { along }, ..outside }
+                    }
                     (_, _) if BACK => {
                         let away = before.trailing_zeros() as usize;
-                        (self.own[place(along + away)], away)
+                        inside(along + away, away)
                     }
                     (_, _) => {
                         let from = (u32::BITS - 1 - before.leading_zeros()) as usize;
-                        (self.own[place(from)], along - from)
+                        inside(from, along - from)
                     }
                 };
-                if away > NEAR {
+                if candidate.away > NEAR {
                     continue;
                 }
-                let from = moved::<ACROSS, BACK>(at(along), away);
-                let best = self.best[place(along)];
-                if let Some(cost) = self.evidence.cost_below(best, grid, at(along), key, away, from) {
-                    self.best[place(along)] = (cost, key);
+                let place = place(along);
+                let luma = self.lumas[place];
+                if let Some(cost) = self.evidence.cost_below(self.best[place], grid, at(along), luma, candidate) {
+                    self.best[place] = (cost, candidate.key);
                 }
             }
         }
@@ -284,17 +337,28 @@ impl<P: Colour> Sides<'_, '_, P> {
         if self.evidence.shown.is_some() { NEAR.min((self.best[place].0 >> 16) as usize) } else { NEAR }
     }
 
-    /// The nearest claim before a place, and how far away it is: up to `far`.
+    /// The nearest claim before a place, up to `far` away.
     #[inline(always)]
-    fn outside<const ACROSS: bool, const BACK: bool>(&self, at: [usize; 2], far: usize) -> Option<(Key, usize)> {
+    fn outside<const ACROSS: bool, const BACK: bool>(&self, at: [usize; 2], far: usize) -> Option<Candidate> {
         let Grid { width, height, .. } = self.layer.grid;
         let (along, side) = if ACROSS { (at[0], width) } else { (at[1], height) };
         let room = if BACK { side - 1 - along } else { along };
-        (1..=room.min(far)).find_map(|away| {
+        let (mut away, last) = (1, room.min(far));
+        while away <= last {
             let [x, y] = moved::<ACROSS, BACK>(at, away);
+            if usize::from(self.layer.tiles[self.layer.grid.place(x, y).0].holes) == BLOCK {
+                // `at` is on the rim of a tile, so that all tiles are gone through from rim to rim.
+                away += TILE;
+                continue;
+            }
             let key = self.layer.owner(x, y);
-            (key != EMPTY).then_some((key, away))
-        })
+            if key != EMPTY {
+                let luma = self.evidence.shown.map_or(0.0, |shown| shown.pixels[y * width + x].luma());
+                return Some(Candidate { key, away, luma });
+            }
+            away += 1;
+        }
+        None
     }
 }
 
@@ -333,29 +397,17 @@ impl<P: Colour> Evidence<'_, P> {
         (best, found): (u64, Key),
         grid: Grid,
         at: [usize; 2],
-        key: Key,
-        step: usize,
-        from: [usize; 2],
+        luma: f32,
+        Candidate { key, away, luma: there }: Candidate,
     ) -> Option<u64> {
-        if self.order(key, step, 0) >= best {
-            return None;
-        }
-        let order = self.order(key, step, self.unlike(grid, at, from));
+        let unlike = if self.shown.is_some() { (luma - there).abs().min(255.0) as u64 } else { 0 };
+        let order = self.order(key, away, unlike);
         if order >= best {
             return None;
         }
         let is_contradicted = if key == found { best >> 40 != 0 } else { self.is_contradicted(grid, at, key) };
         let cost = u64::from(is_contradicted) << 40 | order;
         (cost < best).then_some(cost)
-    }
-
-    /// Levels between the lumas of the place and of that where the candidate was found.
-    #[inline(always)]
-    fn unlike(&self, grid: Grid, [x, y]: [usize; 2], from: [usize; 2]) -> u64 {
-        self.shown.map_or(0, |shown| {
-            let (here, there) = (shown.pixels[y * grid.width + x], shown.pixels[from[1] * grid.width + from[0]]);
-            (here.luma() - there.luma()).abs().min(255.0) as u64
-        })
     }
 
     #[inline(always)]

@@ -14,6 +14,8 @@ use crate::Result;
 
 /// Rows of tiles that are filled together.
 const BAND: usize = 8;
+/// Tiles ahead of the one that is carried whose keys are asked for.
+const AHEAD: usize = 2;
 /// Rows and columns of places around a band, so that cracks are seen whole.
 const RIM: usize = 1;
 /// A place that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
@@ -200,7 +202,14 @@ impl Filling {
             if low > high || !reaches(row, low, high) {
                 continue;
             }
-            for (column, tile) in pass.layer.row(row..row + 1).iter().enumerate() {
+            let first = row * self.grid.columns;
+            let keys = if pass.of == Carried::Own { &pass.layer.keys } else { &pass.layer.borrowed };
+            let tiles = pass.layer.row(row..row + 1);
+            for (column, tile) in tiles.iter().enumerate() {
+                let next = tiles.get(column + AHEAD).filter(|next| next.kind == Kind::Rough);
+                if next.is_some_and(|next| pass.of == Carried::Own || next.holes > 0) {
+                    Layer::fetch_keys(&keys[first + column + AHEAD]);
+                }
                 if tile.low[1] <= tile.high[1] && reaches(row, tile.low[1], tile.high[1]) {
                     visit(column, row, tile);
                 }

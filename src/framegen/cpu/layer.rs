@@ -228,6 +228,12 @@ impl Layer {
         }
     }
 
+    /// Asks for the keys of a tile.
+    #[inline(always)]
+    pub(super) fn fetch_keys(keys: &[Key; BLOCK]) {
+        keys.as_chunks::<TILE>().0.iter().for_each(fetch);
+    }
+
     /// The keys of a row of a tile.
     #[inline(always)]
     pub(super) fn line(&self, tile: usize, line: usize) -> [Key; TILE] {

@@ -54,6 +54,7 @@ use kernels::{Level, Source};
 use landing::{Bands, Carried, Pass};
 use layer::{HOLE, Layer, ORPHAN, WHOLE};
 use leaving::Leaving;
+use overlay::Stills;
 use past::Past;
 use perspective::{Moment, Seen, Way};
 use render::Between;
@@ -75,6 +76,7 @@ pub struct CpuGenerator {
     bands: Bands,
     leaving: Leaving,
     filler: Filler,
+    stills: Stills,
     inpainter: Inpainter,
     hidden: Vec<u64>,
 }
@@ -102,6 +104,7 @@ impl CpuGenerator {
             bands: Bands::default(),
             leaving: Leaving::default(),
             filler: Filler::default(),
+            stills: Stills::default(),
             inpainter: Inpainter::default(),
             hidden: Vec::new(),
         }
@@ -134,7 +137,7 @@ impl CpuGenerator {
         let seen = Seen::find(pair.guidance(), Some(&inside));
         let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
         match &past {
-            Some(past) => past.uncover(&mut self.owners, &self.field),
+            Some(past) => past.uncover(self.level, &mut self.owners, &self.field),
             None => self.leaving.find(&mut self.owners, previous, current, margin)?,
         }
         let leaving = if past.is_none() { Some(&self.leaving) } else { None };
@@ -153,6 +156,7 @@ impl CpuGenerator {
         self.filler.fill(self.level, &mut self.places, &evidence)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
+        self.stills.reserve(grid)?;
         let between = Between {
             level: self.level,
             previous,
@@ -163,6 +167,7 @@ impl CpuGenerator {
             phase,
             moment,
             margin,
+            stills: &self.stills,
         };
         let rendered = between.render(out, &mut self.hidden);
         if rendered.hidden > 0 {

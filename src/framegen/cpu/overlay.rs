@@ -3,8 +3,13 @@
 //! Motion of the world behind it does not know an overlay. Where a vector does not match while standing still does, the
 //! pixel lies on one.
 
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
 use super::colour::Colour;
-use super::kernels::Source;
+use super::kernels::{Level, Source, TILE, at_every_level};
+use super::layer::Grid;
+use super::reserve;
+use crate::Result;
 
 /// A pixel lies on an overlay where standing still explains it to within `STILL` levels, and better than its vector
 /// does by the factor `BETTER` after a `MARGIN` for noise. Where the vector comes from beyond the edge and there is
@@ -32,6 +37,131 @@ impl<P: Colour> Overlays<'_, P> {
     pub(super) fn is_before(&self, at: [usize; 2], vector: [i32; 2]) -> bool {
         is_over(self.previous, self.current, at, vector.map(|v| -v))
     }
+}
+
+/// Which pixels of the two anchors stand still, found for a tile when that is first asked for. Keeps its memory.
+#[derive(Debug, Default)]
+pub(super) struct Stills {
+    grid: Grid,
+    /// Bit `8 j + i` of a tile: see [`is_still`].
+    tiles: Vec<AtomicU64>,
+    is_found: Vec<AtomicBool>,
+}
+
+impl Stills {
+    /// Forgets all, and makes room for the pictures of a grid.
+    pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
+        self.grid = grid;
+        let len = grid.tiles();
+        reserve(&mut self.tiles, len)?;
+        self.tiles.resize_with(len, AtomicU64::default);
+        reserve(&mut self.is_found, len)?;
+        self.is_found.resize_with(len, AtomicBool::default);
+        self.is_found.iter_mut().for_each(|is_found| *is_found.get_mut() = false);
+        Ok(())
+    }
+
+    /// Whether a pixel stands still, without which it lies on no overlay.
+    #[inline(always)]
+    pub(super) fn holds<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, [x, y]: [usize; 2]) -> bool {
+        self.of_tile(level, anchors, [x / TILE, y / TILE]) >> self.grid.place(x, y).1 & 1 == 1
+    }
+
+    /// The same for the pixels of a tile: bit `8 j + i`.
+    #[inline(always)]
+    pub(super) fn of_tile<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, at: [usize; 2]) -> u64 {
+        let tile = at[1] * self.grid.columns + at[0];
+        if !self.is_found[tile].load(Ordering::Acquire) {
+            // Where two threads ask at once, both find the same.
+            let stills = stills_of_tile(level, anchors.previous, anchors.current, at.map(|at| at * TILE));
+            self.tiles[tile].store(stills, Ordering::Relaxed);
+            self.is_found[tile].store(true, Ordering::Release);
+        }
+        self.tiles[tile].load(Ordering::Relaxed)
+    }
+
+    /// The same for 8 x 8 pixels from (x, y) on, all of them on the picture.
+    #[inline(always)]
+    pub(super) fn from<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, [x, y]: [usize; 2]) -> u64 {
+        let ([column, i], [row, j]) = ([x / TILE, x % TILE], [y / TILE, y % TILE]);
+        // The rows of two tiles above each other, from row j of the upper one on.
+        let rows = |column: usize| {
+            let upper = self.of_tile(level, anchors, [column, row]) >> (TILE * j);
+            if j == 0 { upper } else { upper | self.of_tile(level, anchors, [column, row + 1]) << (TILE * (TILE - j)) }
+        };
+        if i == 0 {
+            return rows(column);
+        }
+        let from_left = 0x0101_0101_0101_0101 * (0xff >> i);
+        rows(column) >> i & from_left | rows(column + 1) << (TILE - i) & !from_left
+    }
+}
+
+at_every_level! {
+    /// The pixels of the tile at `corner` that stand still: bit `8 j + i`.
+    fn stills_of_tile<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64
+        = stills_one_by_one | stills_side_by_side
+}
+
+fn stills_one_by_one<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, [x, y]: [usize; 2]) -> u64 {
+    let [across, down] = [TILE.min(current.width - x), TILE.min(current.height - y)];
+    let places = (0..down).flat_map(|j| (0..across).map(move |i| (i, j)));
+    places.fold(0, |stills, (i, j)| stills | u64::from(is_still(previous, current, [x + i, y + j])) << (TILE * j + i))
+}
+
+/// The differences of the pixels of a tile, one more on each side, and some that fill vectors.
+type Differences = [[f32; 2 * TILE]; TILE + 2];
+
+#[inline(always)]
+fn stills_side_by_side<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64 {
+    let Some(apart) = differences(previous, current, corner) else {
+        return stills_one_by_one(previous, current, corner);
+    };
+    let mut squares = [[0.0; TILE + 2]; TILE + 1];
+    for j in 0..TILE + 1 {
+        for i in 0..TILE + 2 {
+            squares[j][i] = apart[j][i] + apart[j][i + 1] + apart[j + 1][i] + apart[j + 1][i + 1];
+        }
+    }
+    let mut stills = [0; TILE];
+    for j in 0..TILE {
+        for i in 0..TILE {
+            let (above, below) = (squares[j][i].min(squares[j][i + 1]), squares[j + 1][i].min(squares[j + 1][i + 1]));
+            let is_still = (above.min(below) / 4.0 <= STILL) & (apart[j + 1][i + 1] <= 4.0 * STILL);
+            stills[i] |= u64::from(is_still) << (TILE * j + i);
+        }
+    }
+    stills.into_iter().fold(0, |all, bits| all | bits)
+}
+
+/// What the lumas of a tile and of those around it differ by; nothing at the edges of the picture.
+#[inline(always)]
+fn differences<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, [x, y]: [usize; 2]) -> Option<Differences> {
+    if x == 0 || y == 0 || x + TILE >= current.width || y + TILE >= current.height {
+        return None;
+    }
+    let mut apart = [[0.0; 2 * TILE]; TILE + 2];
+    for (j, apart) in apart.iter_mut().enumerate() {
+        let start = (y + j - 1) * current.width + x - 1;
+        let rows = [previous, current].map(|source| source.pixels[start..].first_chunk::<{ 2 * TILE }>());
+        let [Some(before), Some(after)] = rows else { return None };
+        let (before, after) = (P::lumas_of(before), P::lumas_of(after));
+        for i in 0..2 * TILE {
+            apart[i] = (after[i] - before[i]).abs();
+        }
+    }
+    Some(apart)
+}
+
+/// Whether a pixel is about the same in both pictures, and so is a square of 2 x 2 that holds it: most of what moves is
+/// not. This is the first that [`is_over`] asks.
+fn is_still<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
+    let place = y * here.width + x;
+    if (here.pixels[place].luma() - there.pixels[place].luma()).abs() > 4.0 * STILL {
+        return false;
+    }
+    let (x, y) = (x as i32, y as i32);
+    least_square(&apart(&lumas(here, x - 1, y - 1), &lumas(there, x - 1, y - 1)), there, x, y) <= STILL
 }
 
 /// Whether a pixel of `here` stands still and does not come from where `vector` leads to in `there`.
@@ -80,7 +210,7 @@ fn lumas<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[
         let pixels = &source.pixels[y as usize * source.width + x as usize..];
         for (lumas, row) in lumas.iter_mut().zip(pixels.chunks(source.width)) {
             if let Some(row) = row.first_chunk() {
-                *lumas = P::lumas_of_four(row);
+                *lumas = P::lumas_of(row);
             }
         }
         return lumas;
@@ -149,4 +279,57 @@ fn least_square<P>(apart: &Patch, there: Source<'_, P>, x: i32, y: i32) -> f32 {
     };
     let squares = starts(y, there.height).flat_map(|j| starts(x, there.width).map(move |i| (j, i)));
     squares.fold(f32::INFINITY, |least, (j, i)| least.min(square(j, i))) / 4.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernels::BLOCK;
+    use super::*;
+
+    /// A picture of noise, and one of which squares are the same but for a few levels.
+    fn pictures(width: usize, height: usize) -> [Vec<[u8; 4]>; 2] {
+        let noise = |i: usize| (i.wrapping_mul(2_654_435_761) >> 13) as u8;
+        let first: Vec<_> = (0..width * height).map(|i| [noise(i), noise(i + 7), noise(i + 19), 255]).collect();
+        let second = first.iter().enumerate().map(|(i, pixel)| match noise(i % width / 5 + 31 * (i / width / 5)) % 3 {
+            0 => [noise(i + 3), noise(i + 5), noise(i + 11), 255],
+            step => pixel.map(|v| v.saturating_add(step + noise(i) % 4)),
+        });
+        let second = second.collect();
+        [first, second]
+    }
+
+    #[test]
+    fn tiles_tell_what_pixels_do() {
+        for (width, height) in [(1, 1), (8, 8), (9, 30), (41, 17), (64, 40)] {
+            let pictures = pictures(width, height);
+            let [previous, current] = [&pictures[0], &pictures[1]].map(|pixels| Source { pixels, width, height });
+            let grid = Grid::new((width as u32, height as u32));
+            let anchors = Overlays { previous, current };
+            for level in Level::available() {
+                let mut stills_of = Stills::default();
+                stills_of.reserve(grid).unwrap();
+                let mut count = 0;
+                for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+                    let is_still = is_still(previous, current, [x, y]);
+                    assert_eq!(stills_of.holds(level, &anchors, [x, y]), is_still, "({x}, {y}), {}", level.name());
+                    count += usize::from(is_still);
+                    if x + TILE <= width && y + TILE <= height {
+                        let places = (0..BLOCK).map(|place| [x + place % TILE, y + place / TILE]);
+                        let stills = places.enumerate().fold(0, |stills, (place, at)| {
+                            stills | u64::from(stills_of.holds(level, &anchors, at)) << place
+                        });
+                        assert_eq!(stills_of.from(level, &anchors, [x, y]), stills);
+                    }
+                    let vectors = [[0, 0], [64, -130], [-700, 9], [20, 5]];
+                    assert!(
+                        is_still || vectors.iter().all(|&v| !anchors.is_at([x, y], v) && !anchors.is_before([x, y], v))
+                    );
+                }
+                assert!(
+                    width * height < 600 || (5 * count > width * height && 10 * count < 9 * width * height),
+                    "{count}"
+                );
+            }
+        }
+    }
 }

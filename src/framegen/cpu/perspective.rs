@@ -241,13 +241,16 @@ impl Back {
         is_finite.then_some(Self { rows, middle: size.map(|len| middle(len) as f32), width: size[0] as f32 })
     }
 
-    /// Where in the current anchor what the previous one shows at a place is, in pixels, and how near it is there.
+    /// Where in the current anchor what the previous one shows at a place is, in pixels, and how near it is there; and
+    /// whether that can be followed.
     #[inline(always)]
-    pub(super) fn follow(&self, [u, v]: [f32; 2], near: f32) -> Option<([f32; 2], f32)> {
+    pub(super) fn follow(&self, [u, v]: [f32; 2], near: f32) -> ([f32; 2], f32, bool) {
         let [u, v] = [(u - self.middle[0]) / self.width, (v - self.middle[1]) / self.width];
-        let [x, y, z] = self.rows.map(|row| (row[0] * u + row[1] * v) + (row[2] + row[3] * near));
+        let along = |row: [f32; 4]| (row[0] * u + row[1] * v) + (row[2] + row[3] * near);
+        let [x, y, z] = [along(self.rows[0]), along(self.rows[1]), along(self.rows[2])];
+        let at = [x / z * self.width + self.middle[0], y / z * self.width + self.middle[1]];
         // What comes from behind the camera, or much nearer, is nothing to be followed.
-        (z > 0.25).then(|| ([x / z * self.width + self.middle[0], y / z * self.width + self.middle[1]], near / z))
+        (at, near / z, z > 0.25)
     }
 }
 

@@ -8,8 +8,8 @@ use super::colour::Colour;
 use super::foreign::is_foreign;
 use super::kernels::claims;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::layer::{self, EMPTY, HOLE, Key, Kind, Layer, ORPHAN, WHOLE, alike, is_nearer, part, slopes};
-use super::overlay::Overlays;
+use super::layer::{self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, part, slopes};
+use super::overlay::{Overlays, Stills};
 use super::perspective::{Moment, Way};
 use crate::Raster;
 
@@ -45,6 +45,8 @@ pub(super) struct Between<'a, P> {
     pub(super) moment: Moment,
     /// See [`foreign::margin`](super::foreign::margin).
     pub(super) margin: f32,
+    /// What stands still in both.
+    pub(super) stills: &'a Stills,
 }
 
 /// What a rendered picture lacks.
@@ -80,6 +82,9 @@ impl<P: Colour> Between<'_, P> {
             let (mut loose, mut lost) = (0, 0);
             for (column, hidden) in hidden.iter_mut().enumerate() {
                 let pixels = &mut pixels[column * TILE..];
+                if column + 1 < grid.columns {
+                    self.fetch_rough(column + 1, row);
+                }
                 loose += self.render_tile(column, row, &rule, &mut blocks, pixels, hidden);
                 lost += hidden.count_ones() as usize;
             }
@@ -87,6 +92,19 @@ impl<P: Colour> Between<'_, P> {
             unseen.fetch_add(lost, Ordering::Relaxed);
         });
         Rendered { uncovered: uncovered.into_inner(), hidden: unseen.into_inner() }
+    }
+
+    /// Asks for what a tile is made of that is rough.
+    #[inline(always)]
+    fn fetch_rough(&self, column: usize, row: usize) {
+        let index = row * self.places.grid.columns + column;
+        let tile = &self.places.tiles[index];
+        if tile.kind == Kind::Rough {
+            Layer::fetch_keys(&self.places.keys[index]);
+            let spots = self.spots([column * TILE, row * TILE], tile.key, self.phase);
+            self.previous.fetch_tile(spots.before, 2);
+            self.current.fetch_tile(spots.after, 2);
+        }
     }
 
     /// Writes a tile; returns how many of its pixels nothing visible in the current anchor landed on.
@@ -108,9 +126,18 @@ impl<P: Colour> Between<'_, P> {
         *hidden = 0;
         let phase = self.moment.phase_of_tile(tile.key, corner);
         let spots = self.spots(corner, tile.key, phase);
-        if tile.kind == Kind::Smooth && [across, down] == [TILE, TILE] && self.is_clear(tile.key, spots) {
-            let mask =
-                P::tile(self.level, self.previous, spots.before, self.current, spots.after, rule, pixels, grid.width);
+        let is_whole = tile.kind == Kind::Smooth && [across, down] == [TILE, TILE];
+        let doubtful = if is_whole && self.is_clear(tile.key, spots) {
+            Some(P::tile(self.level, self.previous, spots.before, self.current, spots.after, rule, pixels, grid.width))
+        } else if is_whole && self.is_entering([column, row], tile.key, spots) {
+            P::tile_of_one(self.level, self.current, spots.after, pixels, grid.width);
+            let overlays = self.overlays();
+            let there = grid.nearest(spots.after).map_or(u64::MAX, |at| self.stills.from(self.level, &overlays, at));
+            Some(self.stills.of_tile(self.level, &overlays, [column, row]) | there)
+        } else {
+            None
+        };
+        if let Some(mask) = doubtful {
             each_bit(mask, |place| {
                 let [i, j] = [place % TILE, place / TILE];
                 let spots = self.spots([corner[0] + i, corner[1] + j], tile.key, phase);
@@ -132,7 +159,7 @@ impl<P: Colour> Between<'_, P> {
         };
         let (mut before, mut after) =
             (Positions { x: [0; BLOCK], y: [0; BLOCK] }, Positions { x: [0; BLOCK], y: [0; BLOCK] });
-        let (mut uncovered, mut questionable) = (0, 0);
+        let (mut uncovered, mut questionable, mut orphans) = (0, 0, 0);
         if tile.kind == Kind::Rough {
             if [across, down] != [TILE, TILE] {
                 // Beyond the edges there is nothing to ask.
@@ -146,23 +173,45 @@ impl<P: Colour> Between<'_, P> {
                 }
                 questionable |= claims::having(self.level, &keys, HOLE);
             }
-            let orphans = claims::having(self.level, &keys, ORPHAN);
+            orphans = claims::having(self.level, &keys, ORPHAN);
             uncovered += orphans.count_ones() as usize;
             questionable |= orphans;
         }
         let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
-        questionable |= claims::spots(self.level, &keys, from, self.moment, size, &mut before, &mut after);
+        let beyond = if is_whole {
+            positions(grid, spots, &mut before, &mut after)
+        } else {
+            claims::spots(self.level, &keys, from, self.moment, size, &mut before, &mut after)
+        };
+        questionable |= beyond[0] | beyond[1];
         // What decides will be asked for while the pixels are sampled.
         for place in (0..BLOCK).step_by(TILE).flat_map(|first| [first, first + TILE - 1]) {
             self.owners.fetch([before.x[place], before.y[place]]);
             self.field.fetch([after.x[place], after.y[place]]);
         }
         let strict = Rule { careful: STRICT, ..*rule };
-        let mask = P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block) | questionable;
+        // An anchor that shows nothing of the tile is not asked.
+        let mask = questionable
+            | match beyond.map(|beyond| beyond == u64::MAX) {
+                [false, true] => {
+                    P::pixels_of_one(self.level, self.previous, &before, &mut block.before);
+                    0
+                }
+                [true, false] => {
+                    P::pixels_of_one(self.level, self.current, &after, &mut block.after);
+                    0
+                }
+                _ => P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block),
+            };
         let mut fronts = [EMPTY; BLOCK];
         let has_front = if mask == 0 { 0 } else { self.fronts(column, row, &mut fronts) & mask };
         let has_rim = self.rims(from, &keys, &fronts, has_front, &strict, rims);
+        // What the previous anchor alone shows, and what the current one alone does.
+        let (leaving, entering) = (orphans & beyond[1] & !beyond[0], beyond[0] & !beyond[1]);
+        let overlays = self.overlays();
+        let stills = if questionable == 0 { 0 } else { self.stills.of_tile(self.level, &overlays, [column, row]) };
+        let plain = (leaving | entering) & !stills;
         each_bit(mask, |place| {
             let [i, j] = [place % TILE, place / TILE];
             if i >= across || j >= down {
@@ -176,6 +225,19 @@ impl<P: Colour> Between<'_, P> {
                 let apart = apart(rims.before[place], rims.after[place]);
                 if has_rim >> place & 1 == 1 && apart <= RIM && apart < own {
                     block.merged[place] = rims.merged[place];
+                    return;
+                }
+            }
+            // Nothing stands still there, as mostly.
+            if plain >> place & 1 == 1 {
+                let is_leaving = leaving >> place & 1 == 1;
+                let there = grid.nearest(if is_leaving { spots.before } else { spots.after });
+                let is_shown = |[x, y]: [usize; 2]| {
+                    (is_leaving || alike(self.field.owner(x, y), keys[place]))
+                        && !self.stills.holds(self.level, &overlays, [x, y])
+                };
+                if there.is_some_and(is_shown) {
+                    block.merged[place] = if is_leaving { block.before[place] } else { block.after[place] };
                     return;
                 }
             }
@@ -233,7 +295,7 @@ impl<P: Colour> Between<'_, P> {
         let mut after = before;
         let size = [grid.width, grid.height];
         let beyond = claims::spots(self.level, &claims, from, self.moment, size, &mut before, &mut after);
-        let has_rim = has_front & !beyond;
+        let has_rim = has_front & !(beyond[0] | beyond[1]);
         if has_rim.count_ones() < FEW {
             each_bit(has_rim, |place| {
                 rims.before[place] = P::sample(self.previous, [before.x[place], before.y[place]]);
@@ -253,19 +315,29 @@ impl<P: Colour> Between<'_, P> {
             && grid.nearest(spots.after).is_some_and(|[x, y]| alike(self.field.owner(x, y), key))
     }
 
+    fn overlays(&self) -> Overlays<'_, P> {
+        Overlays { previous: self.previous, current: self.current }
+    }
+
     /// Whether both anchors show all of a smooth tile: it lies in tiles that are smooth as well and move alike.
     #[inline(always)]
     fn is_clear(&self, key: Key, spots: Spots) -> bool {
-        let is_seen = |layer: &Layer, spot: [i32; 2]| {
-            let grid = layer.grid;
-            let last = spot.map(|v| v + 64 * (TILE as i32 - 1));
-            let (Some(first), Some(last)) = (grid.nearest(spot), grid.nearest(last)) else { return false };
-            (first[1] / TILE..=last[1] / TILE).all(|row| {
-                let tiles = &layer.row(row..row + 1)[first[0] / TILE..=last[0] / TILE];
-                tiles.iter().all(|tile| tile.kind == Kind::Smooth && (alike(tile.key, key) || slopes(tile.key, key)))
-            })
-        };
-        is_seen(self.owners, spots.before) && is_seen(self.field, spots.after)
+        let can_be = |tile: &Tile| alike(tile.key, key) || slopes(tile.key, key);
+        is_in_smooth(self.owners, spots.before, can_be) && is_in_smooth(self.field, spots.after, can_be)
+    }
+
+    /// Whether the current anchor alone shows a smooth tile, and all of it: the previous one shows not even its rim. Nothing
+    /// around it is in front.
+    #[inline(always)]
+    fn is_entering(&self, [column, row]: [usize; 2], key: Key, spots: Spots) -> bool {
+        let grid = self.places.grid;
+        let is_off = |at: i32, len: usize| at + 64 * (TILE as i32 - 1) < -32 || at + 32 >= 64 * len as i32;
+        let is_in_front = |tile: &Tile| tile.kind == Kind::Rough || is_nearer(tile.key, key) && !alike(tile.key, key);
+        let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
+        let mut rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
+        (is_off(spots.before[0], grid.width) || is_off(spots.before[1], grid.height))
+            && is_in_smooth(self.field, spots.after, |tile| alike(tile.key, key))
+            && !rows.any(|row| self.places.row(row..row + 1)[columns.clone()].iter().any(is_in_front))
     }
 
     /// What to show where the anchors disagree, or where it is not known that the current one shows the place. Overlays
@@ -285,13 +357,13 @@ impl<P: Colour> Between<'_, P> {
         });
         // Where one of them is hidden by something that moves, the vector is right and no overlay in question.
         if is_doubtful && (is_before == is_after || from.is_none() || to.is_none()) {
-            let overlays = Overlays { previous: self.previous, current: self.current };
-            let vector = layer::vector(key);
-            if overlays.is_at(at, vector) {
+            let overlays = self.overlays();
+            let (vector, is_still) = (layer::vector(key), |at| self.stills.holds(self.level, &overlays, at));
+            if is_still(at) && overlays.is_at(at, vector) {
                 return Choice::Still;
             }
-            is_before &= !from.is_some_and(|from| overlays.is_before(from, vector));
-            is_after &= !to.is_some_and(|to| overlays.is_at(to, vector));
+            is_before = is_before && !from.is_some_and(|from| is_still(from) && overlays.is_before(from, vector));
+            is_after = is_after && !to.is_some_and(|to| is_still(to) && overlays.is_at(to, vector));
         }
         let before = || seen.unwrap_or_else(|| P::sample(self.previous, spots.before));
         match (is_before, is_after) {
@@ -310,6 +382,32 @@ impl<P: Colour> Between<'_, P> {
         let place = y * self.previous.width + x;
         P::merge(self.previous.pixels[place], self.current.pixels[place], rule).0
     }
+}
+
+/// Whether the tiles of a layer on which 8 x 8 pixels from `spot` on lie are on the picture, smooth, and what `can_be` says.
+#[inline(always)]
+fn is_in_smooth(layer: &Layer, spot: [i32; 2], can_be: impl Fn(&Tile) -> bool) -> bool {
+    let grid = layer.grid;
+    let last = spot.map(|v| v + 64 * (TILE as i32 - 1));
+    let (Some(first), Some(last)) = (grid.nearest(spot), grid.nearest(last)) else { return false };
+    (first[1] / TILE..=last[1] / TILE).all(|row| {
+        let tiles = &layer.row(row..row + 1)[first[0] / TILE..=last[0] / TILE];
+        tiles.iter().all(|tile| tile.kind == Kind::Smooth && can_be(tile))
+    })
+}
+
+/// Where the anchors show the pixels of a tile that moves as a whole; which pixels they do not show, as
+/// [`claims::spots`] tells it.
+fn positions(grid: Grid, spots: Spots, before: &mut Positions, after: &mut Positions) -> [u64; 2] {
+    [(spots.before, before), (spots.after, after)].map(|(first, at)| {
+        let mut beyond = 0;
+        for place in 0..BLOCK {
+            let [x, y] = [first[0] + 64 * (place % TILE) as i32, first[1] + 64 * (place / TILE) as i32];
+            (at.x[place], at.y[place]) = (x, y);
+            beyond |= u64::from(!grid.holds([x, y])) << place;
+        }
+        beyond
+    })
 }
 
 /// Which anchor a pixel comes from.

@@ -98,12 +98,12 @@ at_every_level! {
 
 at_every_level! {
     /// Where the two anchors of a size show (1/64 px) the pixels of a tile with these claims, the first of which is at
-    /// `at`, at a moment between them. Bit `8 j + i` of the result says that one of them
-    /// does not.
+    /// `at`, at a moment between them. Bit `8 j + i` of the result says that the previous one does not, and that the
+    /// current one does not.
     pub(in super::super) fn spots(
         keys: &[Key; BLOCK], at: [i32; 2], moment: Moment, size: [usize; 2], before: &mut Positions,
         after: &mut Positions,
-    ) -> u64 = scalar::spots | spots_in_vectors
+    ) -> [u64; 2] = scalar::spots | spots_in_vectors
 }
 
 at_every_level! {
@@ -265,10 +265,10 @@ fn spots_in_vectors(
     size: [usize; 2],
     before: &mut Positions,
     after: &mut Positions,
-) -> u64 {
+) -> [u64; 2] {
     let [width, height] = size.map(|len| 64 * len as u32);
     let from = at.map(|at| 64 * at);
-    let mut beyond = [0; TILE];
+    let mut beyond = [[0; TILE]; 2];
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
         let phases = moment.phases(keys, [at[0], at[1] + j as i32]);
@@ -280,18 +280,17 @@ fn spots_in_vectors(
             s[i] = u[i] - x;
             t[i] = v[i] - y;
             // As unsigned numbers, what is negative is far beyond.
-            let is_beyond = ((u[i] + 32) as u32 >= width)
-                | ((v[i] + 32) as u32 >= height)
-                | ((s[i] + 32) as u32 >= width)
-                | ((t[i] + 32) as u32 >= height);
-            beyond[i] |= u64::from(is_beyond) << (j * TILE + i);
+            let is_before_beyond = ((u[i] + 32) as u32 >= width) | ((v[i] + 32) as u32 >= height);
+            let is_after_beyond = ((s[i] + 32) as u32 >= width) | ((t[i] + 32) as u32 >= height);
+            beyond[0][i] |= u64::from(is_before_beyond) << (j * TILE + i);
+            beyond[1][i] |= u64::from(is_after_beyond) << (j * TILE + i);
         }
         before.x[j * TILE..][..TILE].copy_from_slice(&u);
         before.y[j * TILE..][..TILE].copy_from_slice(&v);
         after.x[j * TILE..][..TILE].copy_from_slice(&s);
         after.y[j * TILE..][..TILE].copy_from_slice(&t);
     }
-    beyond.into_iter().fold(0, |all, bits| all | bits)
+    beyond.map(|beyond| beyond.into_iter().fold(0, |all, bits| all | bits))
 }
 
 #[inline(always)]
@@ -360,16 +359,16 @@ mod scalar {
         [width, height]: [usize; 2],
         before: &mut Positions,
         after: &mut Positions,
-    ) -> u64 {
+    ) -> [u64; 2] {
         let grid = Grid { width, height, ..Grid::default() };
-        let mut beyond = 0;
+        let mut beyond = [0; 2];
         for (place, &key) in keys.iter().enumerate() {
             let at = [at[0] + (place % TILE) as i32, at[1] + (place / TILE) as i32];
             let ([x, y], phase) = (vector(key), moment.phase(key, at));
             (before.x[place], before.y[place]) = (64 * at[0] + part(x, phase), 64 * at[1] + part(y, phase));
             (after.x[place], after.y[place]) = (before.x[place] - x, before.y[place] - y);
-            let is_on = grid.holds([before.x[place], before.y[place]]) && grid.holds([after.x[place], after.y[place]]);
-            beyond |= u64::from(!is_on) << place;
+            beyond[0] |= u64::from(!grid.holds([before.x[place], before.y[place]])) << place;
+            beyond[1] |= u64::from(!grid.holds([after.x[place], after.y[place]])) << place;
         }
         beyond
     }

@@ -153,6 +153,21 @@ pub struct Source<'a, P> {
 }
 
 impl<P: Copy> Source<'_, P> {
+    /// Asks for the rows of a tile at a position (1/64 px), and `around` more pixels on each side, as far as they are in
+    /// the picture. Processors foresee neither so many rows nor where the next tile is that is not like its neighbours.
+    #[inline(always)]
+    pub(super) fn fetch_tile(&self, at: [i32; 2], around: i32) {
+        let [x, y] = at.map(|v| (v >> 6) - around);
+        let side = TILE as i32 + 2 * around;
+        for row in y.max(0)..(y + side).min(self.height as i32) {
+            // What is negative is far beyond.
+            let start = (row as usize * self.width).saturating_add_signed(x as isize);
+            for at in [start, start + side as usize - 1] {
+                self.pixels.get(at).into_iter().for_each(fetch);
+            }
+        }
+    }
+
     /// The pixels from (x, y) on, the edge pixels going on beyond the edges.
     fn clamped<const W: usize, const H: usize>(&self, [x, y]: [i32; 2], patch: &mut [[P; W]; H]) {
         let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;

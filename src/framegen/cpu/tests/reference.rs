@@ -357,7 +357,8 @@ fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
             // Of equals the first.
             let best = candidates.reduce(|best, other| if other.0 < best.0 { other } else { best });
             let found = best.map_or(EMPTY, |(_, key)| key);
-            let found = evidence.past.map_or(found, |past| past.claim_or(evidence.field, [x, y], found));
+            let found =
+                evidence.past.map_or(found, |past| past.claim_or(evidence.field, [x, y], past.claim([x, y]), found));
             let key = if found == EMPTY { farthest_around(layer, position) } else { found };
             let leaves = evidence.leaving.and_then(|leaving| leaving.claim(x, y));
             layer.borrowed[tile][grid.place(x, y).1] = leaves.unwrap_or(layer::marked(key, evidence.mark));
@@ -464,7 +465,7 @@ impl<P: Colour> Shown<'_, P> {
         Rule { weight, nearer_is_current: 2 * self.phase >= WHOLE, agree: AGREE, careful }
     }
 
-    /// Where the two anchors show what is at (x, y), at the phase of its tile or at its own.
+    /// Where the two anchors show what is at (x, y), at the phase of its tile, if that is smooth, or at its own.
     fn spots(&self, [x, y]: [usize; 2], key: Key, is_whole: bool) -> [[i32; 2]; 2] {
         let (vector, phase) = (layer::vector(key), phase_at(self.places, &self.moment, [x, y], key, is_whole));
         let before = [64 * x as i32 + part(vector[0], phase), 64 * y as i32 + part(vector[1], phase)];
@@ -474,7 +475,7 @@ impl<P: Colour> Shown<'_, P> {
     /// The colour at a place, if an anchor shows it.
     fn pixel(&self, at: [usize; 2], tile: usize, own: Key, key: Key) -> Option<P> {
         let grid = self.places.grid;
-        let [before, after] = self.spots(at, key, self.is_clear(tile));
+        let [before, after] = self.spots(at, key, true);
         let (of_previous, of_current) = (P::sample(self.previous, before), P::sample(self.current, after));
         let rule = self.rule(CAREFUL);
         let (merged, is_far_apart) = P::merge(of_previous, of_current, &rule);
