@@ -74,13 +74,24 @@ pub struct DepthEncoding {
 /// Device depth in [0, 1], 0 near, of the current picture: one value to a pixel, or one to a square tile of 8 or 16
 /// pixels, which holds for all of the tile; the last column and row of tiles may reach beyond the picture. Rows run top
 /// to bottom without padding.
-#[derive(Clone, PartialEq)]
+#[derive(Clone)]
 pub struct DepthMap {
     width: u32,
     height: u32,
     tile: u32,
     depth: Vec<f32>,
+    /// Whether all values are known to be one and the same, so that nobody needs to read them all.
+    is_even: bool,
     projection: Projection,
+}
+
+/// Equal are maps with equal values, whatever is known of them.
+impl PartialEq for DepthMap {
+    fn eq(&self, other: &Self) -> bool {
+        (self.width, self.height, self.tile, self.projection)
+            == (other.width, other.height, other.tile, other.projection)
+            && self.depth == other.depth
+    }
 }
 
 impl DepthMap {
@@ -98,7 +109,7 @@ impl DepthMap {
     /// As [`new`](Self::new), and `InvalidArgument` for another tile.
     pub fn tiled(width: u32, height: u32, tile: u32, projection: Projection) -> Result<Self> {
         let len = checked_tiles(width, height, tile)?;
-        Ok(Self { width, height, tile, depth: filled(len, 0.0)?, projection })
+        Ok(Self { width, height, tile, depth: filled(len, 0.0)?, is_even: true, projection })
     }
 
     /// Takes a host's `values`, `width * height` of them, and converts them to device depth with 0 near. Values outside
@@ -135,7 +146,7 @@ impl DepthMap {
         for v in &mut values {
             *v = if v.is_nan() { 1.0 } else { convert(*v, &projection) };
         }
-        Ok(Self { width, height, tile: 1, depth: values, projection })
+        Ok(Self { width, height, tile: 1, depth: values, is_even: false, projection })
     }
 
     /// Width in render pixels.
@@ -175,7 +186,21 @@ impl DepthMap {
 
     /// All values, writable. Readers cut them to [0, 1] and take what is not a number as far.
     pub fn depth_mut(&mut self) -> &mut [f32] {
+        self.is_even = false;
         &mut self.depth
+    }
+
+    /// Gives everything one `depth`. Costs nothing where that is what it has.
+    pub fn fill(&mut self, depth: f32) {
+        if self.even() != Some(depth) {
+            self.depth.fill(depth);
+            self.is_even = true;
+        }
+    }
+
+    /// The depth of everything, where all is known to have one.
+    pub(crate) fn even(&self) -> Option<f32> {
+        self.depth.first().copied().filter(|_| self.is_even)
     }
 
     /// The camera the values belong to.
@@ -198,6 +223,23 @@ impl std::fmt::Debug for DepthMap {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_was_filled_is_known_until_somebody_writes() {
+        let projection = Projection::new(0.1, 100.0, 1.0).unwrap();
+        let mut depth = DepthMap::new(4, 3, projection).unwrap();
+        assert_eq!(depth.even(), Some(0.0));
+        depth.fill(0.5);
+        assert_eq!((depth.even(), depth.depth()), (Some(0.5), &[0.5; 12][..]));
+        let known = depth.clone();
+        depth.depth_mut()[7] = 0.5;
+        assert_eq!(depth.even(), None);
+        assert!(depth == known);
+        depth.depth_mut()[7] = 0.25;
+        assert!(depth != known);
+        depth.fill(0.5);
+        assert_eq!(depth.depth(), known.depth());
+    }
 
     fn camera() -> Projection {
         Projection::new(0.1, 100.0, 1.0).unwrap()

@@ -192,10 +192,9 @@ impl Extractor {
         // In a large picture a fill does for the row below as well.
         let (height, together) = (1 << finest, if finest > 0 { 2 } else { 1 });
         let Guidance { motion, depth } = out;
-        let depths = depth.depth_mut().par_chunks_mut(together * height * width);
+        depth.fill(FLAT_DEPTH);
         let motions = motion.vectors_mut().par_chunks_mut(together * height * width);
-        motions.zip(depths).enumerate().for_each(|(n, (motion, depths))| {
-            depths.fill(FLAT_DEPTH);
+        motions.enumerate().for_each(|(n, motion)| {
             let mut above = None;
             for (y, rows) in (n * together..).zip(motion.chunks_mut(height * width)) {
                 let (first, others) = rows.split_at_mut(width);

@@ -108,6 +108,13 @@ impl Preparation {
         });
 
         let depth = guidance.depth();
+        if let Some(even) = depth.even() {
+            let mut landing = Landing::default();
+            land(level, &[[f16::ZERO; 2]], &[even], [0; 2], 0, limit, &mut landing);
+            let rank = layer::rank(landing.keys[0]);
+            self.ranks.fill(RankRange { near: rank, far: rank });
+            return Ok(());
+        }
         let (given, tile) = (depth.depth(), depth.tile() as usize);
         self.ranks.par_chunks_mut(columns).enumerate().for_each(|(row, ranges)| {
             if tile == 1 {
