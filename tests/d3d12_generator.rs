@@ -2,7 +2,6 @@
 #![cfg(windows)]
 
 use std::collections::HashMap;
-use std::fmt::Debug;
 use std::ops::Range;
 
 use cairn::framegen::cpu::CpuGenerator;
@@ -14,123 +13,22 @@ use cairn::gpu::Gpu;
 use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frames, Resting};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
-use cairn::guidance::{DepthMap, Guidance};
-use cairn::{ErrorKind, Picture, PictureF16, Pixel, Raster};
+use cairn::guidance::Guidance;
+use cairn::{ErrorKind, Picture, PictureF16, Raster};
 use half::f16;
 
 #[path = "d3d12/allocations.rs"]
 mod allocations;
 #[path = "d3d12/cases.rs"]
 mod cases;
+#[path = "d3d12/compared.rs"]
+mod compared;
 #[path = "d3d12/pictures.rs"]
 mod pictures;
 use allocations::ALLOCATIONS;
 use cases::Dice;
-use pictures::{Kept, filled, flat, made, read, run, words};
-
-/// A pixel that frames are compared in.
-trait Compared: Pixel + bytemuck::Pod + Debug {
-    const FORMAT: DXGI_FORMAT;
-    fn from_levels(levels: [f32; 4]) -> Self;
-    /// Whether two are within one level of 255.
-    fn is_near(self, other: Self) -> bool;
-}
-
-impl Compared for [u8; 4] {
-    const FORMAT: DXGI_FORMAT = DXGI_FORMAT_R8G8B8A8_UNORM;
-
-    fn from_levels(levels: [f32; 4]) -> Self {
-        levels.map(|v| (v + 0.5) as u8)
-    }
-
-    fn is_near(self, other: Self) -> bool {
-        self.iter().zip(other).all(|(a, b)| a.abs_diff(b) <= 1)
-    }
-}
-
-impl Compared for [f16; 4] {
-    const FORMAT: DXGI_FORMAT = DXGI_FORMAT_R16G16B16A16_FLOAT;
-
-    fn from_levels(levels: [f32; 4]) -> Self {
-        levels.map(|v| f16::from_f32(v / 255.0))
-    }
-
-    fn is_near(self, other: Self) -> bool {
-        self.iter().zip(other).all(|(a, b)| (a.to_f32() - b.to_f32()).abs() <= 1.0 / 255.0)
-    }
-}
-
-fn raster<P: Compared>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
-    let mut picture = Raster::new(size.0, size.1).expect("a picture");
-    picture.pixels_mut().iter_mut().zip(levels).for_each(|(pixel, &levels)| *pixel = P::from_levels(levels));
-    picture
-}
-
-fn textured<P: Compared>(gpu: &Gpu, picture: &Raster<P>) -> Kept {
-    filled(gpu, picture.size(), P::FORMAT, bytemuck::cast_slice(picture.pixels()))
-}
-
-fn depth_texture(gpu: &Gpu, depth: &DepthMap) -> Kept {
-    filled(gpu, (depth.columns(), depth.rows()), DXGI_FORMAT_R32_FLOAT, bytemuck::cast_slice(depth.depth()))
-}
-
-/// A guidance on the device.
-struct Guided {
-    motion: Kept,
-    depth: Kept,
-    tiles: [u32; 2],
-}
-
-impl Guided {
-    fn new(gpu: &Gpu, guidance: &Guidance) -> Self {
-        let (field, depth) = (guidance.motion(), guidance.depth());
-        let size = (field.columns(), field.vectors().len() as u32 / field.columns());
-        let motion = filled(gpu, size, DXGI_FORMAT_R16G16_FLOAT, bytemuck::cast_slice(field.vectors()));
-        Self { motion, depth: depth_texture(gpu, depth), tiles: [field.tile(), depth.tile()] }
-    }
-
-    fn textures(&self) -> GuidanceTextures<'_> {
-        GuidanceTextures {
-            motion: self.motion.resting(),
-            motion_tile: self.tiles[0],
-            depth: self.depth.resting(),
-            depth_tile: self.tiles[1],
-        }
-    }
-}
-
-/// A texture to write to that shaders cannot write.
-fn target(gpu: &Gpu, size: (u32, u32), format: DXGI_FORMAT) -> Kept {
-    let state = D3D12_RESOURCE_STATE_RENDER_TARGET;
-    let wanted = flat(size, format, D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET);
-    Kept { resource: made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state }
-}
-
-/// Counts pixels, and those that are not the same, and not near.
-#[derive(Default, Debug)]
-struct Tally {
-    pixels: usize,
-    unequal: usize,
-    far: usize,
-}
-
-impl Tally {
-    fn compare<P: Compared>(&mut self, found: &[u8], wanted: &Raster<P>, what: &str) {
-        let found: &[P] = bytemuck::cast_slice(found);
-        let mut this = Self::default();
-        for (&found, &wanted) in found.iter().zip(wanted.pixels()) {
-            this.pixels += 1;
-            this.unequal += usize::from(bytemuck::bytes_of(&found) != bytemuck::bytes_of(&wanted));
-            this.far += usize::from(!found.is_near(wanted));
-        }
-        if this.far > 0 {
-            println!("{what}: {this:?}");
-        }
-        self.pixels += this.pixels;
-        self.unequal += this.unequal;
-        self.far += this.far;
-    }
-}
+use compared::{Compared, Guided, Tally, depth_texture, raster, target, textured};
+use pictures::{Kept, filled, read, run, words};
 
 /// Holds what the device says of a frame against what the processor does.
 fn assert_reported(gpu: &Gpu, generator: &ShaderGenerator, wanted: &GenerateReport, size: (u32, u32), what: &str) {
@@ -393,6 +291,45 @@ fn across_a_cut_the_nearer_anchor_is_shown() {
 }
 
 #[test]
+fn what_an_engine_says_lies_over_the_picture_stands_still() {
+    const COLOUR: [f32; 4] = [255.0, 0.0, 255.0, 255.0];
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let is_hud = |i: usize| (30..57).contains(&(i % SIZE.0 as usize)) && (20..31).contains(&(i / SIZE.0 as usize));
+    // A ground without the colour that moves by twelve pixels, with vectors that know nothing of what lies over it.
+    let ground = |x: usize, y: usize| [(x * 37 + y * 101) % 200, (x * 59 + y * 23) % 120 + 80, (x * y + x) % 180];
+    let levels = [0, 12].map(|shift| {
+        let pixel = |i: usize| {
+            let [r, g, b] = ground(i % SIZE.0 as usize + 12 - shift, i / SIZE.0 as usize).map(|v| v as f32);
+            if is_hud(i) { COLOUR } else { [r, g, b, 255.0] }
+        };
+        (0..(SIZE.0 * SIZE.1) as usize).map(pixel).collect::<Vec<_>>()
+    });
+    let mut guidance = Guidance::new(SIZE.0, SIZE.1, cairn::guidance::paper::PROJECTION).expect("a guidance");
+    guidance.motion_mut().vectors_mut().fill([f16::from_f32(-12.0), f16::ZERO]);
+    guidance.depth_mut().depth_mut().fill(0.5);
+    let scene = Scene { guided: Guided::new(&gpu, &guidance), guidance, levels };
+    let mask: Vec<u8> = (0..(SIZE.0 * SIZE.1) as usize).map(|i| u8::from(is_hud(i))).collect();
+    let mask = filled(&gpu, SIZE, DXGI_FORMAT_R8_UNORM, &mask);
+    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+    let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
+    let told = GuidanceTextures { hud: Some(mask.resting()), ..scene.guided.textures() };
+    for t in [0.25, 0.5, 0.75] {
+        let pair = TexturePair { guidance: told, ..scene.pair(&anchors) };
+        let found = generated(&gpu, &mut generator, &pair, t, &out, 4);
+        let wrong = found.chunks(4).enumerate().filter(|&(i, pixel)| is_hud(i) != (pixel == bytes_of(COLOUR)));
+        assert_eq!(wrong.count(), 0, "t = {t}");
+        let shift = (12.0 * t) as usize;
+        let moved = found.chunks(4).enumerate().filter(|&(i, pixel)| {
+            let [r, g, b] = ground(i % SIZE.0 as usize + 12 - shift, i / SIZE.0 as usize).map(|v| v as u8);
+            !is_hud(i) && pixel != [r, g, b, 255]
+        });
+        // What it hides in one anchor the other shows.
+        assert_eq!(moved.count(), 0, "t = {t}");
+    }
+}
+
+#[test]
 fn frames_follow_each_other_in_an_engines_list_and_allocate_nothing() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let scene = Scene::new(&gpu);
@@ -450,8 +387,9 @@ fn what_cannot_be_made_is_refused_by_name() {
     let [small, grey, srgb, bgra, foreign] = kept.each_ref().map(Kept::resting);
     let elsewhere = Resting { state: D3D12_RESOURCE_STATE_COPY_DEST, ..good.previous };
     let tiled = GuidanceTextures { motion_tile: 4, ..good.guidance };
+    let hidden = GuidanceTextures { hud: Some(grey), ..good.guidance };
     let guided_by_grey = GuidanceTextures { motion: grey, ..good.guidance };
-    let cases: [(TexturePair<'_>, f32, Resting<'_>, &str); 14] = [
+    let cases: [(TexturePair<'_>, f32, Resting<'_>, &str); 15] = [
         (good, 0.0, out.resting(), "t"),
         (good, 1.0, out.resting(), "t"),
         (good, f32::NAN, out.resting(), "t"),
@@ -464,6 +402,7 @@ fn what_cannot_be_made_is_refused_by_name() {
         (TexturePair { current: foreign, ..good }, 0.5, out.resting(), "current"),
         (TexturePair { guidance: tiled, ..good }, 0.5, out.resting(), "motion"),
         (TexturePair { guidance: guided_by_grey, ..good }, 0.5, out.resting(), "motion"),
+        (TexturePair { guidance: hidden, ..good }, 0.5, out.resting(), "hud"),
         (TexturePair { previous_depth: Some((small, 1)), ..good }, 0.5, out.resting(), "previous_depth"),
         (good, 0.5, elsewhere, "state"),
     ];

@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::gpu::compute::{Kernel, Shape};
 
 /// What each of them reads and writes, in the order of `frame.hlsli`.
-const SHAPE: Shape = Shape { constants: WORDS as u32, inputs: 5, outputs: 6 };
+const SHAPE: Shape = Shape { constants: WORDS as u32, inputs: 6, outputs: 6 };
 
 macro_rules! kernels {
     ($($name:ident),* $(,)?) => {

@@ -25,6 +25,7 @@ pub(super) struct Constants {
     pub(super) past_tile: u32,
     pub(super) is_float: u32,
     pub(super) is_stated: u32,
+    pub(super) has_hud: u32,
     pub(super) phase: i32,
     pub(super) landing_phase: i32,
     pub(super) borrows: u32,
@@ -54,7 +55,7 @@ pub(super) struct Constants {
 }
 
 /// How many words they are.
-pub(super) const WORDS: usize = 39;
+pub(super) const WORDS: usize = 40;
 
 impl Constants {
     /// As shaders read them.
@@ -73,6 +74,7 @@ impl Constants {
             self.past_tile,
             self.is_float,
             self.is_stated,
+            self.has_hud,
             self.phase as u32,
             self.landing_phase as u32,
             self.borrows,

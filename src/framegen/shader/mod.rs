@@ -45,6 +45,9 @@ pub struct GuidanceTextures<'a> {
     pub depth: Resting<'a>,
     /// Pixels to a side for which it has one value: 1, 8 or 16.
     pub depth_tile: u32,
+    /// R8 (UNORM), where an engine knows it: what is not 0 lies over the current anchor's picture and stands still, like a HUD. Without
+    /// it, such is told from colours that do not move, as letterbox bars are in any case.
+    pub hud: Option<Resting<'a>>,
 }
 
 /// Two consecutive anchors in textures, as [`AnchorPair`](super::AnchorPair) holds them.
@@ -83,7 +86,7 @@ pub const WORD_OF_UNCOVERED: u32 = 6;
 /// The word with the share, a float from 0 to 1, for which no counterpart was found in the previous anchor; 0 where none was sought.
 pub const WORD_OF_UNEXPLAINED: u32 = 29;
 /// Descriptors that a frame of it takes.
-pub const DESCRIPTORS: u32 = 22;
+pub const DESCRIPTORS: u32 = 24;
 
 impl ShaderGenerator {
     /// Makes it ready for pictures of `size`, 1 to [`MAX_SIDE`](crate::MAX_SIDE) to a side and about 64 million pixels.
@@ -237,22 +240,27 @@ impl ShaderGenerator {
         let motion = pictures::guidance(&self.gpu, &guidance.motion, size, tile, formats, "motion")?;
         let (tile, formats) = (guidance.depth_tile, &DEPTH);
         let depth = pictures::guidance(&self.gpu, &guidance.depth, size, tile, formats, "depth")?;
+        let mut hud = depth;
+        if let Some(given) = &guidance.hud {
+            hud = pictures::guidance(&self.gpu, given, size, 1, &[DXGI_FORMAT_R8_UNORM], "hud")?;
+        }
         let picture = View::Texture(*current, anchor.viewed);
         let pitch = memory::pitch(size[0], target.bytes);
         let constants = Constants {
             guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
+            has_hud: guidance.hud.is_some().into(),
             is_float: anchor.is_float.into(),
             written: target.written,
             pitch,
             ..self.layout.constants
         };
         // What is not there is another of its kind, which nobody reads.
-        Ok(Seen { constants, inputs: [picture, picture, motion, depth, depth], anchor, target })
+        Ok(Seen { constants, inputs: [picture, picture, motion, depth, depth, hud], anchor, target })
     }
 
     /// What shaders see: with the previous anchor being what claims land on, and with the frame. All that a frame may be refused
     /// for is done with it.
-    fn tables(&self, frame: &mut Frame<'_>, inputs: &[View<'_>; 5], target: &Resting<'_>) -> Result<[Table; 2]> {
+    fn tables(&self, frame: &mut Frame<'_>, inputs: &[View<'_>; 6], target: &Resting<'_>) -> Result<[Table; 2]> {
         frame.fits(DESCRIPTORS)?;
         let tables = [frame.bind(inputs, &self.memory.views(true))?, frame.bind(inputs, &self.memory.views(false))?];
         frame.takes(target)?;
@@ -287,7 +295,7 @@ impl std::fmt::Debug for ShaderGenerator {
 /// What a frame is made of.
 struct Seen<'t> {
     constants: Constants,
-    inputs: [View<'t>; 5],
+    inputs: [View<'t>; 6],
     anchor: Format,
     target: Format,
 }

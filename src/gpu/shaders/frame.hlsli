@@ -12,6 +12,7 @@ cbuffer Constants : register(b0)
     uint PastTile;      // the same for the depth of the previous anchor; 0: that is not known
     uint IsFloat;       // 1: pixels are floats; 0: bytes
     uint IsStated;      // 1: a cut lies between the anchors, as the caller states
+    uint HasHud;        // 1: it is known what lies over the current anchor
     int Phase;          // of the picture, in 1/4096 of the way from the previous to the current anchor
     int LandingPhase;   // to which claims are carried
     uint Borrows;       // 1: what owners borrow is carried as well
@@ -46,6 +47,7 @@ Texture2D<float4> Current : register(t1);
 Texture2D<float2> Motion : register(t2);
 Texture2D<float> Depth : register(t3);
 Texture2D<float> PastDepth : register(t4);
+Texture2D<float> Hud : register(t5);
 
 RWByteAddressBuffer Small : register(u0);
 // Claims while they land: a key to a place, one more row and column of places on each side of the tiles.
@@ -238,6 +240,17 @@ bool is_inside(int2 at)
 {
     return at.y >= int(Small.Load(TOP)) && at.y < int(Small.Load(BOTTOM)) && at.x >= int(Small.Load(LEFT))
         && at.x < int(Small.Load(RIGHT));
+}
+
+// Whether something lies over the current anchor at a pixel that stands still and in front: a bar, or what the caller says.
+bool is_still(int2 at)
+{
+    bool is_hud = false;
+    if (HasHud != 0)
+    {
+        is_hud = Hud.Load(int3(at, 0)) > 0;
+    }
+    return is_hud || IsPair != 0 && !is_inside(at);
 }
 
 bool is_cut()

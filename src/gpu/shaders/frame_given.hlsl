@@ -39,7 +39,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     GroupMemoryBarrierWithGroupSync();
     int2 at = int2(thread.xy);
     bool is_here = is_on(at) && !is_cut();
-    bool is_bar = IsPair != 0 && !is_inside(at);
+    bool is_bar = is_still(at);
     uint2 key = EMPTY;
     if (is_here)
     {

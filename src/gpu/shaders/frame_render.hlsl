@@ -151,13 +151,13 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                 uint2 shown = own_of_field(to);
                 is_after = alike(shown, key) || mark != ORPHAN && mark != HOLE && is_nearer(key, shown);
             }
-            bool is_still = false;
+            bool is_fixed = false;
             [branch]
             if (is_doubtful && (is_before == is_after || !has_from || !has_to))
             {
                 // Where it stands, where the previous anchor shows it, and where the current one does.
                 [loop]
-                for (uint look = 0; look < 3 && !is_still; look++)
+                for (uint look = 0; look < 3 && !is_fixed; look++)
                 {
                     bool is_asked = look == 0 || (look == 1 ? is_before : is_after);
                     int2 place = look == 0 ? at : look == 1 ? from : to;
@@ -167,12 +167,12 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                     {
                         is_overlay = is_over(look == 1 ? PREVIOUS : CURRENT, place, look == 1 ? -v : v);
                     }
-                    is_still = look == 0 && is_overlay;
+                    is_fixed = look == 0 && is_overlay;
                     is_before = is_before && !(look == 1 && is_overlay);
                     is_after = is_after && !(look == 2 && is_overlay);
                 }
             }
-            if (is_still)
+            if (is_fixed)
             {
                 colour = merged(stored(PREVIOUS, at), stored(CURRENT, at));
             }

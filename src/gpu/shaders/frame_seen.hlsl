@@ -194,7 +194,7 @@ void main(uint thread : SV_GroupIndex)
         motion = Motion.Load(int3(pixel_at / GuidanceTiles.x, 0));
         depth = Depth.Load(int3(pixel_at / GuidanceTiles.y, 0));
         is_asked = all((asuint(motion) & 0x7f800000) != 0x7f800000) && depth >= 0 && depth <= 1;
-        is_asked = is_asked && (IsPair == 0 || is_inside(int2(pixel_at)));
+        is_asked = is_asked && !is_still(int2(pixel_at));
         is_asked = is_asked && all(Size >= ASKED) && !is_cut();
         IsAsked[thread] = is_asked ? 1 : 0;
     }
