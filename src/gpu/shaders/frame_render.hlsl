@@ -86,7 +86,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     if (is_live)
     {
         // Where the two anchors show it.
-        int phase = is_clear ? phase_of_tile : phase_of(Phase, key, at);
+        int phase = is_whole ? phase_of_tile : phase_of(Phase, key, at);
         int2 before = 64 * at + part(v, phase);
         int2 after = before - v;
         float4 of_previous, of_current;
