@@ -351,12 +351,24 @@ CAIRN_API cairn_result cairn_device_destroy(cairn_device *device);
 #define CAIRN_REQUIREMENT_ONNXRUNTIME 2
 /** Memory of the system. */
 #define CAIRN_REQUIREMENT_MEMORY 3
+/** AMD's libraries for FSR, a row for each file that was found. */
+#define CAIRN_REQUIREMENT_FSR_LIBRARIES 4
+/** A provider of FSR frame generation for the first adapter. */
+#define CAIRN_REQUIREMENT_FSR_PROVIDER 5
+/** The system's build, for FSR. */
+#define CAIRN_REQUIREMENT_FSR_SYSTEM 6
+/** Direct3D 12's own library, for FSR: of the system, or of the Agility SDK that a program brings. */
+#define CAIRN_REQUIREMENT_FSR_DIRECT3D 7
+/** The shader model of the first adapter, for FSR. */
+#define CAIRN_REQUIREMENT_FSR_SHADER_MODEL 8
 /** It is there. */
 #define CAIRN_REQUIREMENT_MET 1
 /** It is missing, and the device cannot be made. */
 #define CAIRN_REQUIREMENT_NOT_MET 2
 /** It depends on the world, or the system does not tell. */
 #define CAIRN_REQUIREMENT_UNKNOWN 3
+/** It is missing, and a device can be made without it; what is needed says for what. */
+#define CAIRN_REQUIREMENT_OPTIONAL 4
 
 /** Something that a device can be made of. */
 typedef struct cairn_adapter {
@@ -382,7 +394,7 @@ typedef struct cairn_requirement {
     uint32_t struct_size;
     /** One of CAIRN_REQUIREMENT_PLATFORM and its like; a newer library may have more. */
     uint32_t what;
-    /** CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET or CAIRN_REQUIREMENT_UNKNOWN */
+    /** CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_UNKNOWN or CAIRN_REQUIREMENT_OPTIONAL */
     uint32_t status;
     /** 0 */
     uint32_t reserved;
@@ -416,7 +428,9 @@ CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, ui
  * count: gets how many there are in all, which may be more than capacity.
  *
  * Ownership: the array stays the caller's and is filled on success; on failure it is not written.
- * Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does.
+ * Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does; for CAIRN_DEVICE_D3D12
+ * also for AMD's libraries, which stay loaded: in the folder that the environment names as CAIRN_FFX_DIR, else beside this
+ * library, else beside the program.
  * Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
  * Since: 0.1.0
  */

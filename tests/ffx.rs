@@ -3,7 +3,10 @@
 #![cfg(windows)]
 
 use cairn::ffx::bindings::{CreateFrameGeneration, Dimensions, DispatchFrameGeneration, ResourceState, SurfaceFormat};
-use cairn::ffx::{Chain, Choice, Context, Dialect, Effect, Family, FileVersion, Generator, Library, LoadOptions, Part};
+use cairn::ffx::{
+    Chain, Choice, Context, Dialect, Effect, Family, FileVersion, Generator, Library, LoadOptions, Needed, Part,
+    requirements,
+};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 use cairn::{ErrorKind, Result};
@@ -241,6 +244,36 @@ fn the_judge_finds_what_is_wrong_with_a_frame() {
     {
         assert!(found.iter().any(|line| line.contains(fault)), "{fault}: {found:?}");
     }
+}
+
+#[test]
+fn what_is_needed_is_reported_with_what_is_there() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let text = Stage::empty();
+    std::fs::write(text.0.join("text"), "this is no library").expect("a file");
+    let stage = Stage::empty()
+        .with(Part::FrameGeneration, &["sdk 2.1", ML, ANALYTIC])
+        .with_file(Part::Upscaler, &text.0.join("text"));
+    let report = |stage: &Stage| requirements(&LoadOptions { directory: Some(stage.0.clone()), signed: false }, &gpu);
+    let rows = report(&stage);
+    let of = |what| rows.iter().filter(|row| row.what == what).collect::<Vec<_>>();
+    let [made, broken] = of(Needed::Libraries)[..] else { panic!("{rows:?}") };
+    assert!(made.met && made.found.contains(Part::FrameGeneration.file_name()), "{made:?}");
+    assert!(!broken.met && broken.found.contains("not used") && broken.found.contains("64-bit"), "{broken:?}");
+    let [provider] = of(Needed::Provider)[..] else { panic!("{rows:?}") };
+    assert!(provider.met && provider.found == "4.0.1 (ml), 3.1.6 (analytic)", "{provider:?}");
+    for what in [Needed::System, Needed::Direct3d, Needed::ShaderModel] {
+        let [row] = of(what)[..] else { panic!("{rows:?}") };
+        println!("{row:?}");
+        assert!(row.found.bytes().any(|byte| byte.is_ascii_digit()), "{row:?}");
+    }
+    assert!(of(Needed::Direct3d)[0].found.to_lowercase().contains("d3d12"));
+
+    let rows = report(&Stage::empty());
+    let [libraries, provider] = &rows[..2] else { panic!("{rows:?}") };
+    assert_eq!((libraries.what, libraries.met), (Needed::Libraries, false));
+    assert_eq!((provider.what, provider.met), (Needed::Provider, false));
+    assert!(libraries.found.contains("not found") && provider.found.contains("not found"), "{rows:?}");
 }
 
 /// Numbers of formats and states against Microsoft's own.

@@ -19,12 +19,25 @@ pub const CAIRN_REQUIREMENT_ONNXRUNTIME: u32 = 2;
 /// Memory of the system.
 pub const CAIRN_REQUIREMENT_MEMORY: u32 = 3;
 
+/// AMD's libraries for FSR, a row for each file that was found.
+pub const CAIRN_REQUIREMENT_FSR_LIBRARIES: u32 = 4;
+/// A provider of FSR frame generation for the first adapter.
+pub const CAIRN_REQUIREMENT_FSR_PROVIDER: u32 = 5;
+/// The system's build, for FSR.
+pub const CAIRN_REQUIREMENT_FSR_SYSTEM: u32 = 6;
+/// Direct3D 12's own library, for FSR: of the system, or of the Agility SDK that a program brings.
+pub const CAIRN_REQUIREMENT_FSR_DIRECT3D: u32 = 7;
+/// The shader model of the first adapter, for FSR.
+pub const CAIRN_REQUIREMENT_FSR_SHADER_MODEL: u32 = 8;
+
 /// It is there.
 pub const CAIRN_REQUIREMENT_MET: u32 = 1;
 /// It is missing, and the device cannot be made.
 pub const CAIRN_REQUIREMENT_NOT_MET: u32 = 2;
 /// It depends on the world, or the system does not tell.
 pub const CAIRN_REQUIREMENT_UNKNOWN: u32 = 3;
+/// It is missing, and a device can be made without it; what is needed says for what.
+pub const CAIRN_REQUIREMENT_OPTIONAL: u32 = 4;
 
 /// Something that a device can be made of.
 #[repr(C)]
@@ -55,7 +68,7 @@ pub struct cairn_requirement {
     pub struct_size: u32,
     /// One of CAIRN_REQUIREMENT_PLATFORM and its like; a newer library may have more.
     pub what: u32,
-    /// CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET or CAIRN_REQUIREMENT_UNKNOWN
+    /// CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_UNKNOWN or CAIRN_REQUIREMENT_OPTIONAL
     pub status: u32,
     /// 0
     pub reserved: u32,
@@ -109,7 +122,9 @@ pub unsafe extern "C" fn cairn_adapters(
 /// count: gets how many there are in all, which may be more than capacity.
 ///
 /// Ownership: the array stays the caller's and is filled on success; on failure it is not written.
-/// Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does.
+/// Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does; for CAIRN_DEVICE_D3D12
+/// also for AMD's libraries, which stay loaded: in the folder that the environment names as CAIRN_FFX_DIR, else beside this
+/// library, else beside the program.
 /// Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -130,31 +145,10 @@ pub unsafe extern "C" fn cairn_device_requirements(
         let rows = match kind {
             CAIRN_DEVICE_CPU => vec![
                 row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, "any system this library runs on", &platform()),
-                match Ort::find(path.map(Path::new)).and_then(|ort| Device::cpu(&ort, cpu).map(|_| ort)) {
-                    Ok(ort) => {
-                        let found = format!("{} at {}", ort.version(), ort.path().display());
-                        row(CAIRN_REQUIREMENT_ONNXRUNTIME, CAIRN_REQUIREMENT_MET, "ONNX Runtime 1.24.x", &found)
-                    }
-                    Err(error) => row(
-                        CAIRN_REQUIREMENT_ONNXRUNTIME,
-                        CAIRN_REQUIREMENT_NOT_MET,
-                        "ONNX Runtime 1.24.x",
-                        &error.to_string(),
-                    ),
-                },
-                row(
-                    CAIRN_REQUIREMENT_MEMORY,
-                    CAIRN_REQUIREMENT_UNKNOWN,
-                    "what cairn_world_get_memory says of the world",
-                    &available_memory().map_or("unknown".into(), |bytes| format!("{} MiB available", bytes >> 20)),
-                ),
+                onnxruntime(Ort::find(path.map(Path::new)).and_then(|ort| Device::cpu(&ort, cpu).map(|_| ort))),
+                memory(),
             ],
-            CAIRN_DEVICE_D3D12 => vec![row(
-                CAIRN_REQUIREMENT_PLATFORM,
-                CAIRN_REQUIREMENT_NOT_MET,
-                "Windows, and a build of this library with Direct3D 12",
-                &format!("{}: {}", platform(), Failure::no_d3d12()),
-            )],
+            CAIRN_DEVICE_D3D12 => behind::requirements(path.map(Path::new)),
             other => return Err(Failure::argument("kind", format!("{other} is no kind of device"))),
         };
         // SAFETY: the host's promise about the array and the count.
@@ -163,12 +157,28 @@ pub unsafe extern "C" fn cairn_device_requirements(
     })
 }
 
-fn row(what: u32, status: u32, needed: &str, found: &str) -> cairn_requirement {
+/// ONNX Runtime, and whether a device can be made with it.
+pub(super) fn onnxruntime(tried: crate::Result<Ort>) -> cairn_requirement {
+    let (status, found) = match tried {
+        Ok(ort) => (CAIRN_REQUIREMENT_MET, format!("{} at {}", ort.version(), ort.path().display())),
+        Err(error) => (CAIRN_REQUIREMENT_NOT_MET, error.to_string()),
+    };
+    row(CAIRN_REQUIREMENT_ONNXRUNTIME, status, "ONNX Runtime 1.24.x", &found)
+}
+
+/// The system's memory.
+pub(super) fn memory() -> cairn_requirement {
+    let found = available_memory().map_or("unknown".into(), |bytes| format!("{} MiB available", bytes >> 20));
+    let needed = "what cairn_world_get_memory says of the world";
+    row(CAIRN_REQUIREMENT_MEMORY, CAIRN_REQUIREMENT_UNKNOWN, needed, &found)
+}
+
+pub(super) fn row(what: u32, status: u32, needed: &str, found: &str) -> cairn_requirement {
     let (needed, found) = (fixed_text(needed), fixed_text(found));
     cairn_requirement { struct_size: 0, what, status, reserved: 0, needed, found }
 }
 
-fn platform() -> String {
+pub(super) fn platform() -> String {
     format!("{} on {}", std::env::consts::OS, std::env::consts::ARCH)
 }
 

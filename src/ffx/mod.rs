@@ -16,6 +16,8 @@ mod message;
 mod played;
 mod provider;
 #[cfg(windows)]
+mod requirements;
+#[cfg(windows)]
 mod resource;
 
 pub use api::{Api, Effect};
@@ -26,3 +28,5 @@ pub use library::Part;
 #[cfg(windows)]
 pub use library::{File, FileVersion, Library, LoadOptions};
 pub use provider::{Choice, Dialect, Family, Version, choose, versions};
+#[cfg(windows)]
+pub use requirements::{Needed, Requirement, requirements};

@@ -14,7 +14,7 @@ from typing import TypeVar
 from . import _library
 from .controls import Controls
 from .errors import Error
-from .world import Device, Requirement, World, requirements
+from .world import Device, Requirement, World, adapters, requirements
 
 _T = TypeVar("_T")
 
@@ -27,6 +27,11 @@ _WHY = {
     "onnxruntime": "ONNX Runtime runs the world's neural networks. It is not part of Cairn and is loaded when a device is made.",
     "platform": "The processor and the system the library was built for.",
     "memory": "A world keeps its weights and its memory of the past in the system's memory; `world.memory` has the figures.",
+    "fsr": "AMD's signed libraries generate frames where they are there. They are not part of Cairn; other generators do without them.",
+    "fsr-provider": "What generates frames: in AMD's libraries, or in the driver of a Radeon, which may bring a newer one.",
+    "fsr-system": "The trained providers (ml) ask for Windows 11 and an RDNA 4 adapter; the written ones (analytic) for neither.",
+    "fsr-direct3d": "Which Direct3D 12 a process gets, the program decides: it exports D3D12SDKVersion and D3D12SDKPath.",
+    "fsr-shaders": "The shaders of a provider are compiled for a shader model, which adapter, driver and Direct3D 12 bring.",
     "device": "A device is what a world runs on. The CPU device works on every system.",
     "world": "A world is a bundle: graphs, weights, licence and checksums (docs/bundle.md).",
     "step": "A step makes the next latent of a rollout from the player's controls, and pictures of it.",
@@ -36,6 +41,11 @@ _REMEDIES = {
     "onnxruntime": "Run `cargo xtask setup` in a clone of Cairn, which fetches it; or install ONNX Runtime 1.24 and set "
     "CAIRN_ONNXRUNTIME to its library file (in the wheel `onnxruntime` it is onnxruntime/capi/libonnxruntime.so.1.24.*, on "
     "Windows onnxruntime.dll)",
+    "fsr": "Put AMD's libraries, from Kits/FidelityFX/signedbin of its FidelityFX SDK, into one folder, and set CAIRN_FFX_DIR to it",
+    "fsr-provider": "Use a newer release of AMD's libraries, a newer driver or another adapter",
+    "fsr-system": "Use analytic, which Windows 10 is enough for, or Windows 11",
+    "fsr-direct3d": "Ship the Agility SDK (NuGet: Microsoft.Direct3D.D3D12) with the program, or use Windows 11",
+    "fsr-shaders": "Use a newer driver, and the Agility SDK or Windows 11",
     "memory": "Close other programs, or load the world at an operating point with a shorter window, such as baseline-112",
 }
 
@@ -86,6 +96,10 @@ def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bo
     device = _try(report, "device", lambda: Device.cpu(onnxruntime=onnxruntime))
     if device is None:
         return False
+    if any(adapter.kind == "d3d12" for adapter in adapters()):
+        for requirement in _try(report, "device", lambda: requirements("d3d12", onnxruntime=onnxruntime)) or []:
+            if requirement.what.startswith("fsr"):
+                _requirement(report, requirement, good)
     with device:
         good("device", device.description)
         if world is None:
@@ -125,7 +139,8 @@ def _requirement(report: Report, requirement: Requirement, good: Callable[[str, 
         good(requirement.what, text)
     elif requirement.met is None:
         report.line("?", requirement.what, text)
-        report.explain(_WHY.get(requirement.what, ""))
+        remedy = _REMEDIES.get(requirement.what, "") if requirement.what.startswith("fsr") else ""
+        report.explain(_WHY.get(requirement.what, ""), f"What to do, where it is wanted: {remedy}." if remedy else "")
     else:
         report.fail(requirement.what, text, _REMEDIES.get(requirement.what, ""))
 

@@ -39,8 +39,9 @@ class Adapter:
 
 @dataclass(frozen=True)
 class Requirement:
-    """One thing that a device needs. `what` is "platform", "onnxruntime" or "memory", or the number of one that is newer than
-    this package; `met` is None where it depends on the world, or the system does not tell."""
+    """One thing that a device needs. `what` is "platform", "onnxruntime" or "memory", of AMD's FSR "fsr", "fsr-provider",
+    "fsr-system", "fsr-direct3d" or "fsr-shaders", or the number of one that is newer than this package; `met` is None where it
+    depends on the world, where the system does not tell, and where a device can be made without it."""
 
     what: str
     met: bool | None
@@ -63,7 +64,16 @@ def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | Non
         raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
     options = c.CpuOptions(onnxruntime=encoded(onnxruntime, "onnxruntime"))
     found = _list(c.Requirement, lambda *array: call("device_requirements", _KINDS[kind], byref(options), *array))
-    names = {c.REQUIREMENT_PLATFORM: "platform", c.REQUIREMENT_ONNXRUNTIME: "onnxruntime", c.REQUIREMENT_MEMORY: "memory"}
+    names = {
+        c.REQUIREMENT_PLATFORM: "platform",
+        c.REQUIREMENT_ONNXRUNTIME: "onnxruntime",
+        c.REQUIREMENT_MEMORY: "memory",
+        c.REQUIREMENT_FSR_LIBRARIES: "fsr",
+        c.REQUIREMENT_FSR_PROVIDER: "fsr-provider",
+        c.REQUIREMENT_FSR_SYSTEM: "fsr-system",
+        c.REQUIREMENT_FSR_DIRECT3D: "fsr-direct3d",
+        c.REQUIREMENT_FSR_SHADER_MODEL: "fsr-shaders",
+    }
     met = {c.REQUIREMENT_MET: True, c.REQUIREMENT_NOT_MET: False}
     return [
         Requirement(

@@ -73,3 +73,25 @@ def test_the_end_of_a_program_is_quiet_with_everything_open():
     )
     result = runtime.python("-X", "dev", "-c", program, str(runtime.need_worlds() / "tiny"))
     assert (result.returncode, result.stdout.strip(), result.stderr) == (0, "(72, 128, 4)", "")
+
+
+def test_what_amd_s_libraries_need_is_said_where_direct3d_is_there(monkeypatch, capsys):
+    from cairn import doctor as program
+    from cairn.world import Adapter, Requirement, requirements
+
+    def found(kind="cpu", *, onnxruntime=None):
+        if kind == "cpu":
+            return requirements(kind, onnxruntime=onnxruntime)
+        return [
+            Requirement("onnxruntime", False, "said of the CPU device already", "nothing"),
+            Requirement("fsr", True, "AMD's libraries", "C:/fsr/amd_fidelityfx_loader_dx12.dll 1.0.2.44888"),
+            Requirement("fsr-direct3d", None, "D3D12Core.dll of Windows 11, for ml", "C:/windows/system32/d3d12.dll"),
+        ]
+
+    monkeypatch.setattr(program, "adapters", lambda: [Adapter("d3d12", 0, "an adapter", 1 << 30, 7)])
+    monkeypatch.setattr(program, "requirements", found)
+    assert program.run(), "what is only optional is no failure"
+    shown = " ".join(capsys.readouterr().out.split())
+    for part in ("ok fsr C:/fsr/amd", "? fsr-direct3d C:/windows", "What to do, where it is wanted: Ship the Agility SDK"):
+        assert part in shown
+    assert "said of the CPU device already" not in shown

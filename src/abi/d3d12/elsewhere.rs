@@ -1,6 +1,10 @@
 //! What stands behind the doors of Direct3D 12 where it is not there.
 
-use super::super::requirements::cairn_adapter;
+use std::path::Path;
+
+use super::super::requirements::{
+    CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
+};
 use super::super::results::{Failure, Outcome};
 use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource};
 use crate::Picture;
@@ -36,4 +40,10 @@ pub(in crate::abi) fn texture(_: &Device, _: &Picture) -> Outcome<Guarded> {
 
 pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
     Vec::new()
+}
+
+pub(in crate::abi) fn requirements(_: Option<&Path>) -> Vec<cairn_requirement> {
+    let needed = "Windows, and a build of this library with Direct3D 12";
+    let found = format!("{}: {}", platform(), Failure::no_d3d12());
+    vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_NOT_MET, needed, &found)]
 }

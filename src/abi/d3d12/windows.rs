@@ -1,16 +1,18 @@
 //! What stands behind the doors of Direct3D 12 where it is there.
 
 use std::ffi::c_void;
+use std::path::Path;
 
 use windows::Win32::Graphics::Direct3D12 as direct3d;
 use windows::core::{IUnknown, Interface};
 
 use super::super::device::CAIRN_DEVICE_D3D12;
-use super::super::requirements::cairn_adapter;
+use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
 use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource};
 use crate::Picture;
+use crate::ffx::{self, Needed};
 use crate::gpu::{Gpu, adapters, read_texture, texture_of};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 
@@ -84,6 +86,35 @@ pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
         name: fixed_text(&adapter.description),
     };
     (0..).zip(found).map(row).collect()
+}
+
+/// What a device on the first adapter needs, and what of AMD's could run on it.
+pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_requirement> {
+    let needed = "a Direct3D 12 adapter";
+    let gpu = match Gpu::on_adapter(None) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            let found = format!("{}: {error}", platform());
+            return vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_NOT_MET, needed, &found)];
+        }
+    };
+    let found = format!("{}, adapter {:#x}", platform(), gpu.luid());
+    let tried =
+        Ort::find(onnxruntime_at).and_then(|ort| Device::directml(&ort, &gpu, DirectMlOptions::default()).map(|_| ort));
+    let mut rows =
+        vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, needed, &found), onnxruntime(tried), memory()];
+    rows.extend(ffx::requirements(&ffx::LoadOptions::from_environment(), &gpu).iter().map(|of_amd| {
+        let what = match of_amd.what {
+            Needed::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,
+            Needed::Provider => CAIRN_REQUIREMENT_FSR_PROVIDER,
+            Needed::System => CAIRN_REQUIREMENT_FSR_SYSTEM,
+            Needed::Direct3d => CAIRN_REQUIREMENT_FSR_DIRECT3D,
+            Needed::ShaderModel => CAIRN_REQUIREMENT_FSR_SHADER_MODEL,
+        };
+        let status = if of_amd.met { CAIRN_REQUIREMENT_MET } else { CAIRN_REQUIREMENT_OPTIONAL };
+        row(what, status, of_amd.needed, &of_amd.found)
+    }));
+    rows
 }
 
 /// The interface `I` of a COM object that is not null.

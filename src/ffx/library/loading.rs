@@ -16,6 +16,14 @@ pub struct LoadOptions {
     pub signed: bool,
 }
 
+impl LoadOptions {
+    /// What tools use, which have no host to tell them: the folder is what `CAIRN_FFX_DIR` names, where it is set.
+    pub fn from_environment() -> Self {
+        let named = std::env::var_os("CAIRN_FFX_DIR").filter(|folder| !folder.is_empty());
+        Self { directory: named.map(PathBuf::from), signed: false }
+    }
+}
+
 /// One of the files that were found.
 #[derive(Debug, Clone)]
 pub struct File {

@@ -14,3 +14,6 @@ pub use {
     loading::{File, Library, LoadOptions},
     module::FileVersion,
 };
+
+#[cfg(windows)]
+pub(super) use module::Module;

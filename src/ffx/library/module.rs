@@ -33,7 +33,7 @@ pub(super) fn wide(text: impl AsRef<std::ffi::OsStr>) -> Vec<u16> {
 
 /// A library that is loaded and stays: threads and the driver may be in it as long as the process lives.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) struct Module(HMODULE);
+pub(in crate::ffx) struct Module(HMODULE);
 
 impl Module {
     /// Loads the file at an absolute path. What it needs in turn is looked for beside it, beside the program and in the system,
@@ -48,7 +48,7 @@ impl Module {
 
     /// All libraries in this process whose file has that name, in whatever folder. Which of them a load by name alone gives is
     /// the system's to say, and not always the first.
-    pub(super) fn namesakes(name: &str) -> Vec<Self> {
+    pub(in crate::ffx) fn namesakes(name: &str) -> Vec<Self> {
         // SAFETY: the call takes nothing; what it gives stands for this process and needs no closing.
         let process = unsafe { GetCurrentProcess() };
         let mut modules = vec![HMODULE::default(); 256];
@@ -78,14 +78,14 @@ impl Module {
     }
 
     /// An exported function, or null.
-    pub(super) fn symbol(self, name: &CStr) -> *const c_void {
+    pub(in crate::ffx) fn symbol(self, name: &CStr) -> *const c_void {
         // SAFETY: a loaded module and a NUL-terminated name.
         let found = unsafe { GetProcAddress(self.0, PCSTR(name.as_ptr().cast())) };
         found.map_or(std::ptr::null(), |function| function as *const c_void)
     }
 
     /// Where its file is.
-    pub(super) fn path(self) -> PathBuf {
+    pub(in crate::ffx) fn path(self) -> PathBuf {
         let mut name = vec![0; 1 << 15];
         // SAFETY: a loaded module and memory of the length that the slice tells.
         let length = unsafe { GetModuleFileNameW(Some(self.0), &mut name) } as usize;

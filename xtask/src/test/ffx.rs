@@ -22,8 +22,18 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     if !log.run(&mut double)?.success {
         return Err("the library that plays AMD's does not build".to_owned());
     }
-    let mut command =
-        context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast", "--test", "ffx", "--test", "ffx_amd"]);
+    let mut command = context.clone.cargo([
+        "test",
+        "--package",
+        "cairn",
+        "--no-fail-fast",
+        "--test",
+        "ffx",
+        "--test",
+        "ffx_amd",
+        "--test",
+        "ffx_interface",
+    ]);
     lab::for_windows(&mut command)?;
     if let Some(folder) = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()) {
         let folder = std::path::absolute(PathBuf::from(folder)).map_err(|e| format!("{VARIABLE}: {e}"))?;
