@@ -208,19 +208,25 @@ fn frames_of_each_release_are_asked_for_as_it_wants() {
         let gpu = Gpu::on_adapter(None).expect("a device");
         let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
         // SAFETY: a live device, which outlives the generator.
-        let mut generator = unsafe { Generator::create(api, device, Choice::Any, head()) }.expect("a generator");
+        let mut generator = unsafe { Generator::create(api, device, Choice::Any, head(), None) }.expect("a generator");
         let size = head().display_size;
         let textures = Textures::new(&gpu, size);
+        textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+        textures.fill(&textures.motion, |_, _| [0; 4]);
         for (number, reset) in (1_u8..).zip([false, false, true, false]) {
-            let pixel = |x: u32, y: u32| [number, (x & 0xff) as u8, (y & 0xff) as u8, 255];
+            let pixel = |x: u32, y: u32| [40 * number, (x & 0xff) as u8, (y & 0xff) as u8, 255];
             textures.fill(&textures.color, pixel);
             run(&gpu, |list| {
                 // SAFETY: an open list of the generator's device, and textures that live until it has run.
                 unsafe { generator.record(&textures.frame(list, reset)) }.expect("recorded");
             });
-            // The double copies: what it was told of list, pictures and states is right, or this is something else.
+            // What was told of list, pictures and states is right, or this is something else.
             for (index, found) in (0..).zip(textures.generated()) {
-                assert_eq!(found, pixel(index % size.width, index / size.width), "pixel {index} of frame {number}");
+                let [red, rest @ ..] = pixel(index % size.width, index / size.width);
+                let starts = number == 1 || reset;
+                let as_expected = if starts { found[0] == red } else { (red - 39..red).contains(&found[0]) };
+                let near = found[1..].iter().zip(rest).all(|(a, b)| a.abs_diff(b) <= 1);
+                assert!(as_expected && near, "pixel {index} of frame {number}: {found:?}");
             }
         }
         assert!(gpu.removed().is_none());
@@ -229,6 +235,23 @@ fn frames_of_each_release_are_asked_for_as_it_wants() {
         let frames = stage.calls().iter().filter(|call| *call == "dispatch 20003 0").count();
         assert_eq!(frames, 4, "{:?}", stage.calls());
     }
+}
+
+#[test]
+fn the_judge_finds_more_frames_under_way_than_there_is_room_for() {
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML]);
+    let (library, gpu) = (stage.load().expect("loaded"), Gpu::on_adapter(None).expect("a device"));
+    let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
+    // SAFETY: a live device, which outlives the generator.
+    let mut generator = unsafe { Generator::create(api, device, Choice::Any, head(), None) }.expect("a generator");
+    let textures = Textures::new(&gpu, head().display_size);
+    run(&gpu, |list| {
+        // SAFETY: an open list of the generator's device, and textures that live until it has run.
+        let mut record = || unsafe { generator.record(&textures.frame(list, false)) };
+        (0..4).for_each(|_| record().expect("recorded"));
+        assert_eq!(record().expect_err("refused").kind(), ErrorKind::InvalidArgument);
+        assert_eq!(stage.judgement(), ["dispatch: 4 frames are under way"]);
+    });
 }
 
 #[test]

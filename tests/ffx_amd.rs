@@ -5,13 +5,22 @@ use std::path::PathBuf;
 
 use cairn::ErrorKind;
 use cairn::ffx::bindings::{CreateFlags, CreateFrameGeneration, Dimensions, SurfaceFormat};
-use cairn::ffx::{Choice, Context, Effect, Family, FileVersion, Generator, Library, LoadOptions, Part, versions};
+use cairn::ffx::{
+    Choice, Context, Effect, Family, FileVersion, Generator, Library, LoadOptions, Part, Pictures, Seen, Shot,
+    TextureGenerator, TextureOptions, versions,
+};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
+
+#[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
 #[path = "ffx/pictures.rs"]
 mod pictures;
-use pictures::{Textures, run};
+use pictures::{Kept, Textures, run};
 
 fn options(signed: bool) -> LoadOptions {
     let directory = std::env::var_os("CAIRN_FFX_DIR").map(PathBuf::from);
@@ -127,7 +136,7 @@ fn a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself() {
     let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
     // SAFETY: a live device, which outlives the generator.
     let mut generator =
-        unsafe { Generator::create(api, device, Choice::Prefer(Family::Analytic), head()) }.expect("a generator");
+        unsafe { Generator::create(api, device, Choice::Prefer(Family::Analytic), head(), None) }.expect("a generator");
     let size = head().display_size;
     let textures = Textures::new(&gpu, size);
     textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
@@ -153,4 +162,63 @@ fn a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself() {
         }
     }
     assert!(gpu.removed().is_none());
+}
+
+/// What `TextureGenerator` makes of the panning picture, after the test that it makes itself: on a queue of either kind, with what
+/// no provider could be given in the motion, and into a target that shaders cannot write.
+#[test]
+#[ignore = "needs amd-dlls"]
+fn it_stands_the_test_and_generates_on_both_kinds_of_queue() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let engine = engine::engine();
+    let size = head().display_size;
+    for queue in [&engine.direct, &engine.compute] {
+        let gpu = Gpu::of_engine(&engine.device, queue, None).expect("a device");
+        let kind = gpu.frames().kind();
+        let options = TextureOptions {
+            choice: Choice::Prefer(Family::Analytic),
+            watch: true,
+            ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
+        };
+        let mut generator = TextureGenerator::new(&gpu, api, &options).expect("it stands the test");
+        assert!(generator.refused().is_empty());
+        let textures = Textures::new(&gpu, size);
+        textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+        // A column without a number among vectors of -16 to the right, as half floats.
+        textures.fill(&textures.motion, |x, _| if x == 3 { [0xff, 0x7f, 0xff, 0x7f] } else { [0x00, 0xcc, 0, 0] });
+        let wanted = pictures::flat(
+            (size.width, size.height),
+            DXGI_FORMAT_R8G8B8A8_UNORM,
+            D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET,
+        );
+        let state = D3D12_RESOURCE_STATE_PRESENT;
+        let target = Kept { resource: pictures::made(&gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state };
+        for number in 1_u8..=3 {
+            let now = STEP * f32::from(number);
+            textures.fill(&textures.color, moved(now));
+            let pictures = Pictures {
+                color: textures.color.resting(),
+                output: target.resting(),
+                depth: textures.depth.resting(),
+                motion: textures.motion.resting(),
+                hudless: None,
+                distortion: None,
+            };
+            generator.generate(&pictures, &Shot::of(size)).expect("generated").wait().expect("it has run");
+            let found = textures.pixels(&target);
+            let [before, half, after] = [now - STEP, now - STEP / 2.0, now].map(|at| psnr(&found, moved(at), size));
+            println!(
+                "queue of type {}, frame {number}: {before:.1} dB to the frame before, {half:.1} dB to the truth, {after:.1} dB to the frame",
+                kind.0
+            );
+            if number > 1 {
+                assert!(half > 45.0 && before < 30.0 && after < 30.0, "frame {number}: {before} {half} {after} dB");
+                assert_eq!(generator.seen(), Some(Seen::Between));
+            }
+        }
+        drop(generator);
+        assert!(gpu.removed().is_none());
+    }
 }

@@ -81,6 +81,12 @@ impl<Head: Described> Chain<Head> {
     /// Appends a link; one of the same kind that is there already is replaced.
     #[must_use]
     pub fn with<T: Extends<Head>>(mut self, link: T) -> Self {
+        self.set(link);
+        self
+    }
+
+    /// Puts a link behind the others, or in the place of the one of its kind.
+    pub fn set<T: Extends<Head>>(&mut self, link: T) {
         match self.find::<T>() {
             Some(mut place) => {
                 // SAFETY: a live link of this type, which nobody else refers to while we hold the chain.
@@ -90,7 +96,6 @@ impl<Head: Described> Chain<Head> {
             None => self.push(link),
         }
         self.stamp();
-        self
     }
 
     /// The first struct.

@@ -9,7 +9,7 @@ use super::bindings::{
     RawContext, ReturnCode,
 };
 use super::provider::{Choice, Dialect, Version, choose, listed, unavailable, versions};
-use super::{Api, Chain, Described, Effect, message};
+use super::{Api, Chain, Described, Effect, Extends, message};
 use crate::{Error, ErrorKind, Result};
 
 /// What runs, and how that is known.
@@ -142,6 +142,11 @@ impl<Head: Creates> Context<Head> {
     /// What it was made with.
     pub fn made_with(&self) -> &Head {
         self.chain.head()
+    }
+
+    /// A link that it was made with, behind [`Self::made_with`].
+    pub fn made_with_link<T: Extends<Head>>(&self) -> Option<&T> {
+        self.chain.link()
     }
 
     /// Sets what the chain says.

@@ -3,8 +3,9 @@
 use std::ffi::c_void;
 
 use super::bindings::{
-    ConfigureFrameGeneration, Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, DispatchCamera,
-    DispatchFrameGeneration, DispatchPrepare, DispatchPrepareV2, FrameFlags, Rect, Resource, TransferFunction,
+    ConfigureDistortion, ConfigureFrameGeneration, Coordinates, CreateFlags, CreateFrameGeneration,
+    CreateFrameGenerationHudless, Dimensions, DispatchCamera, DispatchFrameGeneration, DispatchPrepare,
+    DispatchPrepareV2, FrameFlags, Rect, Resource, SurfaceFormat, TransferFunction,
 };
 use super::{Api, Chain, Choice, Context, Dialect, Provider};
 use crate::{Error, ErrorKind, Result};
@@ -68,6 +69,47 @@ impl Camera {
     }
 }
 
+/// What a provider is told of a frame beside its pictures.
+#[derive(Debug, Clone, Copy)]
+pub struct Shot {
+    /// The size rendered at.
+    pub render_size: Dimensions,
+    /// Of the camera, in render pixels.
+    pub jitter: Coordinates,
+    /// What makes render pixels of what the texture of motion holds; of the size shown where motion has that.
+    pub motion_scale: Coordinates,
+    /// Milliseconds since the frame before, of the world's time.
+    pub frame_time: f32,
+    /// Where it was seen from.
+    pub camera: Camera,
+    /// There is no frame before: a cut. The generated frame is then this one.
+    pub reset: bool,
+    /// What of the frame is the world, the rest is copied; of no size for all.
+    pub rect: Rect,
+    /// How the frame's light became numbers: sRGB, or one of high dynamic range where the generator was made for it.
+    pub transfer: TransferFunction,
+    /// Nits, the darkest and the brightest, of high dynamic range.
+    pub luminance: [f32; 2],
+}
+
+impl Shot {
+    /// One that follows the frame before by 1/15 s, rendered at that size without jitter, with motion in pixels, seen by the camera
+    /// that is the default, all of it the world, in sRGB.
+    pub fn of(render_size: Dimensions) -> Self {
+        Self {
+            render_size,
+            jitter: Coordinates::default(),
+            motion_scale: Coordinates { x: 1.0, y: 1.0 },
+            frame_time: 1000.0 / 15.0,
+            camera: Camera::default(),
+            reset: false,
+            rect: Rect::default(),
+            transfer: TransferFunction::SRGB,
+            luminance: [0.0, 100.0],
+        }
+    }
+}
+
 /// A frame, and where the one between it and the frame before is to go.
 ///
 /// Every resource is in the state that it names when the list gets to the call, and is in it again afterwards.
@@ -81,28 +123,16 @@ pub struct Frame {
     pub output: Resource,
     /// Device depth, of the size rendered at.
     pub depth: Resource,
-    /// From this frame to the one before, of the size rendered at or, where the generator was made so, of the size shown.
+    /// From this frame to the one before, of the size rendered at or, where the generator was made so, of the size shown. Numbers
+    /// that are not finite, or beyond the picture's size, may hold the device up.
     pub motion: Resource,
-    /// The size rendered at.
-    pub render_size: Dimensions,
-    /// Of the camera, in render pixels.
-    pub jitter: Coordinates,
-    /// What makes render pixels of what the texture of motion holds.
-    pub motion_scale: Coordinates,
-    /// Milliseconds since the frame before, of the world's time.
-    pub frame_time: f32,
-    /// Where it was seen from.
-    pub camera: Camera,
-    /// There is no frame before: a cut. The generated frame is then this one.
-    pub reset: bool,
     /// The frame without interface, of the size shown; a null resource where it has none.
     pub hudless: Resource,
-    /// What of the frame is the world, the rest is copied; of no size for all.
-    pub rect: Rect,
-    /// How the frame's light became numbers.
-    pub transfer: TransferFunction,
-    /// Nits, the darkest and the brightest, of high dynamic range.
-    pub luminance: [f32; 2],
+    /// Where a lens puts each pixel less where it was, in parts of the picture, of the size shown; a null resource where there is no
+    /// distortion. Once one was given, every frame has one: a provider goes on with the last.
+    pub distortion: Resource,
+    /// All else.
+    pub shot: Shot,
 }
 
 /// The structs in which a provider is told of motion and depth.
@@ -123,26 +153,40 @@ pub struct Generator {
     prepare: Prepare,
     dispatch: Chain<DispatchFrameGeneration>,
     /// Of the last frame that was recorded whole; ids go up by one or history is dropped.
-    last: Option<u64>,
+    last: u64,
+    /// What the library has of the frame before can be gone on with.
+    follows: bool,
 }
 
 impl Generator {
-    /// Makes a generator, as [`Context::create`] makes its context.
+    /// Makes a generator, as [`Context::create`] makes its context. `hudless` is the format of frames without interface, where it is
+    /// another than that of frames.
     ///
     /// # Errors
     /// As of [`Context::create`].
     ///
     /// # Safety
     /// `device` is a live `ID3D12Device` and outlives the generator.
-    pub unsafe fn create(api: &Api, device: *mut c_void, choice: Choice, head: CreateFrameGeneration) -> Result<Self> {
-        // SAFETY: the caller's promise; nothing else stands in the chain.
-        let context = unsafe { Context::create(api, device, choice, head, |chain| chain) }?;
+    pub unsafe fn create(
+        api: &Api,
+        device: *mut c_void,
+        choice: Choice,
+        head: CreateFrameGeneration,
+        hudless: Option<SurfaceFormat>,
+    ) -> Result<Self> {
+        let extend = |chain: Chain<_>| match hudless {
+            Some(format) => chain.with(CreateFrameGenerationHudless { format, ..Default::default() }),
+            None => chain,
+        };
+        // SAFETY: the caller's promise; nothing that points stands in the chain.
+        let context = unsafe { Context::create(api, device, choice, head, extend) }?;
         let prepare = match context.provider().dialect {
             Dialect::Sdk11 => Prepare::Apart(Chain::new(DispatchPrepare::default()).with(DispatchCamera::default())),
             Dialect::Sdk21 => Prepare::InOne(Chain::new(DispatchPrepareV2::default())),
         };
         let settings = Chain::new(ConfigureFrameGeneration::default());
-        Ok(Self { context, settings, prepare, dispatch: Chain::new(DispatchFrameGeneration::default()), last: None })
+        let dispatch = Chain::new(DispatchFrameGeneration::default());
+        Ok(Self { context, settings, prepare, dispatch, last: 0, follows: false })
     }
 
     /// What runs.
@@ -151,7 +195,7 @@ impl Generator {
     }
 
     /// Records the frame between `frame` and the one before into its list: settings, then motion and depth, then the picture, under
-    /// one id. The first frame, and one after a failure, starts anew as [`Frame::reset`] does.
+    /// one id. The first frame, and one after a failure, starts anew as [`Shot::reset`] does.
     ///
     /// # Errors
     /// `InvalidArgument` with the field, before anything is recorded, for what a provider would fail, hang or crash on; else what the
@@ -161,29 +205,35 @@ impl Generator {
     /// The list is open and of the generator's device, and so are the resources, which are what they are said to be; they and the
     /// generator live until the list has run.
     pub unsafe fn record(&mut self, frame: &Frame) -> Result<()> {
-        if let Some((field, why)) = fault(frame, self.context.made_with()) {
+        let had_distortion = self.settings.link::<ConfigureDistortion>().is_some();
+        if let Some((field, why)) = fault(frame, self.context.made_with(), self.hudless_format(), had_distortion) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
-        let reset = frame.reset || self.last.is_none();
-        let id = self.last.take().map_or(1, |last| last + 1);
-        let flags = FrameFlags::NO_SWAPCHAIN;
+        let Shot { rect, transfer, luminance, .. } = frame.shot;
+        let reset = frame.shot.reset || !self.follows;
+        let id = self.last + 1;
+        self.follows = false;
         *self.settings.head_mut() = ConfigureFrameGeneration {
             enabled: true,
+            allow_async: self.context.made_with().flags.contains(CreateFlags::ASYNC_WORKLOAD),
             hudless: frame.hudless,
-            flags,
-            rect: frame.rect,
+            flags: FrameFlags::NO_SWAPCHAIN,
+            rect,
             frame_id: id,
             ..Default::default()
         };
+        if !frame.distortion.resource.is_null() {
+            self.settings.set(ConfigureDistortion { field: frame.distortion, ..Default::default() });
+        }
         *self.dispatch.head_mut() = DispatchFrameGeneration {
             command_list: frame.command_list,
             present_color: frame.color,
             outputs: [frame.output, Resource::default(), Resource::default(), Resource::default()],
             frames: 1,
             reset,
-            transfer: frame.transfer,
-            luminance: frame.luminance,
-            rect: frame.rect,
+            transfer,
+            luminance,
+            rect,
             frame_id: id,
             ..Default::default()
         };
@@ -194,7 +244,7 @@ impl Generator {
                 Prepare::Apart(chain) => {
                     *chain.head_mut() = apart(frame, id);
                     if let Some(link) = chain.link_mut::<DispatchCamera>() {
-                        let Camera { position, up, right, forward, .. } = frame.camera;
+                        let Camera { position, up, right, forward, .. } = frame.shot.camera;
                         *link = DispatchCamera { position, up, right, forward, ..Default::default() };
                     }
                     self.context.dispatch(chain)?;
@@ -206,8 +256,32 @@ impl Generator {
             }
             self.context.dispatch(&mut self.dispatch)?;
         }
-        self.last = Some(id);
+        (self.last, self.follows) = (id, true);
         Ok(())
+    }
+
+    /// Lets the next frame start anew, as [`Shot::reset`] does.
+    #[cfg(windows)]
+    pub(super) fn forget(&mut self) {
+        self.follows = false;
+    }
+
+    /// Whether the next frame goes on from the one before.
+    #[cfg(windows)]
+    pub(super) fn follows(&self) -> bool {
+        self.follows
+    }
+
+    /// What it was made for.
+    #[cfg(windows)]
+    pub(super) fn made_with(&self) -> &CreateFrameGeneration {
+        self.context.made_with()
+    }
+
+    /// The format that frames without interface have.
+    fn hudless_format(&self) -> SurfaceFormat {
+        let other = self.context.made_with_link::<CreateFrameGenerationHudless>().map(|link| link.format);
+        other.unwrap_or(self.context.made_with().back_buffer_format)
     }
 }
 
@@ -216,14 +290,14 @@ fn apart(frame: &Frame, frame_id: u64) -> DispatchPrepare {
         frame_id,
         flags: FrameFlags::NO_SWAPCHAIN,
         command_list: frame.command_list,
-        render_size: frame.render_size,
-        jitter: frame.jitter,
-        motion_scale: frame.motion_scale,
-        frame_time: frame.frame_time,
-        camera_near: frame.camera.near,
-        camera_far: frame.camera.far,
-        camera_fov: frame.camera.fov,
-        metres: frame.camera.metres,
+        render_size: frame.shot.render_size,
+        jitter: frame.shot.jitter,
+        motion_scale: frame.shot.motion_scale,
+        frame_time: frame.shot.frame_time,
+        camera_near: frame.shot.camera.near,
+        camera_far: frame.shot.camera.far,
+        camera_fov: frame.shot.camera.fov,
+        metres: frame.shot.camera.metres,
         depth: frame.depth,
         motion: frame.motion,
         ..Default::default()
@@ -235,34 +309,39 @@ fn in_one(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
         frame_id,
         flags: FrameFlags::NO_SWAPCHAIN,
         command_list: frame.command_list,
-        render_size: frame.render_size,
-        jitter: frame.jitter,
-        motion_scale: frame.motion_scale,
-        frame_time: frame.frame_time,
+        render_size: frame.shot.render_size,
+        jitter: frame.shot.jitter,
+        motion_scale: frame.shot.motion_scale,
+        frame_time: frame.shot.frame_time,
         reset,
-        camera_near: frame.camera.near,
-        camera_far: frame.camera.far,
-        camera_fov: frame.camera.fov,
-        metres: frame.camera.metres,
+        camera_near: frame.shot.camera.near,
+        camera_far: frame.shot.camera.far,
+        camera_fov: frame.shot.camera.fov,
+        metres: frame.shot.camera.metres,
         depth: frame.depth,
         motion: frame.motion,
-        camera_position: frame.camera.position,
-        camera_up: frame.camera.up,
-        camera_right: frame.camera.right,
-        camera_forward: frame.camera.forward,
+        camera_position: frame.shot.camera.position,
+        camera_up: frame.shot.camera.up,
+        camera_right: frame.shot.camera.right,
+        camera_forward: frame.shot.camera.forward,
         ..Default::default()
     }
 }
 
 /// What is wrong with a frame for a generator that was made so: the field, and why.
-fn fault(frame: &Frame, made: &CreateFrameGeneration) -> Option<(&'static str, &'static str)> {
+fn fault(
+    frame: &Frame,
+    made: &CreateFrameGeneration,
+    hudless: SurfaceFormat,
+    had_distortion: bool,
+) -> Option<(&'static str, &'static str)> {
     if frame.command_list.is_null() {
         return Some(("command_list", "it is null"));
     }
-    if let Some(why) = frame.render_size.fault() {
+    if let Some(why) = frame.shot.render_size.fault() {
         return Some(("render_size", why));
     }
-    let (render, largest, shown) = (frame.render_size, made.max_render_size, made.display_size);
+    let (render, largest, shown) = (frame.shot.render_size, made.max_render_size, made.display_size);
     if render.width > largest.width || render.height > largest.height {
         return Some(("render_size", "it is larger than what the generator was made for"));
     }
@@ -277,10 +356,18 @@ fn fault(frame: &Frame, made: &CreateFrameGeneration) -> Option<(&'static str, &
             return Some((field, why));
         }
     }
-    if !frame.hudless.resource.is_null()
-        && let Some(why) = frame.hudless.fault(shown)
-    {
-        return Some(("hudless", why));
+    if frame.distortion.resource.is_null() && had_distortion {
+        return Some(("distortion", "frames before had one, and a provider goes on with the last"));
+    }
+    for (field, resource) in [("hudless", &frame.hudless), ("distortion", &frame.distortion)] {
+        if !resource.resource.is_null()
+            && let Some(why) = resource.fault(shown)
+        {
+            return Some((field, why));
+        }
+    }
+    if !frame.hudless.resource.is_null() && frame.hudless.description.format != hudless {
+        return Some(("hudless", "its format is not the one that the generator was made for"));
     }
     for (field, resource) in [("color", &frame.color), ("output", &frame.output)] {
         if resource.description.format != made.back_buffer_format {
@@ -291,20 +378,34 @@ fn fault(frame: &Frame, made: &CreateFrameGeneration) -> Option<(&'static str, &
         return Some(("output", "it is the frame itself"));
     }
     let numbers = [
-        ("jitter", frame.jitter),
-        ("motion_scale", frame.motion_scale),
-        ("luminance", Coordinates { x: frame.luminance[0], y: frame.luminance[1] }),
+        ("jitter", frame.shot.jitter),
+        ("motion_scale", frame.shot.motion_scale),
+        ("luminance", Coordinates { x: frame.shot.luminance[0], y: frame.shot.luminance[1] }),
     ];
     if let Some((field, _)) = numbers.into_iter().find(|(_, pair)| !pair.x.is_finite() || !pair.y.is_finite()) {
         return Some((field, "it must be finite"));
     }
-    if !(frame.frame_time.is_finite() && frame.frame_time > 0.0) {
+    if !(frame.shot.frame_time.is_finite() && frame.shot.frame_time > 0.0) {
         return Some(("frame_time", "it must be above 0"));
     }
-    if let Some(why) = frame.rect.fault(shown) {
+    if let Some(why) = frame.shot.rect.fault(shown) {
         return Some(("rect", why));
     }
-    frame.camera.fault(made.flags.contains(CreateFlags::DEPTH_INFINITE))
+    let is_hdr = made.flags.contains(CreateFlags::HIGH_DYNAMIC_RANGE);
+    match frame.shot.transfer {
+        TransferFunction::SRGB => {}
+        TransferFunction::PQ | TransferFunction::SCRGB if is_hdr => {
+            let [darkest, brightest] = frame.shot.luminance;
+            if !(darkest >= 0.0 && brightest > darkest) {
+                return Some(("luminance", "it must go up from 0 or more"));
+            }
+        }
+        TransferFunction::PQ | TransferFunction::SCRGB => {
+            return Some(("transfer", "the generator was not made for high dynamic range"));
+        }
+        _ => return Some(("transfer", "it is none that is known")),
+    }
+    frame.shot.camera.fault(made.flags.contains(CreateFlags::DEPTH_INFINITE))
 }
 
 #[cfg(test)]

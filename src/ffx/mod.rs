@@ -19,14 +19,24 @@ mod provider;
 mod requirements;
 #[cfg(windows)]
 mod resource;
+#[cfg(windows)]
+mod self_test;
+#[cfg(windows)]
+mod textures;
+#[cfg(windows)]
+mod watch;
 
 pub use api::{Api, Effect};
 pub use chain::{Chain, Described, Extends, Header};
 pub use context::{Context, Provider};
-pub use generator::{Camera, Frame, Generator};
+pub use generator::{Camera, Frame, Generator, Shot};
 pub use library::Part;
 #[cfg(windows)]
 pub use library::{File, FileVersion, Library, LoadOptions};
 pub use provider::{Choice, Dialect, Family, Version, choose, versions};
 #[cfg(windows)]
 pub use requirements::{Needed, Requirement, requirements};
+#[cfg(windows)]
+pub use textures::{Pictures, TextureGenerator, TextureOptions};
+#[cfg(windows)]
+pub use watch::Seen;

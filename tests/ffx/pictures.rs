@@ -1,8 +1,8 @@
 //! The textures of a frame as an engine makes them, filled and read by the processor.
-#![allow(dead_code, reason = "each test program uses its part")]
+#![allow(dead_code, unused_imports, reason = "each test program uses its part")]
 
-use cairn::ffx::bindings::{Coordinates, Dimensions, Rect, Resource, ResourceState, TransferFunction};
-use cairn::ffx::{Camera, Frame};
+use cairn::ffx::bindings::{Dimensions, Resource, ResourceState};
+use cairn::ffx::{Frame, Shot};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
@@ -10,8 +10,8 @@ use cairn::gpu::windows::core::Interface;
 
 #[path = "../d3d12/pictures.rs"]
 mod primitives;
-pub(crate) use primitives::run;
-use primitives::{Kept, becomes, buffer, flat, made, read};
+pub(crate) use primitives::{Kept, flat, made, run, texture};
+use primitives::{becomes, buffer, read};
 
 /// Bytes of a pixel of every texture here.
 const PIXEL: usize = 4;
@@ -54,16 +54,9 @@ impl Textures {
             output: resource(&self.output),
             depth: resource(&self.depth),
             motion: resource(&self.motion),
-            render_size: self.size,
-            jitter: Coordinates::default(),
-            motion_scale: Coordinates { x: 1.0, y: 1.0 },
-            frame_time: 66.6,
-            camera: Camera::default(),
-            reset,
             hudless: Resource::default(),
-            rect: Rect::default(),
-            transfer: TransferFunction::SRGB,
-            luminance: [0.0, 100.0],
+            distortion: Resource::default(),
+            shot: Shot { reset, ..Shot::of(self.size) },
         }
     }
 
@@ -111,7 +104,12 @@ impl Textures {
 
     /// All pixels of the generated frame, row by row.
     pub(crate) fn generated(&self) -> Vec<[u8; PIXEL]> {
-        let bytes = read(&self.gpu, &self.output, self.size.width as usize * PIXEL);
+        self.pixels(&self.output)
+    }
+
+    /// All pixels of a texture of that size.
+    pub(crate) fn pixels(&self, texture: &Kept) -> Vec<[u8; PIXEL]> {
+        let bytes = read(&self.gpu, texture, self.size.width as usize * PIXEL);
         bytes.as_chunks().0.to_vec()
     }
 }

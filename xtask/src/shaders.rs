@@ -1,6 +1,7 @@
-//! `cargo xtask shaders`: HLSL to the DXBC that the library carries, with Microsoft's compiler in the lab or on Windows.
+//! `cargo xtask shaders`: HLSL to the DXBC that the library carries, and the double of AMD's libraries, with Microsoft's compiler in the
+//! lab or on Windows.
 //!
-//! Each `NAME.hlsl` of the folder has its `NAME.dxbc` beside it, and `compiled.txt` says which text which blob was made of, so that
+//! Each `NAME.hlsl` of a folder has its `NAME.dxbc` beside it, and `compiled.txt` says which text which blob was made of, so that
 //! a machine without the lab also sees when one has changed without the other.
 
 use std::collections::BTreeMap;
@@ -15,7 +16,7 @@ use crate::clone::Clone;
 use crate::{lab, shell};
 
 /// Where they are.
-const FOLDER: &str = "src/gpu/shaders";
+pub(crate) const FOLDERS: [&str; 2] = ["src/gpu/shaders", "tests/ffx-double/src"];
 /// The Windows program that hands texts to the compiler.
 const COMPILER: &str = "tests/lab/compile.rs";
 /// Which blob was made of which text.
@@ -23,8 +24,9 @@ const RECORD: &str = "compiled.txt";
 /// The first lines of the record.
 const RECORD_HEAD: &str = "# Written by `cargo xtask shaders`: each shader, the SHA-256 of its text and of all that may be included, and of its blob.\n";
 
-/// The shaders of a clone.
+/// The shaders of a folder.
 pub(crate) struct Shaders {
+    name: &'static str,
     folder: PathBuf,
     /// Names without endings.
     pub(crate) names: Vec<String>,
@@ -33,8 +35,8 @@ pub(crate) struct Shaders {
 }
 
 impl Shaders {
-    pub(crate) fn find(clone: &Clone) -> Result<Self, String> {
-        let folder = clone.root.join(FOLDER);
+    pub(crate) fn find(clone: &Clone, name: &'static str) -> Result<Self, String> {
+        let folder = clone.root.join(name);
         let entries = fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         files.sort();
@@ -46,7 +48,7 @@ impl Shaders {
                 _ => {}
             }
         }
-        Ok(Self { folder, names, included })
+        Ok(Self { name, folder, names, included })
     }
 
     fn source(&self, name: &str) -> PathBuf {
@@ -77,7 +79,9 @@ impl Shaders {
         };
         match self.record().map(|record| record.get(name).cloned()) {
             Ok(Some(recorded)) if recorded == line => None,
-            Ok(_) => Some(format!("{FOLDER}/{name}: the text or the blob is another than {RECORD} says: {remedy}")),
+            Ok(_) => {
+                Some(format!("{}/{name}: the text or the blob is another than {RECORD} says: {remedy}", self.name))
+            }
             Err(why) => Some(format!("{why}: {remedy}")),
         }
     }
@@ -128,24 +132,26 @@ pub(crate) fn made(out: &Path, name: &str) -> PathBuf {
     out.join(format!("{name}.dxbc"))
 }
 
-/// Compiles every shader, and writes blobs and record anew.
+/// Compiles every shader, and writes blobs and records anew.
 pub(crate) fn compile(clone: &Clone) -> Result<(), String> {
-    let shaders = Shaders::find(clone)?;
-    let out = clone.target.join("xtask").join("shaders");
-    shell::pass_through(&mut shaders.compiler(clone, &out)?)?;
-    let mut record = RECORD_HEAD.to_owned();
-    for name in &shaders.names {
-        let (from, to) = (made(&out, name), shaders.blob(name));
-        fs::copy(&from, &to).map_err(|e| format!("{}: {e}", to.display()))?;
-        record += &shaders.line(name)?;
-        record.push('\n');
+    for folder in FOLDERS {
+        let shaders = Shaders::find(clone, folder)?;
+        let out = clone.target.join("xtask").join("shaders");
+        shell::pass_through(&mut shaders.compiler(clone, &out)?)?;
+        let mut record = RECORD_HEAD.to_owned();
+        for name in &shaders.names {
+            let (from, to) = (made(&out, name), shaders.blob(name));
+            fs::copy(&from, &to).map_err(|e| format!("{}: {e}", to.display()))?;
+            record += &shaders.line(name)?;
+            record.push('\n');
+        }
+        for name in shaders.left_over().unwrap_or_default() {
+            _ = fs::remove_file(shaders.blob(&name));
+        }
+        let path = shaders.folder.join(RECORD);
+        fs::write(&path, record).map_err(|e| format!("{}: {e}", path.display()))?;
+        eprintln!("{} shaders compiled into {folder}", shaders.names.len());
     }
-    for name in shaders.left_over().unwrap_or_default() {
-        _ = fs::remove_file(shaders.blob(&name));
-    }
-    let path = shaders.folder.join(RECORD);
-    fs::write(&path, record).map_err(|e| format!("{}: {e}", path.display()))?;
-    eprintln!("{} shaders compiled into {FOLDER}", shaders.names.len());
     Ok(())
 }
 

@@ -26,23 +26,31 @@ fn frame() -> Frame {
         output: picture(0x200, SurfaceFormat::R8G8B8A8_UNORM),
         depth: picture(0x300, SurfaceFormat::R32_FLOAT),
         motion: picture(0x400, SurfaceFormat::R16G16_FLOAT),
-        render_size: SIZE,
-        jitter: Coordinates::default(),
-        motion_scale: Coordinates { x: 1.0, y: 1.0 },
-        frame_time: 66.6,
-        camera: Camera::default(),
-        reset: false,
         hudless: Resource::default(),
-        rect: Rect::default(),
-        transfer: TransferFunction::SRGB,
-        luminance: [0.0, 100.0],
+        distortion: Resource::default(),
+        shot: Shot::of(SIZE),
     }
 }
 
+/// A frame that was told otherwise.
+fn shot(told: impl FnOnce(&mut Shot)) -> Frame {
+    let mut frame = frame();
+    told(&mut frame.shot);
+    frame
+}
+
 fn generator(runs: (u64, &'static std::ffi::CStr)) -> Generator {
+    made(runs, head(), None)
+}
+
+fn made(
+    runs: (u64, &'static std::ffi::CStr),
+    head: CreateFrameGeneration,
+    hudless: Option<SurfaceFormat>,
+) -> Generator {
     PLAY.set(Play { offers: vec![runs], runs: Some(runs), ..Play::default() });
     // SAFETY: the library played here uses no device.
-    let made = unsafe { Generator::create(&api(), 0x1000 as *mut c_void, Choice::Any, head()) };
+    let made = unsafe { Generator::create(&api(), 0x1000 as *mut c_void, Choice::Any, head, hudless) };
     PLAY.with_borrow_mut(|play| play.calls.clear());
     made.expect("a generator")
 }
@@ -83,14 +91,14 @@ fn ids_go_up_by_one_and_history_is_dropped_at_the_start_at_cuts_and_after_a_fail
     for runs in [ANALYTIC_20, ML] {
         let mut generator = generator(runs);
         let ask = |generator: &mut Generator, reset| {
-            record(generator, &Frame { reset, ..frame() }).map(|()| asked(generator))
+            record(generator, &shot(|shot| shot.reset = reset)).map(|()| asked(generator))
         };
         assert_eq!(ask(&mut generator, false).expect("recorded"), (1, true));
         assert_eq!(ask(&mut generator, false).expect("recorded"), (2, false));
         assert_eq!(ask(&mut generator, true).expect("recorded"), (3, true));
         assert_eq!(ask(&mut generator, false).expect("recorded"), (4, false));
         // What is refused before any call leaves history as it was.
-        assert!(record(&mut generator, &Frame { frame_time: 0.0, ..frame() }).is_err());
+        assert!(record(&mut generator, &shot(|shot| shot.frame_time = 0.0)).is_err());
         assert_eq!(ask(&mut generator, false).expect("recorded"), (5, false));
         PLAY.with_borrow_mut(|play| play.refuses = vec![(StructId::FRAME_GENERATION_DISPATCH, ReturnCode(3))]);
         assert_eq!(ask(&mut generator, false).expect_err("it fails").kind(), ErrorKind::Device);
@@ -113,26 +121,36 @@ fn everything_of_a_frame_reaches_the_library() {
         metres: 2.0,
     };
     let frame = Frame {
-        camera,
-        jitter: Coordinates { x: 0.25, y: -0.25 },
-        motion_scale: Coordinates { x: 640.0, y: -360.0 },
-        hudless: picture(0x500, SurfaceFormat::R8G8B8A8_UNORM),
-        rect: Rect { left: 10, top: 20, width: 620, height: 320 },
-        transfer: TransferFunction::PQ,
-        luminance: [0.25, 800.0],
+        hudless: picture(0x500, SurfaceFormat::B8G8R8A8_UNORM),
+        distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT),
+        shot: Shot {
+            camera,
+            jitter: Coordinates { x: 0.25, y: -0.25 },
+            motion_scale: Coordinates { x: 640.0, y: -360.0 },
+            rect: Rect { left: 10, top: 20, width: 620, height: 320 },
+            transfer: TransferFunction::PQ,
+            luminance: [0.25, 800.0],
+            ..Shot::of(SIZE)
+        },
         ..frame()
     };
+    let told_of = frame.shot;
     let shared = format!(
         "{:?} {:?} {:?} {:?} {:?}",
-        frame.jitter, frame.motion_scale, frame.frame_time, frame.depth.resource, frame.motion.resource
+        told_of.jitter, told_of.motion_scale, told_of.frame_time, frame.depth.resource, frame.motion.resource
     );
     for runs in [ANALYTIC_20, ML] {
-        let mut generator = generator(runs);
+        let flags = CreateFlags::HIGH_DYNAMIC_RANGE | CreateFlags::ASYNC_WORKLOAD;
+        let hudless = Some(SurfaceFormat::B8G8R8A8_UNORM);
+        let mut generator = made(runs, CreateFrameGeneration { flags, ..head() }, hudless);
         record(&mut generator, &frame).expect("recorded");
         let (settings, picture) = (generator.settings.head(), generator.dispatch.head());
         assert_eq!(settings.hudless.resource, frame.hudless.resource);
+        assert!(settings.allow_async);
+        let link = generator.settings.link::<ConfigureDistortion>().expect("a distortion");
+        assert_eq!(link.field.resource, frame.distortion.resource);
         assert_eq!((settings.rect.left, picture.rect.height), (10, 320));
-        assert_eq!((picture.transfer, picture.luminance, picture.frames), (frame.transfer, frame.luminance, 1));
+        assert_eq!((picture.transfer, picture.luminance, picture.frames), (told_of.transfer, told_of.luminance, 1));
         assert_eq!(
             [picture.present_color.resource, picture.outputs[0].resource],
             [frame.color.resource, frame.output.resource]
@@ -168,8 +186,8 @@ fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
     type Spoil = fn(&mut Frame);
     let spoils: &[(Spoil, &str)] = &[
         (|f| f.command_list = std::ptr::null_mut(), "command_list"),
-        (|f| f.render_size.width = 0, "render_size"),
-        (|f| f.render_size.width = 641, "render_size"),
+        (|f| f.shot.render_size.width = 0, "render_size"),
+        (|f| f.shot.render_size.width = 641, "render_size"),
         (|f| f.color.resource = std::ptr::null_mut(), "color"),
         (|f| f.color.description.format = SurfaceFormat::B8G8R8A8_UNORM, "color"),
         (|f| f.color.description.height = 359, "color"),
@@ -186,26 +204,30 @@ fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
         (|f| f.motion.description.width = 320, "motion"),
         (|f| f.motion.state = ResourceState(0), "motion"),
         (|f| f.hudless = Resource { state: ResourceState(3), ..f.color }, "hudless"),
-        (|f| f.jitter.x = f32::NAN, "jitter"),
-        (|f| f.motion_scale.y = f32::INFINITY, "motion_scale"),
-        (|f| f.luminance[1] = f32::NAN, "luminance"),
-        (|f| f.frame_time = 0.0, "frame_time"),
-        (|f| f.frame_time = f32::NAN, "frame_time"),
-        (|f| f.frame_time = f32::INFINITY, "frame_time"),
-        (|f| f.rect.left = -1, "rect"),
-        (|f| f.rect.width = 10, "rect"),
-        (|f| f.rect = Rect { left: i32::MAX, top: 0, width: i32::MAX, height: 1 }, "rect"),
-        (|f| f.rect = Rect { left: 1, top: 0, width: 640, height: 360 }, "rect"),
-        (|f| f.camera.position[2] = f32::NAN, "camera.position"),
-        (|f| f.camera.up = [0.0; 3], "camera.up"),
-        (|f| f.camera.right = [2.0, 0.0, 0.0], "camera.right"),
-        (|f| f.camera.forward[0] = f32::NAN, "camera.forward"),
-        (|f| f.camera.near = 0.0, "camera.near"),
-        (|f| f.camera.far = f.camera.near, "camera.far"),
-        (|f| f.camera.far = f32::NAN, "camera.far"),
-        (|f| f.camera.fov = std::f32::consts::PI, "camera.fov"),
-        (|f| f.camera.fov = 0.0, "camera.fov"),
-        (|f| f.camera.metres = 0.0, "camera.metres"),
+        (|f| f.hudless = picture(0x500, SurfaceFormat::B8G8R8A8_UNORM), "hudless"),
+        (|f| f.distortion = Resource { state: ResourceState(3), ..f.motion }, "distortion"),
+        (|f| f.shot.jitter.x = f32::NAN, "jitter"),
+        (|f| f.shot.motion_scale.y = f32::INFINITY, "motion_scale"),
+        (|f| f.shot.luminance[1] = f32::NAN, "luminance"),
+        (|f| f.shot.transfer = TransferFunction::PQ, "transfer"),
+        (|f| f.shot.transfer = TransferFunction(3), "transfer"),
+        (|f| f.shot.frame_time = 0.0, "frame_time"),
+        (|f| f.shot.frame_time = f32::NAN, "frame_time"),
+        (|f| f.shot.frame_time = f32::INFINITY, "frame_time"),
+        (|f| f.shot.rect.left = -1, "rect"),
+        (|f| f.shot.rect.width = 10, "rect"),
+        (|f| f.shot.rect = Rect { left: i32::MAX, top: 0, width: i32::MAX, height: 1 }, "rect"),
+        (|f| f.shot.rect = Rect { left: 1, top: 0, width: 640, height: 360 }, "rect"),
+        (|f| f.shot.camera.position[2] = f32::NAN, "camera.position"),
+        (|f| f.shot.camera.up = [0.0; 3], "camera.up"),
+        (|f| f.shot.camera.right = [2.0, 0.0, 0.0], "camera.right"),
+        (|f| f.shot.camera.forward[0] = f32::NAN, "camera.forward"),
+        (|f| f.shot.camera.near = 0.0, "camera.near"),
+        (|f| f.shot.camera.far = f.shot.camera.near, "camera.far"),
+        (|f| f.shot.camera.far = f32::NAN, "camera.far"),
+        (|f| f.shot.camera.fov = std::f32::consts::PI, "camera.fov"),
+        (|f| f.shot.camera.fov = 0.0, "camera.fov"),
+        (|f| f.shot.camera.metres = 0.0, "camera.metres"),
     ];
     let mut generator = generator(ML);
     for (spoil, field) in spoils {
@@ -224,13 +246,24 @@ fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
 
 #[test]
 fn how_it_was_made_decides_what_is_right() {
-    let made = |flags| CreateFrameGeneration { flags, ..head() };
-    let endless = Frame { camera: Camera { far: f32::INFINITY, ..Camera::default() }, ..frame() };
-    assert_eq!(fault(&endless, &made(CreateFlags::empty())).map(|(field, _)| field), Some("camera.far"));
-    assert_eq!(fault(&endless, &made(CreateFlags::DEPTH_INFINITE)), None);
+    let format = head().back_buffer_format;
+    let wrong = |frame: &Frame, flags| {
+        fault(frame, &CreateFrameGeneration { flags, ..head() }, format, false).map(|(field, _)| field)
+    };
+    let endless = shot(|shot| shot.camera.far = f32::INFINITY);
+    assert_eq!(wrong(&endless, CreateFlags::empty()), Some("camera.far"));
+    assert_eq!(wrong(&endless, CreateFlags::DEPTH_INFINITE), None);
     let half = Dimensions { width: 320, height: 180 };
-    let mut small = Frame { render_size: half, ..frame() };
+    let mut small = shot(|shot| shot.render_size = half);
     (small.depth.description.width, small.depth.description.height) = (half.width, half.height);
-    assert_eq!(fault(&small, &made(CreateFlags::empty())).map(|(field, _)| field), Some("motion"));
-    assert_eq!(fault(&small, &made(CreateFlags::DISPLAY_RESOLUTION_MOTION)), None);
+    assert_eq!(wrong(&small, CreateFlags::empty()), Some("motion"));
+    assert_eq!(wrong(&small, CreateFlags::DISPLAY_RESOLUTION_MOTION), None);
+    let bright = |luminance| shot(|shot| (shot.transfer, shot.luminance) = (TransferFunction::SCRGB, luminance));
+    assert_eq!(wrong(&bright([0.0, 400.0]), CreateFlags::empty()), Some("transfer"));
+    assert_eq!(wrong(&bright([0.0, 400.0]), CreateFlags::HIGH_DYNAMIC_RANGE), None);
+    for luminance in [[400.0, 400.0], [-1.0, 400.0]] {
+        assert_eq!(wrong(&bright(luminance), CreateFlags::HIGH_DYNAMIC_RANGE), Some("luminance"));
+    }
+    // Once there was a distortion, the next frame's must be told.
+    assert_eq!(fault(&frame(), &head(), format, true).map(|(field, _)| field), Some("distortion"));
 }

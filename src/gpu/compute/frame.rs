@@ -58,10 +58,10 @@ impl<'a> Frame<'a> {
         list: ID3D12GraphicsCommandList,
         own: bool,
     ) -> Self {
-        let heaps = [Some(heap.clone())];
-        // SAFETY: an open list and a live heap, which the ring keeps until the list has run.
-        unsafe { list.SetDescriptorHeaps(&heaps) };
-        Self { gpu, heap, step, room, next: slot.first, kind, slot, list, own, open: true, is_written: false }
+        let frame =
+            Self { gpu, heap, step, room, next: slot.first, kind, slot, list, own, open: true, is_written: false };
+        frame.resume();
+        frame
     }
 
     /// Ends the frame and gives it to `queue`, of the kind that the ring was made for; the moment when it has run.
@@ -188,6 +188,28 @@ impl<'a> Frame<'a> {
         // SAFETY: an open list, and live resources of its device in the states for it, which the ring holds.
         unsafe { self.list.CopyTextureRegion(&to, 0, 0, 0, &from, None) };
         Ok(())
+    }
+
+    /// Brings a resource into `state`, and holds it, for what somebody else records into [`list`](Self::list), who leaves it so.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states.
+    pub(crate) fn bring(&mut self, given: &Resting<'_>, state: D3D12_RESOURCE_STATES) -> Result<()> {
+        self.takes(given)?;
+        self.becomes(given, state);
+        self.flush();
+        Ok(())
+    }
+
+    /// What it is recorded into.
+    pub(crate) fn list(&self) -> &ID3D12GraphicsCommandList {
+        &self.list
+    }
+
+    /// Goes on after somebody else has recorded into the list, who set heaps of their own.
+    pub(crate) fn resume(&self) {
+        // SAFETY: an open list and a live heap, which the ring keeps until the list has run.
+        unsafe { self.list.SetDescriptorHeaps(&[Some(self.heap.clone())]) };
     }
 
     /// Refuses a resource whose state does not fit: one that the queue does not know, or another than it was given in before.

@@ -15,4 +15,4 @@ pub(crate) use frame::Table;
 pub use frames::{FRAMES_IN_FLIGHT, Frames};
 pub(crate) use kernel::{Kernel, Shape};
 pub use view::Resting;
-pub(crate) use view::{Texture, View, Words, texture};
+pub(crate) use view::{Texture, View, Words, texture, untyped};

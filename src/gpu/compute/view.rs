@@ -157,7 +157,7 @@ pub(crate) fn texture(gpu: &Gpu, given: &Resting<'_>, formats: &[DXGI_FORMAT], f
 }
 
 /// The format that a shader writes where a texture leaves it open.
-fn untyped(format: DXGI_FORMAT) -> DXGI_FORMAT {
+pub(crate) fn untyped(format: DXGI_FORMAT) -> DXGI_FORMAT {
     match format {
         DXGI_FORMAT_R8G8B8A8_TYPELESS => DXGI_FORMAT_R8G8B8A8_UNORM,
         DXGI_FORMAT_B8G8R8A8_TYPELESS => DXGI_FORMAT_B8G8R8A8_UNORM,

@@ -10,6 +10,7 @@ use windows::core::{IUnknown, Interface};
 
 use crate::memory::get;
 use crate::role::Sdk;
+use crate::work::{self, CONSTANTS, Pictures, Told};
 
 /// Ids of the structs, and of those that may follow them.
 pub(crate) const CONFIGURE: u64 = 0x2_0002;
@@ -22,12 +23,34 @@ pub(crate) const PREPARE_V2: u64 = 0x2_000c;
 /// No swapchain of AMD's is told.
 const NO_SWAPCHAIN: u32 = 8;
 
-/// What a context was made for, and where in a frame it is.
-#[derive(Debug, Clone)]
+/// Flags that a context is made with.
+const ASYNC: u32 = 1;
+const DISPLAY_RESOLUTION_MOTION: u32 = 2;
+const MOTION_JITTER: u32 = 4;
+const DEPTH_INVERTED: u32 = 8;
+const HIGH_DYNAMIC_RANGE: u32 = 32;
+
+/// What a context was made for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Made {
+    pub(crate) flags: u32,
+    pub(crate) shown: [u32; 2],
+    pub(crate) render: [u32; 2],
+    pub(crate) format: u32,
+    pub(crate) hudless: u32,
+}
+
+/// Where in a frame a context is, and what it was told of it.
+#[derive(Debug)]
 pub(crate) struct Frames {
-    shown: [u32; 2],
-    render: [u32; 2],
-    format: u32,
+    made: Made,
+    /// What the settings say.
+    hudless: Option<Told>,
+    distortion: Option<Told>,
+    rect: [i32; 4],
+    is_async: bool,
+    /// What was told of motion and depth.
+    seen: Option<Seen>,
     /// What was called of the present frame, with its id.
     settings: Option<u64>,
     prepared: Option<u64>,
@@ -35,17 +58,51 @@ pub(crate) struct Frames {
     last: Option<u64>,
 }
 
+/// What was told of motion and depth.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    motion: Told,
+    depth: Told,
+    size: [u32; 2],
+    jitter: [f32; 2],
+    scale: [f32; 2],
+}
+
+// SAFETY: addresses of the caller's objects, which are free-threaded.
+unsafe impl Send for Frames {}
+
+/// A frame that was asked for as it should be: its list, its pictures, and what the shader is told but for how it plays.
+pub(crate) struct Asked {
+    pub(crate) list: *mut c_void,
+    pub(crate) pictures: Pictures,
+    pub(crate) constants: [u32; CONSTANTS],
+}
+
 impl Frames {
-    /// Of a context for pictures of that size and format, rendered at most so large.
-    pub(crate) fn new(shown: [u32; 2], render: [u32; 2], format: u32) -> Self {
-        Self { shown, render, format, settings: None, prepared: None, last: None }
+    pub(crate) fn new(made: Made) -> Self {
+        Self {
+            made,
+            hudless: None,
+            distortion: None,
+            rect: [0; 4],
+            is_async: false,
+            seen: None,
+            settings: None,
+            prepared: None,
+            last: None,
+        }
     }
 
-    /// Judges one call; faults go to `fault`.
+    /// Judges one call; faults go to `fault`. Gives what is to be recorded for a picture.
     ///
     /// # Safety
     /// A chain of structs that are what their ids say.
-    pub(crate) unsafe fn judge(&mut self, sdk: Sdk, chain: &[(u64, *const u8)], fault: &mut dyn FnMut(String)) {
+    pub(crate) unsafe fn judge(
+        &mut self,
+        sdk: Sdk,
+        chain: &[(u64, *const u8)],
+        fault: &mut dyn FnMut(String),
+    ) -> Option<Asked> {
         let (first, head) = chain[0];
         let may_follow = match first {
             CONFIGURE => &[DISTORTION][..],
@@ -60,14 +117,15 @@ impl Frames {
         // SAFETY: the caller's promise; each reads at its own struct's offsets.
         unsafe {
             match first {
-                CONFIGURE => self.settings(head, fault),
+                CONFIGURE => self.settings(head, chain.get(1).map(|(_, at)| *at), fault),
                 PREPARE | PREPARE_V2 => self.prepare(head, first == PREPARE_V2, chain, sdk, fault),
-                _ => self.picture(head, fault),
+                _ => return self.picture(head, fault),
             }
         }
+        None
     }
 
-    unsafe fn settings(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) {
+    unsafe fn settings(&mut self, head: *const u8, distortion: Option<*const u8>, fault: &mut dyn FnMut(String)) {
         // SAFETY: fields of the struct.
         let (swapchain, flags, id) = unsafe { (get::<usize>(head, 16), get::<u32>(head, 112), get::<u64>(head, 136)) };
         // SAFETY: as above.
@@ -80,6 +138,40 @@ impl Frames {
         }
         if self.last.is_some_and(|last| id != last + 1) {
             fault(format!("frame {id} follows {:?}", self.last));
+        }
+        // SAFETY: as above.
+        let (is_async, only_generated) = unsafe { (get::<u8>(head, 57), get::<u8>(head, 116)) };
+        if (is_async != 0) != (self.made.flags & ASYNC != 0) || only_generated != 0 {
+            fault(format!(
+                "asynchronous {is_async} of a context with flags {}, only generated {only_generated}",
+                self.made.flags
+            ));
+        }
+        self.is_async = is_async != 0;
+        // SAFETY: as above.
+        self.rect = unsafe { [120, 124, 128, 132].map(|at| get(head, at)) };
+        let [left, top, width, height] = self.rect.map(i64::from);
+        let [columns, rows] = self.made.shown.map(i64::from);
+        if left < 0 || top < 0 || width < 0 || height < 0 || left + width > columns || top + height > rows {
+            fault(format!("the part {:?} of {:?}", self.rect, self.made.shown));
+        }
+        // SAFETY: as above; a picture stands there, or none.
+        self.hudless = unsafe { told(head, 64) };
+        if self.hudless.is_some() {
+            let mut fault = |why| fault(format!("without interface: {why}"));
+            // SAFETY: as above.
+            unsafe { judge_resource(head, 64, self.made.shown, Some(self.made.hudless), false, &mut fault) };
+        }
+        // As AMD's: what was told once stays.
+        if let Some(link) = distortion {
+            let mut fault = |why| fault(format!("distortion: {why}"));
+            // SAFETY: a picture stands there.
+            unsafe {
+                judge_resource(link, 16, self.made.shown, None, false, &mut fault);
+                self.distortion = told(link, 16);
+            }
+        } else if self.distortion.is_some() {
+            fault("the distortion of a frame before is still there".to_owned());
         }
         (self.settings, self.prepared) = (Some(id), None);
     }
@@ -102,16 +194,17 @@ impl Frames {
             fault(format!("motion and depth of frame {id} after settings of {:?}", self.settings));
         }
         // SAFETY: the caller's list.
-        unsafe { judge_list(list, fault) };
-        if size[0] == 0 || size[1] == 0 || size[0] > self.render[0] || size[1] > self.render[1] {
-            fault(format!("render size {size:?} of {:?}", self.render));
+        unsafe { judge_list(list, self.is_async, fault) };
+        if size[0] == 0 || size[1] == 0 || size[0] > self.made.render[0] || size[1] > self.made.render[1] {
+            fault(format!("render size {size:?} of {:?}", self.made.render));
         }
         // SAFETY: as above.
         let numbers = unsafe { [48, 52, 56, 60, 64, 72, 76, 80, 84].map(|at| get::<f32>(head, at)) };
         if !numbers.iter().all(|number| number.is_finite()) || numbers[4] <= 0.0 || numbers[7] <= 0.0 {
             fault(format!("jitter, scale, time and camera {numbers:?}"));
         }
-        for (name, at) in [("depth", 88), ("motion", 136)] {
+        let of_motion = if self.made.flags & DISPLAY_RESOLUTION_MOTION != 0 { self.made.shown } else { size };
+        for (name, at, size) in [("depth", 88, size), ("motion", 136, of_motion)] {
             // SAFETY: a resource stands there.
             unsafe { judge_resource(head, at, size, None, false, &mut |why| fault(format!("{name}: {why}"))) };
         }
@@ -129,16 +222,22 @@ impl Frames {
             }
             None => fault("there is no camera".to_owned()),
         }
+        // SAFETY: as above.
+        let pictures = unsafe { [88, 136].map(|at| told(head, at)) };
+        if let [Some(depth), Some(motion)] = pictures {
+            let [a, b, c, d, ..] = numbers;
+            self.seen = Some(Seen { motion, depth, size, jitter: [a, b], scale: [c, d] });
+        }
         self.prepared = Some(id);
     }
 
-    unsafe fn picture(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) {
+    unsafe fn picture(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<Asked> {
         // SAFETY: fields of the struct.
         let (list, frames, reset, id) = unsafe {
             (get::<*mut c_void>(head, 16), get::<u32>(head, 264), get::<u8>(head, 268), get::<u64>(head, 304))
         };
         // SAFETY: the caller's list.
-        unsafe { judge_list(list, fault) };
+        unsafe { judge_list(list, self.is_async, fault) };
         if [self.settings, self.prepared] != [Some(id); 2] {
             fault(format!("a picture of frame {id} after {:?} and {:?}", self.settings, self.prepared));
         }
@@ -148,18 +247,71 @@ impl Frames {
         for (name, at, is_written) in [("color", 24, false), ("output", 72, true)] {
             let mut fault = |why| fault(format!("{name}: {why}"));
             // SAFETY: a resource stands there.
-            unsafe { judge_resource(head, at, self.shown, Some(self.format), is_written, &mut fault) };
+            unsafe { judge_resource(head, at, self.made.shown, Some(self.made.format), is_written, &mut fault) };
         }
         // SAFETY: three more outputs stand behind the first.
         if [120, 168, 216].iter().any(|at| unsafe { get::<usize>(head, *at) } != 0) {
             fault("more outputs than frames".to_owned());
         }
+        // SAFETY: fields of the struct.
+        let (transfer, luminance, rect) = unsafe {
+            (
+                get::<u32>(head, 272),
+                [276, 280].map(|at| get::<f32>(head, at)),
+                [284, 288, 292, 296].map(|at| get::<i32>(head, at)),
+            )
+        };
+        if rect != self.rect {
+            fault(format!("the part {rect:?} after settings of {:?}", self.rect));
+        }
+        let is_hdr = self.made.flags & HIGH_DYNAMIC_RANGE != 0;
+        let goes_up = luminance[0] >= 0.0 && luminance[1] > luminance[0];
+        if transfer > 2 || (transfer != 0 && !(is_hdr && goes_up)) {
+            fault(format!("transfer function {transfer}, luminance {luminance:?}, flags {}", self.made.flags));
+        }
         self.last = Some(id);
+        // SAFETY: pictures stand there.
+        let (shown, output) = unsafe { (told(head, 24)?, told(head, 72)?) };
+        let seen = self.seen?;
+        let pictures = Pictures {
+            shown,
+            output,
+            hudless: self.hudless,
+            motion: seen.motion,
+            depth: seen.depth,
+            distortion: self.distortion,
+        };
+        let [left, top, width, height] = rect;
+        let [columns, rows] = self.made.shown.map(u32::cast_signed);
+        let part = if width == 0 { [0, 0, columns, rows] } else { [left, top, left + width, top + height] };
+        let jitter = if self.made.flags & MOTION_JITTER != 0 { seen.jitter } else { [0.0; 2] };
+        let flags: u32 = [
+            (reset != 0, work::RESET),
+            (self.hudless.is_some(), work::HUDLESS),
+            (self.distortion.is_some(), work::DISTORTED),
+            (self.made.flags & DEPTH_INVERTED != 0, work::INVERTED),
+        ]
+        .into_iter()
+        .map(|(is_set, flag)| if is_set { flag } else { 0 })
+        .sum();
+        let mut constants = [0; CONSTANTS];
+        let words = self.made.shown.into_iter().chain(seen.size).chain([0; 2]).chain(seen.scale.map(f32::to_bits));
+        let words = words.chain(part.map(i32::cast_unsigned)).chain(jitter.map(f32::to_bits));
+        let words = words.chain(luminance.map(f32::to_bits)).chain([transfer, flags, 0]);
+        constants.iter_mut().zip(words).for_each(|(place, word)| *place = word);
+        Some(Asked { list, pictures, constants })
     }
 }
 
+/// The picture that stands at an offset, with its state; None for none.
+unsafe fn told(head: *const u8, at: usize) -> Option<Told> {
+    // SAFETY: the fields of a resource stand there, by the caller's promise.
+    let (place, state) = unsafe { (get::<*mut c_void>(head, at), get::<u32>(head, at + 40)) };
+    (!place.is_null()).then_some(Told { place, state })
+}
+
 /// A list that generation can be recorded into.
-unsafe fn judge_list(list: *mut c_void, fault: &mut dyn FnMut(String)) {
+unsafe fn judge_list(list: *mut c_void, is_async: bool, fault: &mut dyn FnMut(String)) {
     // SAFETY: null or an object of COM, by the caller's promise.
     let object = unsafe { IUnknown::from_raw_borrowed(&list) };
     let Some(list) = object.and_then(|object| object.cast::<ID3D12GraphicsCommandList>().ok()) else {
@@ -169,6 +321,9 @@ unsafe fn judge_list(list: *mut c_void, fault: &mut dyn FnMut(String)) {
     let kind = unsafe { list.GetType() };
     if ![D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_COMMAND_LIST_TYPE_COMPUTE].contains(&kind) {
         fault(format!("a list of type {}", kind.0));
+    }
+    if kind == D3D12_COMMAND_LIST_TYPE_COMPUTE && !is_async {
+        fault("a list of a compute queue, which was not told before".to_owned());
     }
 }
 

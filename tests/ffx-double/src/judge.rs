@@ -9,10 +9,11 @@ use windows::Win32::Graphics::Direct3D12::ID3D12Device;
 use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryA};
 use windows::core::{IUnknown, Interface, PCSTR, s};
 
-use crate::frames::{CONFIGURE, Frames, PICTURE, PREPARE, PREPARE_V2};
+use crate::frames::{CONFIGURE, Frames, Made, PICTURE, PREPARE, PREPARE_V2};
 use crate::memory::{get, links, put};
 use crate::role::{Role, Sdk};
-use crate::{NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT, work};
+use crate::work::{CONSTANTS, Work};
+use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, UNKNOWN_STRUCT};
 
 /// Ids of structs, with their effects above.
 mod id {
@@ -40,8 +41,10 @@ pub(crate) struct Judge {
     role: Role,
     /// Live contexts, by their addresses, with the provider of each.
     contexts: HashMap<usize, (u64, CString)>,
-    /// Of those that generate frames, where they are.
-    frames: HashMap<usize, Frames>,
+    /// Of those that generate frames, where they are, and what they have on the device.
+    frames: HashMap<usize, (Frames, Work)>,
+    /// Pictures that were asked for.
+    pictures: u64,
     /// Ids that were handed out.
     offered: Vec<u64>,
     message: Option<Message>,
@@ -218,11 +221,20 @@ impl Judge {
         }
         let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
         let made = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
-        self.contexts.insert(made as usize, provider);
         if let Some(format) = format {
-            let frames = Frames::new([sides[0], sides[1]], [sides[2], sides[3]], format);
-            self.frames.insert(made as usize, frames);
+            // SAFETY: judged to be a device; the reference stays the caller's.
+            let device = unsafe { get::<*mut c_void>(backend, 16) };
+            // SAFETY: as above.
+            let device = unsafe { IUnknown::from_raw_borrowed(&device) }.map(|object| object.cast::<ID3D12Device>());
+            let work = device.and_then(Result::ok).map(|device| Work::new(&device));
+            let Some(Ok(work)) = work else { return self.fault("create", "the device makes nothing", RUNTIME) };
+            // SAFETY: the flags stand at 16.
+            let flags = unsafe { get::<u32>(head, 16) };
+            let (shown, render) = ([sides[0], sides[1]], [sides[2], sides[3]]);
+            let made_for = Made { flags, shown, render, format, hudless: hudless.unwrap_or(format) };
+            self.frames.insert(made as usize, (Frames::new(made_for), work));
         }
+        self.contexts.insert(made as usize, provider);
         // SAFETY: the caller's place.
         unsafe { *context = made };
         OK
@@ -240,7 +252,13 @@ impl Judge {
             let code = unsafe { (behind.destroy)(context, callbacks) };
             return self.note("destroy", &[], code);
         }
-        self.frames.remove(&known);
+        if let Some((_, work)) = self.frames.remove(&known)
+            && work.under_way() > 0
+        {
+            self.fault("destroy", &format!("{} frames are under way", work.under_way()), OK);
+            // What the device uses now must stay.
+            std::mem::forget(work);
+        }
         if self.contexts.remove(&known).is_none() {
             return self.fault("destroy", "there is no such context", PARAMETER);
         }
@@ -294,22 +312,34 @@ impl Judge {
 
     /// One call of a frame.
     unsafe fn frame(&mut self, call: &str, context: usize, chain: &[(u64, *const u8)]) -> u32 {
-        let Some(mut frames) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
+        let Some((mut frames, mut work)) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
         let mut faults = Vec::new();
         // SAFETY: as the caller promises.
-        unsafe { frames.judge(self.role.sdk, chain, &mut |why| faults.push(why)) };
-        self.frames.insert(context, frames);
+        let asked = unsafe { frames.judge(self.role.sdk, chain, &mut |why| faults.push(why)) };
+        if chain[0].0 == PICTURE && work.under_way() >= 4 {
+            faults.push(format!("{} frames are under way", work.under_way()));
+        }
         for why in &faults {
             self.fault(call, why, PARAMETER);
         }
-        if !faults.is_empty() {
-            return PARAMETER;
-        }
-        if chain[0].0 == PICTURE {
+        let mut code = if faults.is_empty() { OK } else { PARAMETER };
+        if let (Some(mut asked), OK) = (asked, code) {
+            let runs = self.contexts.get(&context).map(|(_, name)| name);
+            if self.role.only.is_none() || self.role.only.as_ref() == runs {
+                asked.constants[CONSTANTS - 2] |= self.role.plays;
+            }
+            asked.constants[CONSTANTS - 1] = self.role.slow;
             // SAFETY: list and resources were judged.
-            unsafe { work::copy(chain[0].1) };
+            if unsafe { work.record(asked.list, &asked.pictures, asked.constants) }.is_err() {
+                code = RUNTIME;
+            }
+            self.pictures += 1;
+            if self.role.removes == Some(self.pictures) && work.remove_device().is_err() {
+                code = RUNTIME;
+            }
         }
-        OK
+        self.frames.insert(context, (frames, work));
+        code
     }
 
     pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {

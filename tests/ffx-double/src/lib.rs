@@ -4,6 +4,9 @@
 //! (`role`). What it was asked is appended to `calls.txt` in the same folder, and what was wrong with it to
 //! `judgement.txt`.
 //!
+//! It generates frames with a shader of its own (`interpolate.hlsl`), so that pixels show whether what it was told of motion, depth,
+//! states and all else is right.
+//!
 //! It shares nothing with the bindings under test: what it knows of structs are offsets, in `memory` and where they are read.
 #![cfg(windows)]
 
@@ -19,6 +22,7 @@ use judge::Judge;
 
 const OK: u32 = 0;
 const UNKNOWN_STRUCT: u32 = 2;
+const RUNTIME: u32 = 3;
 const NO_PROVIDER: u32 = 4;
 const PARAMETER: u32 = 6;
 

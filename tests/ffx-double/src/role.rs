@@ -10,6 +10,8 @@ use windows::Win32::System::LibraryLoader::{
 };
 use windows::core::PCWSTR;
 
+use crate::work;
+
 /// One part of a play. The text has a line for each word: `sdk 2.1`, `offers 0xf600000001000001 4.0.1`, and so on.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Role {
@@ -25,6 +27,14 @@ pub(crate) struct Role {
     pub(crate) runs: Option<(u64, CString)>,
     /// `answers CALL CODE TEXT`: that call fails, and the text is sent to who listens.
     pub(crate) answers: Vec<(String, u32, String)>,
+    /// `plays FLAG`: what is wrong with its pictures, by the shader's flags: `through`, `black` or `backwards`.
+    pub(crate) plays: u32,
+    /// `only NAME`: only the provider of that name plays so.
+    pub(crate) only: Option<CString>,
+    /// `slow COUNT`: how often more its shader does all over.
+    pub(crate) slow: u32,
+    /// `removes COUNT`: at which picture the device is taken away.
+    pub(crate) removes: Option<u64>,
     /// Where it is.
     pub(crate) folder: PathBuf,
 }
@@ -72,6 +82,17 @@ impl Role {
                 "loader" => role.is_loader = true,
                 "effect" => role.effects.push(number(word()?)?),
                 "offers" => role.offers.push((number(word()?)?, name(word()?)?)),
+                "plays" => {
+                    role.plays |= match word()? {
+                        "through" => work::THROUGH,
+                        "black" => work::BLACK,
+                        "backwards" => work::WRONG_SIGN,
+                        other => return Err(format!("{other} is nothing that is played")),
+                    }
+                }
+                "only" => role.only = Some(name(word()?)?),
+                "slow" => role.slow = word()?.parse().map_err(|e| format!("{e}"))?,
+                "removes" => role.removes = Some(word()?.parse().map_err(|e| format!("{e}"))?),
                 "runs" => role.runs = Some((number(word()?)?, name(word()?)?)),
                 "answers" => {
                     role.answers.push((

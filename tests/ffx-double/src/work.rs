@@ -1,16 +1,35 @@
-//! What a frame becomes: a copy of the one it was made of, recorded into the caller's list, as AMD's records one after a cut.
+//! What a frame becomes: the one half way to the frame before, by a shader that is recorded into the caller's list and reads all that
+//! it was told of. It leaves a heap, a root signature and a pipeline of its own there, as AMD's does.
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
 
-use windows::Win32::Graphics::Direct3D12::{
-    D3D12_RESOURCE_BARRIER, D3D12_RESOURCE_BARRIER_0, D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
-    D3D12_RESOURCE_BARRIER_TYPE_TRANSITION, D3D12_RESOURCE_STATE_COPY_DEST, D3D12_RESOURCE_STATE_COPY_SOURCE,
-    D3D12_RESOURCE_STATES, D3D12_RESOURCE_TRANSITION_BARRIER, ID3D12GraphicsCommandList, ID3D12Resource,
-};
-use windows::core::Interface;
+use windows::Win32::Graphics::Direct3D::ID3DBlob;
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+use windows::core::{Interface, Result};
 
-use crate::memory::get;
+/// How many frames AMD's have room for before the first of them has run.
+const SLOTS: u64 = 4;
+
+/// What the shader reads, and the one that it writes.
+const INPUTS: u32 = 6;
+const DESCRIPTORS: u32 = INPUTS + 1;
+
+/// Words of its constants; the last two are its flags and how often it does all over.
+pub(crate) const CONSTANTS: usize = 19;
+
+/// Its flags.
+pub(crate) const RESET: u32 = 1;
+pub(crate) const HUDLESS: u32 = 2;
+pub(crate) const DISTORTED: u32 = 4;
+pub(crate) const INVERTED: u32 = 8;
+/// The frame itself, black, and against the motion.
+pub(crate) const THROUGH: u32 = 16;
+pub(crate) const BLACK: u32 = 32;
+pub(crate) const WRONG_SIGN: u32 = 64;
+
+const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 
 /// States of ffx-api, with Direct3D's.
 const STATES: [(u32, i32); 12] = [
@@ -28,42 +47,303 @@ const STATES: [(u32, i32); 12] = [
     (512, 0x10),
 ];
 
-/// Records the copy; both pictures are afterwards in the states that they are told to be in.
-///
-/// # Safety
-/// The struct of a picture whose list and resources were judged.
-pub(crate) unsafe fn copy(head: *const u8) {
-    // SAFETY: fields of the struct.
-    let places = unsafe { [get::<*mut c_void>(head, 16), get(head, 24), get(head, 72)] };
-    // SAFETY: as above.
-    let states = unsafe { [64, 112].map(|at| get::<u32>(head, at)) };
-    // SAFETY: judged to be of these kinds; the references stay the caller's.
-    let found = unsafe {
-        (
-            ID3D12GraphicsCommandList::from_raw_borrowed(&places[0]),
-            ID3D12Resource::from_raw_borrowed(&places[1]),
-            ID3D12Resource::from_raw_borrowed(&places[2]),
-        )
-    };
-    let (Some(list), Some(from), Some(to)) = found else { return };
-    let state = |told| STATES.iter().find(|(known, _)| *known == told).map_or(0, |(_, state)| *state);
-    let [from_state, to_state] = states.map(state).map(D3D12_RESOURCE_STATES);
-    let copying =
-        [(from, from_state, D3D12_RESOURCE_STATE_COPY_SOURCE), (to, to_state, D3D12_RESOURCE_STATE_COPY_DEST)];
-    let there: Vec<_> = copying.iter().filter(|(_, now, then)| now != then).collect();
-    let barriers = |back: bool| -> Vec<D3D12_RESOURCE_BARRIER> {
-        let one = |(resource, now, then): &&(&ID3D12Resource, _, _)| {
-            let (before, after) = if back { (*then, *now) } else { (*now, *then) };
-            transition(resource, before, after)
+/// A picture of the caller's: its object, and the state that it is told to be in.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Told {
+    pub(crate) place: *mut c_void,
+    pub(crate) state: u32,
+}
+
+/// The pictures of a frame; those that may be missing are null.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pictures {
+    pub(crate) shown: Told,
+    pub(crate) hudless: Option<Told>,
+    pub(crate) motion: Told,
+    pub(crate) depth: Told,
+    pub(crate) distortion: Option<Told>,
+    pub(crate) output: Told,
+}
+
+/// What a context has on the device.
+pub(crate) struct Work {
+    device: ID3D12Device,
+    root: ID3D12RootSignature,
+    pipeline: ID3D12PipelineState,
+    heap: ID3D12DescriptorHeap,
+    /// What the frame before was made of, in the state that shaders read it in.
+    before: Option<ID3D12Resource>,
+    /// Numbers of frames: what the processor writes before a frame is recorded, and what the device has copied when it has run.
+    asked: ID3D12Resource,
+    done: ID3D12Resource,
+    recorded: u64,
+}
+
+// SAFETY: objects of Direct3D 12 are free-threaded.
+unsafe impl Send for Work {}
+
+impl Work {
+    pub(crate) fn new(device: &ID3D12Device) -> Result<Self> {
+        let root = root_signature(device)?;
+        let code = include_bytes!("interpolate.dxbc");
+        let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
+            pRootSignature: borrowed(&root),
+            CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
+            ..Default::default()
         };
-        there.iter().map(one).collect()
-    };
-    // SAFETY: an open list and live resources, by the caller's promise.
-    unsafe {
-        list.ResourceBarrier(&barriers(false));
-        list.CopyResource(to, from);
-        list.ResourceBarrier(&barriers(true));
+        // SAFETY: a live device; the description and the code live during the call.
+        let pipeline = unsafe { device.CreateComputePipelineState(&wanted) }?;
+        let wanted = D3D12_DESCRIPTOR_HEAP_DESC {
+            Type: D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV,
+            NumDescriptors: DESCRIPTORS * SLOTS as u32,
+            Flags: D3D12_DESCRIPTOR_HEAP_FLAG_SHADER_VISIBLE,
+            NodeMask: 0,
+        };
+        // SAFETY: as above.
+        let heap = unsafe { device.CreateDescriptorHeap(&wanted) }?;
+        let buffer = |heap, state| {
+            let wanted = D3D12_RESOURCE_DESC {
+                Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
+                Width: SLOTS * 8,
+                Height: 1,
+                DepthOrArraySize: 1,
+                MipLevels: 1,
+                SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+                Layout: D3D12_TEXTURE_LAYOUT_ROW_MAJOR,
+                ..Default::default()
+            };
+            committed(device, heap, &wanted, state)
+        };
+        let asked = buffer(D3D12_HEAP_TYPE_UPLOAD, D3D12_RESOURCE_STATE_GENERIC_READ)?;
+        let done = buffer(D3D12_HEAP_TYPE_READBACK, D3D12_RESOURCE_STATE_COPY_DEST)?;
+        let made = Self { device: device.clone(), root, pipeline, heap, before: None, asked, done, recorded: 0 };
+        made.mapped(&made.done, |numbers| numbers.fill(0));
+        Ok(made)
     }
+
+    /// Frames that were recorded and have not run.
+    pub(crate) fn under_way(&self) -> u64 {
+        let mut done = 0;
+        self.mapped(&self.done, |numbers| done = numbers.iter().copied().max().unwrap_or(0));
+        self.recorded - done
+    }
+
+    /// Records a frame; every picture is afterwards in the state that it is told to be in. The size of the motion is written
+    /// into `constants` here.
+    ///
+    /// # Safety
+    /// List and pictures were judged, and live until the list has run.
+    pub(crate) unsafe fn record(
+        &mut self,
+        list: *mut c_void,
+        pictures: &Pictures,
+        mut constants: [u32; CONSTANTS],
+    ) -> Result<()> {
+        let object = |told: &Told| {
+            // SAFETY: judged to be a resource; the reference stays the caller's.
+            unsafe { ID3D12Resource::from_raw_borrowed(&told.place) }.cloned()
+        };
+        // SAFETY: judged to be a list.
+        let list = unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&list) }.cloned();
+        let (Some(list), Some(shown), Some(motion)) = (list, object(&pictures.shown), object(&pictures.motion)) else {
+            return Ok(());
+        };
+        // SAFETY: live resources.
+        let (of_motion, of_frame) = unsafe { (motion.GetDesc(), shown.GetDesc()) };
+        (constants[4], constants[5]) = (of_motion.Width as u32, of_motion.Height);
+        let hudless = pictures.hudless.as_ref().and_then(object);
+        let source = hudless.as_ref().unwrap_or(&shown);
+        let before = self.before_of(source)?;
+        let distortion = pictures.distortion.as_ref().and_then(object);
+        let depth = object(&pictures.depth);
+        let output = object(&pictures.output);
+        let inputs = [
+            Some(&shown),
+            Some(source),
+            Some(&before),
+            Some(&motion),
+            depth.as_ref(),
+            // Read only where there is one.
+            Some(distortion.as_ref().unwrap_or(&motion)),
+        ];
+        let slot = (self.recorded % SLOTS) as u32;
+        let table = self.describe(slot, &inputs, output.as_ref());
+        let all = [
+            Some((&pictures.shown, READ)),
+            pictures.hudless.as_ref().map(|told| (told, READ)),
+            Some((&pictures.motion, READ)),
+            Some((&pictures.depth, READ)),
+            pictures.distortion.as_ref().map(|told| (told, READ)),
+            Some((&pictures.output, D3D12_RESOURCE_STATE_UNORDERED_ACCESS)),
+        ];
+        let barriers = |back: bool| -> Vec<D3D12_RESOURCE_BARRIER> {
+            let change = |(told, then): &(&Told, D3D12_RESOURCE_STATES)| {
+                let (resource, now) = (object(told)?, state(told.state));
+                (now != *then).then(|| match back {
+                    false => transition(&resource, now, *then),
+                    true => transition(&resource, *then, now),
+                })
+            };
+            all.iter().flatten().filter_map(change).collect()
+        };
+        self.recorded += 1;
+        let recorded = self.recorded;
+        self.mapped(&self.asked, |numbers| numbers[slot as usize] = recorded);
+        let groups = |side: u32| side.div_ceil(8);
+        // SAFETY: an open list; what it uses lives until it has run, by the caller's promise and as the context does.
+        unsafe {
+            record_all(&list, &barriers(false));
+            list.SetDescriptorHeaps(&[Some(self.heap.clone())]);
+            list.SetComputeRootSignature(&self.root);
+            list.SetPipelineState(&self.pipeline);
+            list.SetComputeRoot32BitConstants(0, CONSTANTS as u32, constants.as_ptr().cast(), 0);
+            list.SetComputeRootDescriptorTable(1, table);
+            list.Dispatch(groups(of_frame.Width as u32), groups(of_frame.Height), 1);
+            let copying = [
+                transition(source, READ, D3D12_RESOURCE_STATE_COPY_SOURCE),
+                transition(&before, READ, D3D12_RESOURCE_STATE_COPY_DEST),
+            ];
+            list.ResourceBarrier(&copying);
+            list.CopyResource(&before, source);
+            let copied = [
+                transition(source, D3D12_RESOURCE_STATE_COPY_SOURCE, READ),
+                transition(&before, D3D12_RESOURCE_STATE_COPY_DEST, READ),
+            ];
+            list.ResourceBarrier(&copied);
+            record_all(&list, &barriers(true));
+            list.CopyBufferRegion(&self.done, u64::from(slot) * 8, &self.asked, u64::from(slot) * 8, 8);
+        }
+        Ok(())
+    }
+
+    /// A texture for what a frame is made of.
+    fn before_of(&mut self, source: &ID3D12Resource) -> Result<ID3D12Resource> {
+        // SAFETY: live resources.
+        let (wanted, had) = unsafe { (source.GetDesc(), self.before.as_ref().map(|before| before.GetDesc())) };
+        let fits = |had: &D3D12_RESOURCE_DESC| {
+            (had.Width, had.Height, had.Format) == (wanted.Width, wanted.Height, wanted.Format)
+        };
+        if let (Some(before), true) = (&self.before, had.as_ref().is_some_and(fits)) {
+            return Ok(before.clone());
+        }
+        let wanted = D3D12_RESOURCE_DESC { Flags: D3D12_RESOURCE_FLAG_NONE, Alignment: 0, ..wanted };
+        let made = committed(&self.device, D3D12_HEAP_TYPE_DEFAULT, &wanted, READ)?;
+        self.before = Some(made.clone());
+        Ok(made)
+    }
+
+    /// Writes the descriptors of a frame.
+    fn describe(
+        &self,
+        slot: u32,
+        inputs: &[Option<&ID3D12Resource>; INPUTS as usize],
+        output: Option<&ID3D12Resource>,
+    ) -> D3D12_GPU_DESCRIPTOR_HANDLE {
+        // SAFETY: a live device and heap; places inside it.
+        unsafe {
+            let step = self.device.GetDescriptorHandleIncrementSize(D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV);
+            let first = slot * DESCRIPTORS * step;
+            let start = self.heap.GetCPUDescriptorHandleForHeapStart().ptr + first as usize;
+            let at = |index: usize| D3D12_CPU_DESCRIPTOR_HANDLE { ptr: start + index * step as usize };
+            for (index, input) in inputs.iter().enumerate() {
+                self.device.CreateShaderResourceView(*input, None, at(index));
+            }
+            self.device.CreateUnorderedAccessView(output, None, None, at(inputs.len()));
+            D3D12_GPU_DESCRIPTOR_HANDLE { ptr: self.heap.GetGPUDescriptorHandleForHeapStart().ptr + u64::from(first) }
+        }
+    }
+
+    /// The numbers of a buffer.
+    fn mapped(&self, buffer: &ID3D12Resource, act: impl FnOnce(&mut [u64])) {
+        let mut place = std::ptr::null_mut();
+        // SAFETY: a buffer of a heap that the processor sees.
+        if unsafe { buffer.Map(0, None, Some(&mut place)) }.is_ok() {
+            // SAFETY: mapped above, with room for a number of each slot; each is written by one side at a time.
+            act(unsafe { std::slice::from_raw_parts_mut(place.cast(), SLOTS as usize) });
+            // SAFETY: mapped above.
+            unsafe { buffer.Unmap(0, None) };
+        }
+    }
+
+    /// Has the system take the device away, as it does from a program whose commands hang: by a list that is not closed.
+    pub(crate) fn remove_device(&self) -> Result<()> {
+        let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
+        let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, ..Default::default() };
+        // SAFETY: a live device, and objects of its that live during the calls.
+        unsafe {
+            let queue: ID3D12CommandQueue = self.device.CreateCommandQueue(&wanted)?;
+            let allocator: ID3D12CommandAllocator = self.device.CreateCommandAllocator(kind)?;
+            let list: ID3D12GraphicsCommandList = self.device.CreateCommandList(0, kind, &allocator, None)?;
+            queue.ExecuteCommandLists(&[Some(list.cast()?)]);
+        }
+        Ok(())
+    }
+}
+
+fn state(told: u32) -> D3D12_RESOURCE_STATES {
+    D3D12_RESOURCE_STATES(STATES.iter().find(|(known, _)| *known == told).map_or(0, |(_, state)| *state))
+}
+
+/// # Safety
+/// An open list, and live resources in the states before.
+unsafe fn record_all(list: &ID3D12GraphicsCommandList, barriers: &[D3D12_RESOURCE_BARRIER]) {
+    if !barriers.is_empty() {
+        // SAFETY: the caller's promise.
+        unsafe { list.ResourceBarrier(barriers) };
+    }
+}
+
+fn root_signature(device: &ID3D12Device) -> Result<ID3D12RootSignature> {
+    let range = |kind, count| D3D12_DESCRIPTOR_RANGE {
+        RangeType: kind,
+        NumDescriptors: count,
+        OffsetInDescriptorsFromTableStart: D3D12_DESCRIPTOR_RANGE_OFFSET_APPEND,
+        ..Default::default()
+    };
+    let ranges = [range(D3D12_DESCRIPTOR_RANGE_TYPE_SRV, INPUTS), range(D3D12_DESCRIPTOR_RANGE_TYPE_UAV, 1)];
+    let constants = D3D12_ROOT_CONSTANTS { Num32BitValues: CONSTANTS as u32, ..Default::default() };
+    let table = D3D12_ROOT_DESCRIPTOR_TABLE { NumDescriptorRanges: 2, pDescriptorRanges: ranges.as_ptr() };
+    let parameters = [
+        D3D12_ROOT_PARAMETER {
+            ParameterType: D3D12_ROOT_PARAMETER_TYPE_32BIT_CONSTANTS,
+            Anonymous: D3D12_ROOT_PARAMETER_0 { Constants: constants },
+            ShaderVisibility: D3D12_SHADER_VISIBILITY_ALL,
+        },
+        D3D12_ROOT_PARAMETER {
+            ParameterType: D3D12_ROOT_PARAMETER_TYPE_DESCRIPTOR_TABLE,
+            Anonymous: D3D12_ROOT_PARAMETER_0 { DescriptorTable: table },
+            ShaderVisibility: D3D12_SHADER_VISIBILITY_ALL,
+        },
+    ];
+    let wanted = D3D12_ROOT_SIGNATURE_DESC { NumParameters: 2, pParameters: parameters.as_ptr(), ..Default::default() };
+    let mut blob: Option<ID3DBlob> = None;
+    // SAFETY: the description and what it points to live during the call.
+    unsafe { D3D12SerializeRootSignature(&wanted, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }?;
+    let blob = blob.ok_or_else(windows::core::Error::empty)?;
+    // SAFETY: a live blob and a live device.
+    unsafe {
+        let bytes = std::slice::from_raw_parts(blob.GetBufferPointer().cast::<u8>(), blob.GetBufferSize());
+        device.CreateRootSignature(0, bytes)
+    }
+}
+
+fn committed(
+    device: &ID3D12Device,
+    heap: D3D12_HEAP_TYPE,
+    wanted: &D3D12_RESOURCE_DESC,
+    state: D3D12_RESOURCE_STATES,
+) -> Result<ID3D12Resource> {
+    let heap = D3D12_HEAP_PROPERTIES { Type: heap, ..Default::default() };
+    let mut made: Option<ID3D12Resource> = None;
+    // SAFETY: descriptions and place live during the call.
+    unsafe { device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, wanted, state, None, &mut made) }?;
+    made.ok_or_else(windows::core::Error::empty)
+}
+
+/// An object as a description names it: without a reference of its own.
+fn borrowed<T: Interface>(object: &T) -> ManuallyDrop<Option<T>> {
+    // SAFETY: the same pointer; what is never dropped releases no reference.
+    unsafe { std::mem::transmute_copy(object) }
 }
 
 fn transition(
@@ -72,8 +352,7 @@ fn transition(
     after: D3D12_RESOURCE_STATES,
 ) -> D3D12_RESOURCE_BARRIER {
     let transition = D3D12_RESOURCE_TRANSITION_BARRIER {
-        // SAFETY: a copy of the pointer without a reference, as barriers take it; never dropped.
-        pResource: unsafe { std::mem::transmute_copy(resource) },
+        pResource: borrowed(resource),
         Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
         StateBefore: before,
         StateAfter: after,

@@ -10,6 +10,9 @@ use crate::shell::Log;
 /// The folder of AMD's own libraries, which may not be redistributed.
 const VARIABLE: &str = "CAIRN_FFX_DIR";
 
+/// The test programs.
+const PROGRAMS: [&str; 4] = ["ffx", "ffx_amd", "ffx_frames", "ffx_interface"];
+
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     if let Some(skip) = lab::or_skip("AMD's ffx-api: loading, and providers of every release")? {
@@ -22,18 +25,8 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     if !log.run(&mut double)?.success {
         return Err("the library that plays AMD's does not build".to_owned());
     }
-    let mut command = context.clone.cargo([
-        "test",
-        "--package",
-        "cairn",
-        "--no-fail-fast",
-        "--test",
-        "ffx",
-        "--test",
-        "ffx_amd",
-        "--test",
-        "ffx_interface",
-    ]);
+    let mut command = context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast"]);
+    command.args(PROGRAMS.iter().flat_map(|program| ["--test", program]));
     lab::for_windows(&mut command)?;
     if let Some(folder) = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()) {
         let folder = std::path::absolute(PathBuf::from(folder)).map_err(|e| format!("{VARIABLE}: {e}"))?;

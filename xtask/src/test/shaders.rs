@@ -4,14 +4,21 @@ use std::fs;
 
 use super::Context;
 use super::tally::{Skip, Tally};
-use crate::shaders::{Shaders, made};
+use crate::shaders::{FOLDERS, Shaders, made};
 use crate::shell::Log;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    let shaders = Shaders::find(context.clone)?;
+    for folder in FOLDERS {
+        of_folder(context, log, folder, &mut tally)?;
+    }
+    Ok(tally)
+}
+
+fn of_folder(context: &Context<'_>, log: &mut Log, folder: &'static str, tally: &mut Tally) -> Result<(), String> {
+    let shaders = Shaders::find(context.clone, folder)?;
     if shaders.names.is_empty() {
-        return Err("there is no shader".to_owned());
+        return Err(format!("there is no shader in {folder}"));
     }
     for name in &shaders.names {
         tally.check(shaders.differs(name));
@@ -21,19 +28,19 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     if !cfg!(windows)
         && let Err(why) = provision::lab::possible()
     {
-        let name = "the shaders compiled again".to_owned();
+        let name = format!("the shaders of {folder} compiled again");
         tally.skips.push(Skip { name, reason: format!("needs lab: {why}") });
-        return Ok(tally);
+        return Ok(());
     }
     let out = context.clone.target.join("xtask").join("shaders");
     let ended = log.run(&mut shaders.compiler(context.clone, &out)?)?;
     if !ended.success {
-        return Err("the shaders do not compile".to_owned());
+        return Err(format!("the shaders of {folder} do not compile"));
     }
     for name in &shaders.names {
         let same =
             fs::read(made(&out, name)).ok().is_some_and(|again| fs::read(shaders.blob(name)).ok() == Some(again));
         tally.check((!same).then(|| format!("{name}.dxbc is not what its text compiles to: run cargo xtask shaders")));
     }
-    Ok(tally)
+    Ok(())
 }

@@ -1,0 +1,143 @@
+// The frame half way between two, as far as the double needs it: where motion points, from this frame and the one before, mixed
+// in linear light.
+
+cbuffer Constants : register(b0)
+{
+    uint2 Size;         // of the frames
+    uint2 RenderSize;   // of depth
+    uint2 MotionSize;
+    float2 Scale;       // from motion to render pixels
+    int4 Part;          // left, top, right, bottom of what is generated; the rest is copied
+    float2 Jitter;      // what motion holds of the camera's, render pixels
+    float2 Luminance;   // nits
+    uint Transfer;      // 0: sRGB, 1: PQ, 2: scRGB
+    uint Flags;
+    uint Loops;         // how often it is done over
+};
+
+static const uint RESET = 1, HUDLESS = 2, DISTORTED = 4, INVERTED = 8, THROUGH = 16, BLACK = 32, WRONG_SIGN = 64;
+
+Texture2D<float4> Shown : register(t0);
+Texture2D<float4> Hudless : register(t1);
+Texture2D<float4> Before : register(t2);
+Texture2D<float2> Motion : register(t3);
+Texture2D<float> Depth : register(t4);
+Texture2D<float2> Distortion : register(t5);
+RWTexture2D<float4> Output : register(u0);
+
+float3 nits(float3 c)
+{
+    float3 light;
+    if (Transfer == 1)
+    {
+        float3 p = pow(max(c, 0), 1 / 78.84375);
+        light = 10000 * pow(abs(max(p - 0.8359375, 0) / (18.8515625 - 18.6875 * p)), 1 / 0.1593017578125);
+    }
+    else if (Transfer == 2)
+    {
+        light = c * 80;
+    }
+    else
+    {
+        return c <= 0.04045 ? c / 12.92 : pow((max(c, 0.04045) + 0.055) / 1.055, 2.4);
+    }
+    return clamp(light, Luminance.x, Luminance.y);
+}
+
+float3 encoded(float3 light)
+{
+    if (Transfer == 1)
+    {
+        float3 y = pow(max(light, 0) / 10000, 0.1593017578125);
+        return pow((0.8359375 + 18.8515625 * y) / (1 + 18.6875 * y), 78.84375);
+    }
+    if (Transfer == 2)
+    {
+        return light / 80;
+    }
+    return light <= 0.0031308 ? light * 12.92 : 1.055 * pow(max(light, 0.0031308), 1 / 2.4) - 0.055;
+}
+
+float3 world(int2 at)
+{
+    return (Flags & HUDLESS) != 0 ? Hudless.Load(int3(at, 0)).rgb : Shown.Load(int3(at, 0)).rgb;
+}
+
+// Light of this frame at one place and of the one before at another, both between pixels.
+float3 light(float2 now, float2 then)
+{
+    float3 sum = 0;
+    // In one loop: a compiler for a processor takes long over what is written out.
+    [loop]
+    for (uint i = 0; i < 8; i++)
+    {
+        float2 at = clamp(i < 4 ? now : then, float2(Part.xy), float2(Part.zw) - 1);
+        int2 low = int2(floor(at));
+        int2 high = min(low + 1, Part.zw - 1);
+        float2 t = at - low;
+        int2 place = int2((i & 1) != 0 ? high.x : low.x, (i & 2) != 0 ? high.y : low.y);
+        float weight = ((i & 1) != 0 ? t.x : 1 - t.x) * ((i & 2) != 0 ? t.y : 1 - t.y);
+        sum += weight * nits(i < 4 ? world(place) : Before.Load(int3(place, 0)).rgb);
+    }
+    return sum;
+}
+
+// Pixels of the frames from this frame to the one before, by what is nearest among the neighbours.
+float2 motion(int2 at)
+{
+    int2 centre = int2((float2(at) + 0.5) * float2(RenderSize) / float2(Size));
+    int2 nearest = centre;
+    float depth = Depth.Load(int3(centre, 0));
+    [loop]
+    for (uint i = 0; i < 9; i++)
+    {
+        int2 place = clamp(centre + int2(uint2(i % 3, i / 3)) - 1, int2(0, 0), int2(RenderSize) - 1);
+        float d = Depth.Load(int3(place, 0));
+        if ((Flags & INVERTED) != 0 ? d > depth : d < depth)
+        {
+            depth = d;
+            nearest = place;
+        }
+    }
+    int2 place = int2((float2(nearest) + 0.5) * float2(MotionSize) / float2(RenderSize));
+    float2 v = Motion.Load(int3(place, 0)) * Scale - Jitter;
+    // Motion of the size shown is in its pixels already.
+    return all(MotionSize == Size) ? v : v * float2(Size) / float2(RenderSize);
+}
+
+[numthreads(8, 8, 1)]
+void main(uint3 id : SV_DispatchThreadID)
+{
+    int2 at = int2(id.xy);
+    if (any(id.xy >= Size))
+    {
+        return;
+    }
+    float3 shown = Shown.Load(int3(at, 0)).rgb;
+    float3 made = shown;
+    bool inside = all(at >= Part.xy) && all(at < Part.zw);
+    if ((Flags & BLACK) != 0)
+    {
+        made = 0;
+    }
+    else if (inside && (Flags & (RESET | THROUGH)) == 0)
+    {
+        [loop]
+        for (uint i = 0; i <= Loops; i++)
+        {
+            float2 half_way = motion(at) * ((Flags & WRONG_SIGN) != 0 ? -0.5 : 0.5);
+            float2 from = float2(at);
+            if ((Flags & DISTORTED) != 0)
+            {
+                from += Distortion.Load(int3(at, 0)) * float2(Size);
+            }
+            made = encoded(light(from - half_way, from + half_way) / 2);
+        }
+        // The interface lies where the frame differs from the world.
+        if ((Flags & HUDLESS) != 0 && any(abs(shown - world(at)) > 0.1))
+        {
+            made = shown;
+        }
+    }
+    Output[id.xy] = float4(made, 1);
+}
