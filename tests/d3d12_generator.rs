@@ -357,6 +357,17 @@ fn frames_follow_each_other_in_an_engines_list_and_allocate_nothing() {
         let wanted: Picture = scene.made_by_the_processor(*t, bytes_of);
         assert!(read(&gpu, target, SIZE.0 as usize * 4) == wanted.rgba(), "t = {t}");
     }
+
+    // A compute queue does as well, where it knows the states.
+    let mut frames = Frames::new(&gpu, gpu.anchors(), DESCRIPTORS).expect("a ring");
+    let out = filled(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, &[0; 4 * (SIZE.0 * SIZE.1) as usize]);
+    let mut frame = frames.begin().expect("a frame");
+    let refused = generator.generate(&mut frame, &pair, 0.5, &targets[0].resting()).expect_err("a render target");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("state")));
+    generator.generate(&mut frame, &pair, 0.5, &out.resting()).expect("it is recorded");
+    frame.submit(gpu.anchors()).expect("a submission").wait().expect("it is done");
+    let wanted: Picture = scene.made_by_the_processor(0.5, bytes_of);
+    assert!(read(&gpu, &out, SIZE.0 as usize * 4) == wanted.rgba(), "on a compute queue");
 }
 
 #[test]

@@ -53,7 +53,8 @@ pub struct GuidanceTextures<'a> {
 /// Two consecutive anchors in textures, as [`AnchorPair`](super::AnchorPair) holds them.
 ///
 /// Both pictures are of one format: R8G8B8A8, B8G8R8A8 or R10G10B10A2 (UNORM or typeless) or R16G16B16A16 (FLOAT or typeless); what is
-/// viewed in sRGB is made typeless.
+/// viewed in sRGB is made typeless. Numbers are taken as they are held, whatever transfer function they are in (sRGB, PQ), and
+/// those of floats may lie beyond [0, 1].
 #[derive(Clone, Copy)]
 pub struct TexturePair<'a> {
     /// The earlier anchor.
@@ -261,8 +262,10 @@ impl ShaderGenerator {
     /// What shaders see: with the previous anchor being what claims land on, and with the frame. All that a frame may be refused
     /// for is done with it.
     fn tables(&self, frame: &mut Frame<'_>, inputs: &[View<'_>; 6], target: &Resting<'_>) -> Result<[Table; 2]> {
+        frame.takes(target)?;
         frame.fits(DESCRIPTORS)?;
         let tables = [frame.bind(inputs, &self.memory.views(true))?, frame.bind(inputs, &self.memory.views(false))?];
+        // It may be one of the inputs, and must rest in one state then.
         frame.takes(target)?;
         Ok(tables)
     }
