@@ -175,7 +175,9 @@ impl Given<'_> {
             *tile = Tile { key: key(ranks.near, 0, middle), low: middle, high: middle, ..Tile::default() };
             return;
         }
-        keys.fill(EMPTY);
+        if [across, down] != [TILE, TILE] {
+            keys.fill(EMPTY);
+        }
         let mut landing = Landing::default();
         let mut motion = [[f16::ZERO; 2]; TILE];
         let mut depth = [0.0; TILE];
@@ -272,18 +274,17 @@ impl<P: Colour> Edges<'_, P> {
             return;
         }
         let is_rough = given.kind == Kind::Rough;
-        let start = || match given.kind {
-            Kind::Rough => self.given.keys[index],
+        let start = |keys: &mut [Key; BLOCK]| match given.kind {
+            Kind::Rough => keys.copy_from_slice(&self.given.keys[index]),
             Kind::Smooth => {
                 let [across, down] = grid.extent(column, row);
-                let mut keys = [EMPTY; BLOCK];
+                keys.fill(EMPTY);
                 (0..down).for_each(|j| keys[j * TILE..][..across].fill(given.key));
-                keys
             }
         };
         match self.anchors {
             Some((previous, current)) if self.is_flat => {
-                *keys = start();
+                start(keys);
                 self.find_matches(column, row, previous, current, keys);
             }
             _ => {
@@ -296,7 +297,7 @@ impl<P: Colour> Edges<'_, P> {
                 if nearer == 0 && !is_rough {
                     return;
                 }
-                *keys = start();
+                start(keys);
                 if !self.dilate([column * TILE, row * TILE], nearer, &nearest, keys) && !is_rough {
                     return;
                 }
@@ -369,22 +370,61 @@ fn mark_side_by_side<P: Colour>(
 ) {
     for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         let here = current.pixels.get((y + j) * current.width + x..).and_then(|row| row.first_chunk::<TILE>());
-        let (Some(here), Some(squares)) = (here, squares_of(previous, [x, y + j], keys)) else {
-            for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-                *key = layer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
+        let run = rows_of_run(previous, [x, y + j], keys);
+        let squares = if run.is_none() { squares_of(previous, [x, y + j], keys) } else { None };
+        let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
+        match (here, run, &squares) {
+            (Some(_), Some([above, below]), _) => {
+                let (above, below) = (P::lumas_of(above), P::lumas_of(below));
+                for i in 0..TILE {
+                    low[i] = above[i].min(above[i + 1]).min(below[i].min(below[i + 1]));
+                    high[i] = above[i].max(above[i + 1]).max(below[i].max(below[i + 1]));
+                }
             }
-            continue;
-        };
-        let here = P::lumas_of(here);
-        let [a, b, c, d] = &squares;
-        let (a, b, c, d) = (P::lumas_of(a), P::lumas_of(b), P::lumas_of(c), P::lumas_of(d));
+            (Some(_), None, Some([a, b, c, d])) => {
+                let (a, b, c, d) = (P::lumas_of(a), P::lumas_of(b), P::lumas_of(c), P::lumas_of(d));
+                for i in 0..TILE {
+                    low[i] = a[i].min(b[i]).min(c[i].min(d[i]));
+                    high[i] = a[i].max(b[i]).max(c[i].max(d[i]));
+                }
+            }
+            _ => {
+                for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+                    *key = layer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
+                }
+                continue;
+            }
+        }
+        let Some(here) = here.map(P::lumas_of) else { continue };
         for i in 0..TILE {
-            let low = a[i].min(b[i]).min(c[i].min(d[i]));
-            let high = a[i].max(b[i]).max(c[i].max(d[i]));
-            let apart = (low - here[i]).max(here[i] - high).max(0.0);
+            let apart = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
             keys[i] = layer::marked(keys[i], (apart as u8).min(WORST_MATCH));
         }
     }
+}
+
+/// The two rows of the previous anchor between which a row of a tile comes from, if its pixels lie side by side there.
+#[inline(always)]
+fn rows_of_run<'a, P: Colour>(
+    previous: Source<'a, P>,
+    [x, y]: [usize; 2],
+    keys: &[Key; TILE],
+) -> Option<[&'a [P; 2 * TILE]; 2]> {
+    let whole = |key: Key| layer::vector(key).map(|v| v >> 6);
+    let [left, top] = whole(keys[0]);
+    let mut is_run = true;
+    for &key in keys {
+        let [u, v] = whole(key);
+        is_run &= (key != EMPTY) & (u == left) & (v == top);
+    }
+    // What is negative is far beyond.
+    let (u, v) = ((x as i32 + left) as u32 as usize, (y as i32 + top) as u32 as usize);
+    if !is_run || u.saturating_add(TILE) >= previous.width || v.saturating_add(1) >= previous.height {
+        return None;
+    }
+    let start = v * previous.width + u;
+    let row = |start: usize| previous.pixels.get(start..)?.first_chunk();
+    Some([row(start)?, row(start + previous.width)?])
 }
 
 /// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have claims and
