@@ -11,6 +11,9 @@ use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 use cairn::{ErrorKind, Result};
 
+#[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
 #[path = "ffx/pictures.rs"]
 mod pictures;
 #[path = "ffx/stage.rs"]
@@ -146,6 +149,24 @@ fn a_call_that_fails_says_what_the_library_said() {
         assert_eq!(failed.kind(), kind, "{failed}");
         assert!(failed.cause().contains("ffxQuery answered") && failed.cause().contains("GET_VERSIONS"), "{failed}");
     }
+}
+
+#[test]
+fn contexts_come_and_go_and_leave_nothing() {
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML, ANALYTIC, "quiet"]);
+    let library = stage.load().expect("loaded");
+    let (api, gpu) = (library.api(Effect::FrameGeneration).expect("there"), Gpu::on_adapter(None).expect("a device"));
+    let device = gpu.device();
+    let before = engine::references(device);
+    for cycle in 0..10_000 {
+        let choice = if u32::is_multiple_of(cycle, 2) { Choice::Any } else { Choice::Require(Family::Analytic) };
+        // SAFETY: a live device, which outlives the generator.
+        let made = unsafe { Generator::create(api, device.as_raw(), choice, head(), None) }.expect("a generator");
+        assert!(engine::references(device) > before, "the double holds the device as long as the context lives");
+        drop(made);
+    }
+    assert_eq!(engine::references(device), before);
+    assert_eq!(stage.judgement(), [""; 0]);
 }
 
 #[test]

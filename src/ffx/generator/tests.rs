@@ -109,6 +109,32 @@ fn ids_go_up_by_one_and_history_is_dropped_at_the_start_at_cuts_and_after_a_fail
 }
 
 #[test]
+fn every_code_at_every_call_of_a_frame_is_an_error_that_names_the_call_and_the_next_frame_starts_anew() {
+    for (runs, prepare) in
+        [(ANALYTIC_20, StructId::FRAME_GENERATION_PREPARE), (ML, StructId::FRAME_GENERATION_PREPARE_V2)]
+    {
+        let mut generator = generator(runs);
+        record(&mut generator, &frame()).expect("recorded");
+        for (call, id) in [
+            ("ffxConfigure", StructId::FRAME_GENERATION_CONFIGURE),
+            ("ffxDispatch", prepare),
+            ("ffxDispatch", StructId::FRAME_GENERATION_DISPATCH),
+        ] {
+            for code in (1..=8).chain([u32::MAX]) {
+                record(&mut generator, &frame()).expect("recorded");
+                PLAY.with_borrow_mut(|play| play.refuses = vec![(id, ReturnCode(code))]);
+                let failed = record(&mut generator, &frame()).expect_err("it fails");
+                assert!(failed.cause().starts_with(&format!("{call} answered {code} ")), "{failed}");
+                assert!(failed.cause().contains("frame_id"), "{failed}");
+                PLAY.with_borrow_mut(|play| play.refuses.clear());
+                record(&mut generator, &frame()).expect("recorded");
+                assert!(asked(&generator).1, "{call} {code}");
+            }
+        }
+    }
+}
+
+#[test]
 fn everything_of_a_frame_reaches_the_library() {
     let camera = Camera {
         position: [1.0, 2.0, 3.0],

@@ -42,7 +42,7 @@ pub(crate) struct Judge {
     /// Live contexts, by their addresses, with the provider of each.
     contexts: HashMap<usize, (u64, CString)>,
     /// Of those that generate frames, where they are, and what they have on the device.
-    frames: HashMap<usize, (Frames, Work)>,
+    frames: HashMap<usize, Generator>,
     /// Pictures that were asked for.
     pictures: u64,
     /// Ids that were handed out.
@@ -52,6 +52,14 @@ pub(crate) struct Judge {
     behind: HashMap<u64, Behind>,
     /// Of a loader: the effect of each context.
     owners: HashMap<usize, u64>,
+}
+
+/// A context that generates frames.
+struct Generator {
+    frames: Frames,
+    device: ID3D12Device,
+    /// Made for its first picture: shaders take a driver long.
+    work: Option<Work>,
 }
 
 /// An exported function, before it is known which.
@@ -112,6 +120,9 @@ impl Judge {
 
     /// Writes down a call.
     fn note(&self, call: &str, links: &[(u64, *const u8)], code: u32) -> u32 {
+        if self.role.quiet {
+            return code;
+        }
         let ids: Vec<_> = links.iter().map(|(id, _)| format!("{id:x}")).collect();
         self.append("calls.txt", &format!("{call} {} {code}", ids.join(",")));
         code
@@ -226,13 +237,13 @@ impl Judge {
             let device = unsafe { get::<*mut c_void>(backend, 16) };
             // SAFETY: as above.
             let device = unsafe { IUnknown::from_raw_borrowed(&device) }.map(|object| object.cast::<ID3D12Device>());
-            let work = device.and_then(Result::ok).map(|device| Work::new(&device));
-            let Some(Ok(work)) = work else { return self.fault("create", "the device makes nothing", RUNTIME) };
+            let Some(Ok(device)) = device else { return self.fault("create", "the device is none", PARAMETER) };
             // SAFETY: the flags stand at 16.
             let flags = unsafe { get::<u32>(head, 16) };
             let (shown, render) = ([sides[0], sides[1]], [sides[2], sides[3]]);
             let made_for = Made { flags, shown, render, format, hudless: hudless.unwrap_or(format) };
-            self.frames.insert(made as usize, (Frames::new(made_for), work));
+            let generator = Generator { frames: Frames::new(made_for), device, work: None };
+            self.frames.insert(made as usize, generator);
         }
         self.contexts.insert(made as usize, provider);
         // SAFETY: the caller's place.
@@ -252,7 +263,7 @@ impl Judge {
             let code = unsafe { (behind.destroy)(context, callbacks) };
             return self.note("destroy", &[], code);
         }
-        if let Some((_, work)) = self.frames.remove(&known)
+        if let Some(Generator { work: Some(work), .. }) = self.frames.remove(&known)
             && work.under_way() > 0
         {
             self.fault("destroy", &format!("{} frames are under way", work.under_way()), OK);
@@ -312,34 +323,48 @@ impl Judge {
 
     /// One call of a frame.
     unsafe fn frame(&mut self, call: &str, context: usize, chain: &[(u64, *const u8)]) -> u32 {
-        let Some((mut frames, mut work)) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
+        let Some(mut generator) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
+        // SAFETY: as the caller promises.
+        let code = unsafe { self.frame_of(call, context, &mut generator, chain) };
+        self.frames.insert(context, generator);
+        code
+    }
+
+    unsafe fn frame_of(
+        &mut self,
+        call: &str,
+        context: usize,
+        generator: &mut Generator,
+        chain: &[(u64, *const u8)],
+    ) -> u32 {
         let mut faults = Vec::new();
         // SAFETY: as the caller promises.
-        let asked = unsafe { frames.judge(self.role.sdk, chain, &mut |why| faults.push(why)) };
-        if chain[0].0 == PICTURE && work.under_way() >= 4 {
-            faults.push(format!("{} frames are under way", work.under_way()));
+        let asked = unsafe { generator.frames.judge(self.role.sdk, chain, &mut |why| faults.push(why)) };
+        let under_way = generator.work.as_ref().map_or(0, Work::under_way);
+        if chain[0].0 == PICTURE && under_way >= 4 {
+            faults.push(format!("{under_way} frames are under way"));
         }
         for why in &faults {
             self.fault(call, why, PARAMETER);
         }
-        let mut code = if faults.is_empty() { OK } else { PARAMETER };
-        if let (Some(mut asked), OK) = (asked, code) {
-            let runs = self.contexts.get(&context).map(|(_, name)| name);
-            if self.role.only.is_none() || self.role.only.as_ref() == runs {
-                asked.constants[CONSTANTS - 2] |= self.role.plays;
-            }
-            asked.constants[CONSTANTS - 1] = self.role.slow;
-            // SAFETY: list and resources were judged.
-            if unsafe { work.record(asked.list, &asked.pictures, asked.constants) }.is_err() {
-                code = RUNTIME;
-            }
-            self.pictures += 1;
-            if self.role.removes == Some(self.pictures) && work.remove_device().is_err() {
-                code = RUNTIME;
-            }
+        if !faults.is_empty() {
+            return PARAMETER;
         }
-        self.frames.insert(context, (frames, work));
-        code
+        let Some(mut asked) = asked else { return OK };
+        let runs = self.contexts.get(&context).map(|(_, name)| name);
+        if self.role.only.is_none() || self.role.only.as_ref() == runs {
+            asked.constants[CONSTANTS - 2] |= self.role.plays;
+        }
+        asked.constants[CONSTANTS - 1] = self.role.slow;
+        if generator.work.is_none() {
+            generator.work = Work::new(&generator.device).ok();
+        }
+        let Some(work) = &mut generator.work else { return RUNTIME };
+        // SAFETY: list and resources were judged.
+        let recorded = unsafe { work.record(asked.list, &asked.pictures, asked.constants) };
+        self.pictures += 1;
+        let removed = if self.role.removes == Some(self.pictures) { work.remove_device() } else { Ok(()) };
+        if recorded.and(removed).is_err() { RUNTIME } else { OK }
     }
 
     pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {

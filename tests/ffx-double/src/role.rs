@@ -33,6 +33,8 @@ pub(crate) struct Role {
     pub(crate) only: Option<CString>,
     /// `slow COUNT`: how often more its shader does all over.
     pub(crate) slow: u32,
+    /// `quiet`: calls are not written down, only what was wrong with them.
+    pub(crate) quiet: bool,
     /// `removes COUNT`: at which picture the device is taken away.
     pub(crate) removes: Option<u64>,
     /// Where it is.
@@ -79,6 +81,7 @@ impl Role {
                         other => return Err(format!("{other} is no release that is played")),
                     }
                 }
+                "quiet" => role.quiet = true,
                 "loader" => role.is_loader = true,
                 "effect" => role.effects.push(number(word()?)?),
                 "offers" => role.offers.push((number(word()?)?, name(word()?)?)),
