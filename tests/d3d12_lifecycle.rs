@@ -1,22 +1,27 @@
-//! Devices and worlds on Direct3D 12 come and go, and nothing of them stays. On Windows, or in the lab.
+//! Devices and worlds on Direct3D 12 come and go: nothing of them stays, also when the device is removed under them, at whatever
+//! stage. On Windows, or in the lab.
 #![cfg(windows)]
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use cairn::Result;
-use cairn::bundle::Precision;
+use cairn::bundle::{Bundle, Precision};
 use cairn::gpu::Gpu;
 use cairn::runtime::{Device, DirectMlOptions};
-use cairn::world::{World, WorldOptions};
+use cairn::world::{Rollout, World, WorldOptions};
+use cairn::{ErrorKind, Picture, Result};
 
 mod common;
-use common::{bundle, controls, ort, point, seeded};
+use common::{bundle, controls, ort, picture, point, seeded};
+#[path = "d3d12/buffers.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod buffers;
+use buffers::List;
 #[path = "d3d12/engine.rs"]
 mod engine;
 use engine::{Engine, comes_back, references};
 
-/// What the process may grow by in the few cycles of every run: a world that stayed would be more. In the lab each life of a
-/// device leaves some 250 KB behind, ours or the driver's, so many lives need more room.
+/// What the process may grow by in all cycles after the first ones: caches of drivers fill up.
 const DRIFT: u64 = 24 << 20;
 
 /// How many cycles: the few of every run, or as many as the variable `name` asks for.
@@ -62,12 +67,9 @@ fn held(engine: &Engine) -> [u32; 3] {
     [references(&engine.device), references(&engine.direct), references(&engine.compute)]
 }
 
-/// Does `cycle` for an engine's objects so many times; their references come back each time, and no life stays in memory.
+/// Does `cycle` for an engine's objects so many times; their references come back each time, and memory is flat.
 fn come_and_go(count: u64, cycle: impl Fn(&Engine)) {
     const WARM_UP: u64 = 2;
-    // One test at a time: the process's memory is all of theirs.
-    static ALONE: Mutex<()> = Mutex::new(());
-    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let engine = engine::engine();
     let before = held(&engine);
     let mut memory = 0;
@@ -84,7 +86,7 @@ fn come_and_go(count: u64, cycle: impl Fn(&Engine)) {
 }
 
 #[test]
-fn devices_come_and_go_and_give_back_what_they_held() {
+fn devices_come_and_go_and_memory_is_flat() {
     come_and_go(cycles("CAIRN_DEVICE_CYCLES", 10), |engine| {
         let device = device(engine).expect("a device");
         let moment = device.gpu().expect("a Direct3D 12 device").anchors().now().expect("a moment");
@@ -93,11 +95,105 @@ fn devices_come_and_go_and_give_back_what_they_held() {
 }
 
 #[test]
-fn worlds_come_and_go_and_give_back_what_they_held() {
+fn worlds_come_and_go_and_memory_is_flat() {
     let bundle = bundle("tiny");
     come_and_go(cycles("CAIRN_WORLD_CYCLES", 1), |engine| {
         let world = World::load(&device(engine).expect("a device"), &bundle, options()).expect("a world");
         let mut rollout = seeded(&world, &point(&world), 1);
         rollout.step(&controls(0)).expect("a step");
     });
+}
+
+/// Has Direct3D remove the device: a list that is still open must not be given to a queue.
+///
+fn remove(gpu: &Gpu) {
+    let open = List::new(gpu.device(), gpu.frames().kind());
+    let gone = gpu.frames().submit(&[open.still_open()]).expect_err("the device is gone");
+    assert_eq!(gone.kind(), ErrorKind::DeviceRemoved, "{gone}");
+}
+
+fn gone<T>(stage: &str, result: Result<T>) {
+    let error = result.err().unwrap_or_else(|| panic!("{stage} works on a device that is gone"));
+    assert_eq!(error.kind(), ErrorKind::DeviceRemoved, "{stage}: {error}");
+}
+
+/// Loads a world whose device is removed before its `stage`-th session is made; 3 is after the last.
+fn load_and_remove(engine: &Engine, bundle: &Arc<Bundle>, stage: u64) -> Result<Arc<World>> {
+    let device = device(engine).expect("a device");
+    let calls = AtomicU64::new(0);
+    World::load_with(&device, bundle, options(), &|_| {
+        if calls.fetch_add(1, Ordering::Relaxed) == stage {
+            remove(device.gpu().expect("a Direct3D 12 device"));
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_device_may_be_removed_while_a_world_is_loaded() {
+    let bundle = bundle("tiny");
+    for stage in 0..=3 {
+        let engine = engine::engine();
+        let before = held(&engine);
+        match load_and_remove(&engine, &bundle, stage) {
+            Ok(world) => {
+                assert_eq!(stage, 3, "a session was made on a device that is gone");
+                gone("a rollout", Rollout::new(&world, &point(&world), 1));
+            }
+            failed => gone("loading", failed),
+        }
+        gone("another device", device(&engine));
+        comes_back(|| held(&engine), before);
+    }
+}
+
+#[test]
+fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
+    let engine = engine::engine();
+    let before = held(&engine);
+    {
+        let world = World::load(&device(&engine).expect("a device"), &bundle("tiny"), options()).expect("a world");
+        let mut rollout = seeded(&world, &point(&world), 1);
+        rollout.step(&controls(0)).expect("a step");
+        let saved = rollout.save().expect("a state");
+        remove(world.device().gpu().expect("a Direct3D 12 device"));
+        gone("a step", rollout.step(&controls(1)));
+        gone("an append", rollout.append(&picture(8, 8, 1)));
+        gone("a picture", rollout.read_picture(0, &mut Picture::new(1, 1).expect("a picture")));
+        gone("a state", rollout.save());
+        gone("going on from a state", rollout.restore(&saved));
+        gone("another rollout", Rollout::new(&world, &point(&world), 1));
+    }
+    comes_back(|| held(&engine), before);
+    // All is well on a new device of the same adapter.
+    let world =
+        World::load(&device(&engine::engine()).expect("a device"), &bundle("tiny"), options()).expect("a world");
+    seeded(&world, &point(&world), 1).step(&controls(0)).expect("a step");
+}
+
+#[test]
+fn a_device_may_be_removed_while_a_rollout_steps() {
+    let engine = engine::engine();
+    let before = held(&engine);
+    {
+        let world = World::load(&device(&engine).expect("a device"), &bundle("tiny"), options()).expect("a world");
+        let mut rollout = seeded(&world, &point(&world), 1);
+        let stepping = AtomicU64::new(0);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                // In the midst of the third step, or nearly so.
+                while stepping.load(Ordering::Relaxed) < 2 {
+                    std::thread::yield_now();
+                }
+                remove(world.device().gpu().expect("a Direct3D 12 device"));
+            });
+            let step = |i| {
+                stepping.store(i, Ordering::Relaxed);
+                rollout.step(&controls(i)).err()
+            };
+            let ended = (0_u64..).find_map(step).expect("it ends");
+            assert_eq!(ended.kind(), ErrorKind::DeviceRemoved, "{ended}");
+        });
+    }
+    comes_back(|| held(&engine), before);
 }

@@ -9,6 +9,8 @@ use crate::{Error, ErrorKind, Result};
 
 /// How long is waited before it is looked whether the device is still there: not every driver lets the waiting go when it is not.
 const SLICE_MS: u32 = 100;
+/// How many such slices are waited for work of a device that is gone.
+const PATIENCE: u32 = 100;
 
 /// What a queue had been given up to some time: it is reached when all of that is done. Cheap to clone.
 ///
@@ -50,6 +52,20 @@ impl Moment {
         unsafe { self.fence.GetCompletedValue() >= self.value }
     }
 
+    /// Waits until nothing of it runs any more, before what it uses is freed: as [`wait`](Self::wait), but also on a device that is
+    /// gone, as not every driver drops what such a device was given.
+    pub(crate) fn settle(&self) {
+        let Ok(event) = Event::new() else { return };
+        // SAFETY: as in `wait`.
+        if unsafe { self.fence.SetEventOnCompletion(self.value, event.0) }.is_err() {
+            return;
+        }
+        let mut patience = PATIENCE;
+        while patience > 0 && !self.reached() && event.wait().is_ok_and(|came| !came) {
+            patience -= u32::from(removed(&self.device).is_some());
+        }
+    }
+
     /// Waits for it with this thread.
     ///
     /// # Errors
@@ -63,6 +79,7 @@ impl Moment {
                 .map_err(|e| failed_on(&self.device, "ID3D12Fence::SetEventOnCompletion", &e))?;
             while !event.wait()? && !self.reached() {
                 if let Some(gone) = removed(&self.device) {
+                    self.settle();
                     return Err(gone);
                 }
             }

@@ -59,13 +59,17 @@ impl Queue {
     /// # Errors
     /// `DeviceRemoved`.
     pub fn submit(&self, lists: &[ID3D12CommandList]) -> Result<Moment> {
+        // Not every driver drops what a device that is gone is given, and whoever is told so lets go of what the lists use.
+        if let Some(gone) = removed(&self.device) {
+            return Err(gone);
+        }
         // An interface is a pointer that is not null, which an Option of it may be.
         // SAFETY: both have the layout of a pointer.
         let lists: &[Option<ID3D12CommandList>] =
             unsafe { std::slice::from_raw_parts(lists.as_ptr().cast(), lists.len()) };
         // SAFETY: live lists of this device; an open one makes Direct3D remove the device, which `now` reports.
         unsafe { self.queue.ExecuteCommandLists(lists) };
-        self.now()
+        self.now().inspect_err(|_| self.settle())
     }
 
     /// The moment when everything that it has been given so far is done, by whomever.
@@ -83,6 +87,20 @@ impl Queue {
             .map_err(|e| failed_on(&self.device, "ID3D12CommandQueue::Signal", &e))?;
         *last += 1;
         Ok(Moment::new(&self.fence, *last, &self.device))
+    }
+
+    /// Waits until nothing that it has been given runs any more, before what that uses is freed; also on a device that is gone.
+    pub(crate) fn settle(&self) {
+        let moment = {
+            let mut last = self.last.lock();
+            // SAFETY: a live queue and a fence of its device.
+            if unsafe { self.queue.Signal(&self.fence, *last + 1) }.is_err() {
+                return;
+            }
+            *last += 1;
+            Moment::new(&self.fence, *last, &self.device)
+        };
+        moment.settle();
     }
 
     /// Lets what it is given from now on wait for `moment`, of another queue or an engine's own; this thread does not wait.

@@ -150,10 +150,8 @@ impl Frames {
 
 impl Drop for Frames {
     fn drop(&mut self) {
-        // The device may still use what is freed next. What a device that is gone had to do, nobody does any more.
-        for moment in self.slots.iter().filter_map(|slot| slot.busy.as_ref()) {
-            _ = moment.wait();
-        }
+        // The device may still use what is freed next.
+        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).for_each(Moment::settle);
     }
 }
 

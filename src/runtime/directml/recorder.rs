@@ -208,9 +208,9 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // The queue may still read what is freed next. What a device that is gone had to do, nobody does any more.
+        // The queue may still read what is freed next.
         if let Some((moment, ..)) = self.working.back() {
-            _ = moment.wait();
+            moment.settle();
         }
     }
 }
