@@ -1792,24 +1792,29 @@ CAIRN_API cairn_result cairn_anchor_get_d3d12(
     uint64_t *value);
 
 /**
- * Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Leaves pipeline,
- * root signature and descriptor heaps of the list changed, and nothing else.
+ * Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory: it is made on the
+ * processor, and the list copies it from memory of the presenter's. Leaves nothing of the list changed; target needs no view and no
+ * access for shaders. Waits where three lists before it have not run yet.
  *
+ * device: the one on whose queue the list will run.
  * now_ns: when it will be shown, on the host's clock.
- * list: open for recording; direct or compute.
- * target: of the frames' size, with unordered access; in before on entry and in after on exit, both D3D12_RESOURCE_STATES. It and
- * the presenter must live until the list has run.
+ * list: open for recording, of the queue's type; to be given to the queue before the next frame is recorded.
+ * target: of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and
+ * typeless ones included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR. In before on entry and in after on
+ * exit, both D3D12_RESOURCE_STATES that the list can name: a compute list cannot name RENDER_TARGET. It and the presenter must live
+ * until the list has run.
  * frame: may be null.
  *
  * Ownership: list and target stay the caller's; frame is filled on success; on failure it is not written and nothing is recorded.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
- * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+ * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU device; CAIRN_ERROR_OUT_OF_MEMORY;
+ * CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_record_d3d12(
-    cairn_presenter *presenter, uint64_t now_ns, struct ID3D12GraphicsCommandList *list, struct ID3D12Resource *target,
-    uint32_t before, uint32_t after, cairn_frame *frame);
+    cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12GraphicsCommandList *list,
+    struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame);
 
 #ifdef __cplusplus
 } /* extern "C" */

@@ -6,11 +6,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use cairn::ErrorKind;
 use cairn::bundle::Precision;
-use cairn::gpu::Gpu;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
+use cairn::gpu::{Gpu, read_texture};
 use cairn::runtime::{Device, DirectMlOptions};
-use cairn::world::{Rollout, World, WorldOptions};
+use cairn::world::{KeptAnchor, Rollout, World, WorldOptions};
+use cairn::{ErrorKind, Picture};
 
 mod common;
 use common::{bundle, controls, fingerprint, ort, point, seeded};
@@ -129,6 +130,45 @@ fn the_same_rollout_has_the_same_bits_and_goes_on_from_a_saved_state() {
     restored.restore(&saved).expect("the state fits");
     steps(&mut restored, 1..3);
     assert!(bits(&mut first) == bits(&mut restored), "the state holds everything");
+}
+
+#[test]
+fn an_anchor_stays_on_the_device_until_it_is_read() {
+    let world = directml(Precision::F16, None);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    let gpu = world.device().gpu().expect("a Direct3D 12 device").clone();
+    let down = |rollout: &Rollout| rollout.statistics().bytes.read;
+    let before = down(&rollout);
+    steps(&mut rollout, 0..1);
+    let anchor = KeptAnchor::of(&mut rollout, false).expect("an anchor");
+    let shown = |i| {
+        let (texture, moment) = anchor.texture(i).expect("a texture");
+        moment.wait().expect("it is there");
+        read_texture(&gpu, texture, D3D12_RESOURCE_STATE_COMMON).expect("a picture")
+    };
+    let pictures: Vec<_> = (0..anchor.count()).map(shown).collect();
+    assert!(anchor.texture(anchor.count()).is_none(), "there is no more");
+    assert_eq!(down(&rollout), before, "a host has the pictures, and no byte came down for them");
+
+    // The rollout goes on, and the anchor stays as it is.
+    let mut expected = Vec::new();
+    for i in 0..anchor.count() {
+        let mut picture = Picture::new(1, 1).expect("a picture");
+        rollout.read_picture(i as u32, &mut picture).expect("a picture");
+        expected.push(picture);
+    }
+    let latent = rollout.latent().expect("a latent").to_vec();
+    steps(&mut rollout, 1..2);
+    let before = down(&rollout);
+    for (i, (texture, expected)) in pictures.iter().zip(&expected).enumerate() {
+        let read = anchor.read(i).expect("a picture");
+        assert!(read == texture && std::ptr::eq(read, anchor.read(i).expect("again")), "the texture, read once");
+        let apart = read.rgba().iter().zip(expected.rgba()).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(apart <= Some(1), "picture {i} is {apart:?} steps of 255 from the processor's");
+    }
+    assert!(anchor.latent().expect("a latent") == latent, "the latent's bits");
+    let bytes: usize = expected.iter().map(|picture| picture.rgba().len()).sum();
+    assert_eq!(down(&rollout) - before, (bytes + 2 * latent.len()) as u64, "what was read is counted");
 }
 
 /// This test is its own second process: a process has one DirectML.dll that is found by its name.

@@ -3,7 +3,7 @@
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
 use super::images::{Target, cairn_picture, cairn_target, read_picture};
-use super::results::{CAIRN_OK, Failure, cairn_result};
+use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, slice_mut};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind};
@@ -101,14 +101,14 @@ pub unsafe extern "C" fn cairn_anchor_get_info(
         let anchor = enter(anchor)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::new(info, "info") }?;
-        let (width, height) = anchor.picture().size();
+        let (width, height) = anchor.size();
         let [latent_channels, latent_height, latent_width] = anchor.latent_shape();
         info.write(&cairn_anchor_info {
             struct_size: 0,
             flags: if anchor.is_cut() { CAIRN_ANCHOR_CUT } else { 0 },
             latent: anchor.number(),
             latents_per_second: anchor.latents_per_second(),
-            pictures: anchor.pictures().len() as u32,
+            pictures: anchor.count() as u32,
             width,
             height,
             latent_channels,
@@ -137,12 +137,10 @@ pub unsafe extern "C" fn cairn_anchor_read_picture(
 ) -> cairn_result {
     call("cairn_anchor_read_picture", || {
         let anchor = enter(anchor)?;
-        let pictures = anchor.pictures();
-        let picture = pictures.get(index as usize).ok_or_else(|| {
-            Failure::argument("index", format!("there is no picture {index}, the anchor has {}", pictures.len()))
-        })?;
+        check_index(&anchor, index)?;
         // SAFETY: the host's promise about `target`.
-        unsafe { Target::new(target, picture.size(), "target") }?.write(picture);
+        let target = unsafe { Target::new(target, anchor.size(), "target") }?;
+        target.write(anchor.read(index as usize)?);
         Ok(CAIRN_OK)
     })
 }
@@ -164,17 +162,26 @@ pub unsafe extern "C" fn cairn_anchor_read_latent(
 ) -> cairn_result {
     call("cairn_anchor_read_latent", || {
         let anchor = enter(anchor)?;
-        if anchor.latent().is_empty() {
+        let numbers = anchor.latent_shape().iter().map(|&n| n as usize).product::<usize>();
+        if numbers == 0 {
             return Err(Error::new(ErrorKind::Unsupported, "the host's own picture has no latent").into());
         }
-        if count != anchor.latent().len() {
-            let why = format!("{count} numbers, the latent has {}", anchor.latent().len());
-            return Err(Failure::argument("count", why));
+        if count != numbers {
+            return Err(Failure::argument("count", format!("{count} numbers, the latent has {numbers}")));
         }
         // SAFETY: the host's promise about `values`.
-        unsafe { slice_mut(values, count, "values") }?.copy_from_slice(anchor.latent());
+        let values = unsafe { slice_mut(values, count, "values") }?;
+        values.copy_from_slice(anchor.latent()?);
         Ok(CAIRN_OK)
     })
+}
+
+/// Refuses a picture that an anchor does not have.
+pub(super) fn check_index(anchor: &KeptAnchor, index: u32) -> Outcome<()> {
+    if (index as usize) < anchor.count() {
+        return Ok(());
+    }
+    Err(Failure::argument("index", format!("there is no picture {index}, the anchor has {}", anchor.count())))
 }
 
 /// Destroys the handle of an anchor; null is allowed. Guidance and presenters that were given it keep what they need.

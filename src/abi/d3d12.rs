@@ -1,11 +1,11 @@
 //! Direct3D 12: the doors that an engine's own objects come through. What stands behind them is built for Windows only.
 
-use super::anchor::cairn_anchor;
+use super::anchor::{cairn_anchor, check_index};
 use super::boundary::call;
 use super::device::cairn_device;
 use super::handles::{enter, enter_alone, insert};
-use super::presenter::{cairn_frame, cairn_presenter};
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::presenter::{cairn_frame, cairn_presenter, to_header};
+use super::results::{CAIRN_NOT_READY, CAIRN_OK, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out};
 use super::worker::Job;
@@ -165,10 +165,8 @@ pub unsafe extern "C" fn cairn_anchor_get_d3d12(
         check_out(texture, "texture")?;
         check_out(fence, "fence")?;
         check_out(value, "value")?;
-        let picture = anchor.pictures().get(index as usize);
-        let picture = picture.ok_or_else(|| Failure::argument("index", format!("there is no picture {index}")))?;
-        let device = anchor.device().ok_or_else(Failure::no_d3d12)?;
-        let made = behind::texture(device, picture)?;
+        check_index(&anchor, index)?;
+        let made = behind::texture(&anchor, index)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { texture.write(made.0) };
         // SAFETY: as above.
@@ -179,23 +177,29 @@ pub unsafe extern "C" fn cairn_anchor_get_d3d12(
     })
 }
 
-/// Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Leaves pipeline,
-/// root signature and descriptor heaps of the list changed, and nothing else.
+/// Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory: it is made on the
+/// processor, and the list copies it from memory of the presenter's. Leaves nothing of the list changed; target needs no view and no
+/// access for shaders. Waits where three lists before it have not run yet.
 ///
+/// device: the one on whose queue the list will run.
 /// now_ns: when it will be shown, on the host's clock.
-/// list: open for recording; direct or compute.
-/// target: of the frames' size, with unordered access; in before on entry and in after on exit, both D3D12_RESOURCE_STATES. It and
-/// the presenter must live until the list has run.
+/// list: open for recording, of the queue's type; to be given to the queue before the next frame is recorded.
+/// target: of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and
+/// typeless ones included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR. In before on entry and in after on
+/// exit, both D3D12_RESOURCE_STATES that the list can name: a compute list cannot name RENDER_TARGET. It and the presenter must live
+/// until the list has run.
 /// frame: may be null.
 ///
 /// Ownership: list and target stay the caller's; frame is filled on success; on failure it is not written and nothing is recorded.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
-/// CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
+/// CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU device; CAIRN_ERROR_OUT_OF_MEMORY;
+/// CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_record_d3d12(
     presenter: *mut cairn_presenter,
+    device: *const cairn_device,
     now_ns: u64,
     list: *mut ID3D12GraphicsCommandList,
     target: *mut ID3D12Resource,
@@ -204,15 +208,28 @@ pub unsafe extern "C" fn cairn_presenter_record_d3d12(
     frame: *mut cairn_frame,
 ) -> cairn_result {
     call("cairn_presenter_record_d3d12", || {
-        // Of use on Windows only.
-        let _ = (now_ns, before, after);
-        let _presenting = enter_alone(presenter)?;
+        let presenting = enter_alone(presenter)?;
+        let device = enter(device)?;
         given(list, "list")?;
         given(target, "target")?;
         // SAFETY: the host's promise about `frame`.
-        unsafe { Out::optional(frame, "frame") }?;
-        Err(Failure::no_d3d12())
+        let frame = unsafe { Out::optional(frame, "frame") }?;
+        let target = To { list, target, before, after };
+        // SAFETY: the host's promise about its objects.
+        let shown = unsafe { presenting.record(&device, now_ns, &target) }?;
+        let Some(shown) = shown else { return Ok(CAIRN_NOT_READY) };
+        frame.into_iter().for_each(|frame| frame.write(&to_header(&shown)));
+        Ok(CAIRN_OK)
     })
+}
+
+/// Where a frame is recorded to.
+#[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door reads it"))]
+pub(super) struct To {
+    list: *mut ID3D12GraphicsCommandList,
+    target: *mut ID3D12Resource,
+    before: u32,
+    after: u32,
 }
 
 /// Refuses a null pointer to an object of Direct3D.

@@ -2,11 +2,10 @@
 
 use std::ffi::c_void;
 
-use half::f16;
-
 use super::results::{Failure, Outcome};
 use super::structs::{describe, read};
 use crate::Picture;
+use crate::present::texels::{Encoder, Texel, swap_red_and_blue};
 
 /// Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default.
 pub const CAIRN_FORMAT_RGBA8: u32 = 0;
@@ -68,7 +67,7 @@ struct Rows {
 
 impl Rows {
     /// Checks a layout; `field` names the struct, for messages.
-    fn check(from: &cairn_picture, format: Format, field: &str) -> Outcome<Self> {
+    fn check(from: &cairn_picture, format: Texel, field: &str) -> Outcome<Self> {
         let cairn_picture { width, height, pixels, size, row_pitch: pitch, .. } = *from;
         let refuse = |part: &str, why: String| Failure::argument(&format!("{field}.{part}"), why);
         let wrong = |part: &str, why: String| Err(refuse(part, why));
@@ -80,7 +79,7 @@ impl Rows {
         if pixels.is_null() {
             return wrong("pixels", "a null pointer".into());
         }
-        let row = u64::from(width) * format.pixel();
+        let row = u64::from(width) * format.bytes() as u64;
         let pitch = if pitch == 0 { row } else { pitch };
         if pitch < row {
             return wrong("row_pitch", format!("{pitch} bytes are less than a row of {row}"));
@@ -94,35 +93,14 @@ impl Rows {
     }
 }
 
-/// How pixels lie in memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Rgba8,
-    Bgra8,
-    Rgba16F,
-}
-
-impl Format {
-    /// What the header's number means; `field` names the struct, for messages.
-    fn of(number: u32, field: &str) -> Outcome<Self> {
-        match number {
-            CAIRN_FORMAT_RGBA8 => Ok(Self::Rgba8),
-            CAIRN_FORMAT_BGRA8 => Ok(Self::Bgra8),
-            CAIRN_FORMAT_RGBA16F => Ok(Self::Rgba16F),
-            other => {
-                Err(Failure::argument(&format!("{field}.format"), format!("{other} is no format of this library")))
-            }
-        }
+/// How pixels of the header's number lie in memory; `field` names the struct, for messages.
+fn texel(number: u32, field: &str) -> Outcome<Texel> {
+    match number {
+        CAIRN_FORMAT_RGBA8 => Ok(Texel::Rgba8),
+        CAIRN_FORMAT_BGRA8 => Ok(Texel::Bgra8),
+        CAIRN_FORMAT_RGBA16F => Ok(Texel::Rgba16F),
+        other => Err(Failure::argument(&format!("{field}.format"), format!("{other} is no format of this library"))),
     }
-
-    /// Bytes of a pixel.
-    fn pixel(self) -> u64 {
-        if self == Self::Rgba16F { 8 } else { 4 }
-    }
-}
-
-fn swap_red_and_blue(row: &mut [u8]) {
-    row.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel.swap(0, 2));
 }
 
 /// Copies the host's picture.
@@ -132,8 +110,8 @@ fn swap_red_and_blue(row: &mut [u8]) {
 pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Outcome<Picture> {
     // SAFETY: the caller's promise is the same.
     let from = unsafe { read(from, name) }?;
-    let format = Format::of(from.format, name)?;
-    if format == Format::Rgba16F {
+    let format = texel(from.format, name)?;
+    if format == Texel::Rgba16F {
         return Err(Failure::argument(&format!("{name}.format"), "half floats are for targets only"));
     }
     let rows = Rows::check(&from, format, name)?;
@@ -141,7 +119,7 @@ pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Out
     for (i, row) in picture.rgba_mut().chunks_exact_mut(rows.len).enumerate() {
         // SAFETY: row `i` lies within the size that was checked, and the picture is memory of our own.
         unsafe { from.pixels.cast::<u8>().add(i * rows.pitch).copy_to_nonoverlapping(row.as_mut_ptr(), rows.len) };
-        if format == Format::Bgra8 {
+        if format == Texel::Bgra8 {
             swap_red_and_blue(row);
         }
     }
@@ -153,7 +131,7 @@ pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Out
 pub(super) struct Target {
     pixels: *mut u8,
     rows: Rows,
-    format: Format,
+    format: Texel,
     linear: bool,
 }
 
@@ -165,7 +143,7 @@ impl Target {
         let cairn_target { struct_size, format, width, height, pixels, size: bytes, row_pitch } =
             unsafe { read(to, name) }?;
         let layout = cairn_picture { struct_size, format, width, height, pixels, size: bytes, row_pitch };
-        let format = Format::of(format, name)?;
+        let format = texel(format, name)?;
         let rows = Rows::check(&layout, format, name)?;
         if (width, height) != size {
             let why = format!("{width} x {height} pixels where {} x {} come", size.0, size.1);
@@ -176,7 +154,7 @@ impl Target {
 
     /// The same place, for linear light if `linear`.
     pub(super) fn in_linear_light(self, linear: bool) -> Outcome<Self> {
-        if linear && self.format != Format::Rgba16F {
+        if linear && self.format != Texel::Rgba16F {
             let why = "linear light needs more than 8 bits";
             return Err(Failure::argument("target.format", why).remedy("Use CAIRN_FORMAT_RGBA16F"));
         }
@@ -186,7 +164,7 @@ impl Target {
     /// Writes a picture of the size that was checked.
     pub(super) fn write(self, picture: &Picture) {
         let Self { pixels, rows, format, linear } = self;
-        let halves = (format == Format::Rgba16F).then(|| [halves(linear), halves(false)]);
+        let encoder = Encoder::new(format, linear);
         let from = picture.rgba().chunks_exact(picture.width() as usize * 4);
         for (i, row) in from.take(rows.count).enumerate() {
             // SAFETY: row `i` lies within the size that was checked; nobody else uses it, by the promise of `new`.
@@ -195,38 +173,15 @@ impl Target {
                 to.write_bytes(0, rows.len);
                 std::slice::from_raw_parts_mut(to, rows.len)
             };
-            match &halves {
-                None => {
-                    to.copy_from_slice(row);
-                    if format == Format::Bgra8 {
-                        swap_red_and_blue(to);
-                    }
-                }
-                Some([colour, alpha]) => {
-                    let channels = to.as_chunks_mut::<2>().0.iter_mut().zip(row).enumerate();
-                    for (c, (half, level)) in channels {
-                        *half = if c % 4 == 3 { alpha } else { colour }[*level as usize].to_ne_bytes();
-                    }
-                }
-            }
+            encoder.row(row, to);
         }
     }
 }
 
-/// Every 8-bit level as a half float from 0 to 1, also brought to linear light by the curve of sRGB (IEC 61966-2-1).
-fn halves(linear: bool) -> [f16; 256] {
-    std::array::from_fn(|level| {
-        let value = level as f64 / 255.0;
-        f16::from_f64(match value {
-            v if !linear => v,
-            v if v <= 0.04045 => v / 12.92,
-            v => libm::pow((v + 0.055) / 1.055, 2.4),
-        })
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use half::f16;
+
     use super::super::results::CAIRN_ERROR_INVALID_ARGUMENT;
     use super::*;
 

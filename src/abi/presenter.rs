@@ -4,8 +4,12 @@ use std::ffi::c_char;
 
 use std::time::Duration;
 
+use parking_lot::Mutex;
+
 use super::anchor::cairn_anchor;
 use super::boundary::call;
+use super::d3d12::To;
+use super::d3d12::behind::Recording;
 use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
 use super::images::{Target, cairn_target};
@@ -16,6 +20,7 @@ use crate::framegen::FrameGenerator;
 use crate::framegen::cpu::CpuGenerator;
 use crate::present::pacing::Interval;
 use crate::present::presenter::{Presenter, PresenterOptions, Shown, ShownSource};
+use crate::runtime::Device;
 
 /// The generator is used where it can be.
 pub const CAIRN_PREFER_AUTO: u32 = 0;
@@ -71,6 +76,8 @@ pub(super) struct Presenting {
     generator: &'static str,
     /// Why a preference was not met.
     preference: String,
+    /// What frames for Direct3D 12 are recorded with.
+    recording: Mutex<Recording>,
 }
 
 impl Handle for cairn_presenter {
@@ -80,6 +87,28 @@ impl Handle for cairn_presenter {
 }
 
 impl Object for Presenting {}
+
+impl Presenting {
+    /// Records the frame that is due at `now`.
+    ///
+    /// # Safety
+    /// What `to` points to are objects of COM and live during the call.
+    pub(super) unsafe fn record(&self, device: &Device, now: u64, to: &To) -> Outcome<Option<Shown>> {
+        if !device.is_gpu() {
+            return Err(Failure::no_d3d12());
+        }
+        let Some(size) = self.presenter.size() else { return Ok(None) };
+        let mut recording = self.recording.lock();
+        // SAFETY: the caller's promise.
+        let place = unsafe { recording.place(device, to, size, self.linear) }?;
+        let (mut place, mut recorded) = (Some(place), Ok(()));
+        let shown = self.presenter.draw(now, size, |picture| {
+            recorded = place.take().map_or(Ok(()), |place| place.fill(picture));
+        })?;
+        recorded?;
+        Ok(shown)
+    }
+}
 
 /// How anchors are shown. All zero: two frames to an anchor, one interval after they come.
 #[repr(C)]
@@ -410,7 +439,8 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
         motion: motion_source(options.motion, "options.motion")?,
     };
     let name = if generator.is_some() { "cpu" } else { "" };
-    Ok(Presenting { presenter: Presenter::new(made, generator)?, linear, generator: name, preference })
+    let (presenter, recording) = (Presenter::new(made, generator)?, Mutex::default());
+    Ok(Presenting { presenter, linear, generator: name, preference, recording })
 }
 
 /// The generator that the preferences lead to, and why others are not used.
@@ -445,7 +475,7 @@ fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<dyn FrameGen
     Ok((generator, reason))
 }
 
-fn to_header(shown: &Shown) -> cairn_frame {
+pub(super) fn to_header(shown: &Shown) -> cairn_frame {
     let source = match shown.source {
         ShownSource::Anchor => CAIRN_FRAME_ANCHOR,
         ShownSource::Decoded => CAIRN_FRAME_DECODED,

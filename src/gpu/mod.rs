@@ -15,6 +15,7 @@ mod queue;
 mod resize;
 mod shader;
 mod texture;
+mod uploads;
 
 pub use adapter::{Adapter, adapters};
 pub use device::Gpu;
@@ -24,6 +25,8 @@ pub use moment::Moment;
 pub(crate) use pipeline::Pipeline;
 pub use queue::Queue;
 pub use resize::{Planes, Resize};
+pub(crate) use texture::{blank_texture, read_buffer};
 pub use texture::{read_texture, texture_of};
+pub use uploads::{Place, Target, Uploads};
 /// The bindings in which objects of Direct3D are handed over.
 pub use windows;

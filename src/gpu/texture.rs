@@ -34,8 +34,7 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
     // SAFETY: a live resource.
     let desc = unsafe { texture.GetDesc() };
     let blue_first = check(&desc)?;
-    let compute = gpu.frames().kind() == D3D12_COMMAND_LIST_TYPE_COMPUTE;
-    if compute && state & OF_COMPUTE != state {
+    if !names_state(gpu.frames().kind(), state) {
         return Err(refuse("state", "the queue for frames is a compute queue, which cannot name that state"));
     }
     let mut picture = Picture::new(desc.Width as u32, desc.Height)?;
@@ -72,7 +71,32 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
 /// # Errors
 /// `OutOfMemory`; `DeviceRemoved`.
 pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Moment)> {
-    let (width, height) = picture.size();
+    let state = D3D12_RESOURCE_STATE_COPY_DEST;
+    let (texture, desc) = make(gpu, picture.size(), D3D12_RESOURCE_FLAG_NONE, state)?;
+    let (layout, bytes) = layout(gpu, &desc);
+    let mut upload = Shared::new(gpu, Heap::Upload, bytes)?;
+    let rows = picture.rgba().chunks_exact(picture.width() as usize * 4);
+    rows.enumerate().for_each(|(y, row)| upload.write(y * layout.Footprint.RowPitch as usize, row));
+    let moment = once(gpu, |list| {
+        copy(list, &first_level(&texture), &placed(upload.resource(), layout));
+        barrier(list, &texture, state, D3D12_RESOURCE_STATE_COMMON);
+    })?;
+    Ok((texture, moment))
+}
+
+/// A texture that shaders may write, RGBA8, in the state COMMON. What is in it is not said.
+pub(crate) fn blank_texture(gpu: &Gpu, size: (u32, u32)) -> Result<ID3D12Resource> {
+    let (texture, _) = make(gpu, size, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, D3D12_RESOURCE_STATE_COMMON)?;
+    Ok(texture)
+}
+
+/// A texture of `size`, RGBA8, and its description.
+fn make(
+    gpu: &Gpu,
+    (width, height): (u32, u32),
+    flags: D3D12_RESOURCE_FLAGS,
+    state: D3D12_RESOURCE_STATES,
+) -> Result<(ID3D12Resource, D3D12_RESOURCE_DESC)> {
     let desc = D3D12_RESOURCE_DESC {
         Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
         Width: u64::from(width),
@@ -81,24 +105,33 @@ pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Momen
         MipLevels: 1,
         Format: DXGI_FORMAT_R8G8B8A8_UNORM,
         SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        Flags: flags,
         ..Default::default()
     };
     let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
-    let (state, mut made) = (D3D12_RESOURCE_STATE_COPY_DEST, None::<ID3D12Resource>);
+    let mut made = None::<ID3D12Resource>;
     // SAFETY: a live device; descriptions and place live during the call.
     unsafe { gpu.device().CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, state, None, &mut made) }
         .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommittedResource", &e))?;
     let texture =
         made.ok_or_else(|| Error::new(ErrorKind::Device, "ID3D12Device::CreateCommittedResource gave no texture"))?;
-    let (layout, bytes) = layout(gpu, &desc);
-    let mut upload = Shared::new(gpu, Heap::Upload, bytes)?;
-    let rows = picture.rgba().chunks_exact(width as usize * 4);
-    rows.enumerate().for_each(|(y, row)| upload.write(y * layout.Footprint.RowPitch as usize, row));
-    let moment = once(gpu, |list| {
-        copy(list, &first_level(&texture), &placed(upload.resource(), layout));
-        barrier(list, &texture, state, D3D12_RESOURCE_STATE_COMMON);
+    Ok((texture, desc))
+}
+
+/// Reads the first bytes of a buffer that rests in the state COMMON, on the queue for frames; waits for it.
+pub(crate) fn read_buffer(gpu: &Gpu, buffer: &ID3D12Resource, into: &mut [u8]) -> Result<()> {
+    let readback = Shared::new(gpu, Heap::Readback, into.len())?;
+    once(gpu, |list| {
+        // SAFETY: an open list; both buffers live until it has run, and the stretch lies inside them.
+        unsafe { list.CopyBufferRegion(readback.resource(), 0, buffer, 0, into.len() as u64) };
     })?;
-    Ok((texture, moment))
+    readback.read(into);
+    Ok(())
+}
+
+/// Whether a list of the type may name a state in a barrier.
+pub(super) fn names_state(kind: D3D12_COMMAND_LIST_TYPE, state: D3D12_RESOURCE_STATES) -> bool {
+    kind != D3D12_COMMAND_LIST_TYPE_COMPUTE || state & OF_COMPUTE == state
 }
 
 /// Refuses what is no plain picture; whether its pixels have blue first.
@@ -124,7 +157,7 @@ fn refuse(field: &str, why: &str) -> Error {
 }
 
 /// How the first mip level of a texture lies in a buffer, and the bytes of that.
-fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUBRESOURCE_FOOTPRINT, usize) {
+pub(super) fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUBRESOURCE_FOOTPRINT, usize) {
     let (mut layout, mut bytes) = (D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default(), 0);
     // SAFETY: a live device; description and places live during the call.
     unsafe { gpu.device().GetCopyableFootprints(desc, 0, 1, 0, Some(&mut layout), None, None, Some(&mut bytes)) };
@@ -156,7 +189,10 @@ fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
     unsafe { std::mem::transmute_copy(resource) }
 }
 
-fn placed(buffer: &ID3D12Resource, layout: D3D12_PLACED_SUBRESOURCE_FOOTPRINT) -> D3D12_TEXTURE_COPY_LOCATION {
+pub(super) fn placed(
+    buffer: &ID3D12Resource,
+    layout: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,
+) -> D3D12_TEXTURE_COPY_LOCATION {
     D3D12_TEXTURE_COPY_LOCATION {
         pResource: borrowed(buffer),
         Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
@@ -164,7 +200,7 @@ fn placed(buffer: &ID3D12Resource, layout: D3D12_PLACED_SUBRESOURCE_FOOTPRINT) -
     }
 }
 
-fn first_level(texture: &ID3D12Resource) -> D3D12_TEXTURE_COPY_LOCATION {
+pub(super) fn first_level(texture: &ID3D12Resource) -> D3D12_TEXTURE_COPY_LOCATION {
     D3D12_TEXTURE_COPY_LOCATION {
         pResource: borrowed(texture),
         Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
@@ -172,12 +208,16 @@ fn first_level(texture: &ID3D12Resource) -> D3D12_TEXTURE_COPY_LOCATION {
     }
 }
 
-fn copy(list: &ID3D12GraphicsCommandList, to: &D3D12_TEXTURE_COPY_LOCATION, from: &D3D12_TEXTURE_COPY_LOCATION) {
+pub(super) fn copy(
+    list: &ID3D12GraphicsCommandList,
+    to: &D3D12_TEXTURE_COPY_LOCATION,
+    from: &D3D12_TEXTURE_COPY_LOCATION,
+) {
     // SAFETY: an open list, and live resources of its device in the states for it.
     unsafe { list.CopyTextureRegion(to, 0, 0, 0, from, None) };
 }
 
-fn barrier(
+pub(super) fn barrier(
     list: &ID3D12GraphicsCommandList,
     resource: &ID3D12Resource,
     before: D3D12_RESOURCE_STATES,

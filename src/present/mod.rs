@@ -2,5 +2,6 @@
 
 pub mod pacing;
 pub mod presenter;
+pub(crate) mod texels;
 pub mod timeline;
 pub mod upscale;

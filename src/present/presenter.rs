@@ -214,7 +214,7 @@ impl Presenter {
     /// first anchor say how far apart anchors are.
     pub fn push(&self, anchor: Arc<KeptAnchor>, guidance: Option<Arc<Guidance>>, now: u64) -> Result<bool> {
         let refuse = |field: &str, cause: String| Error::new(ErrorKind::InvalidArgument, cause).field(field);
-        let size = anchor.picture().size();
+        let size = anchor.size();
         let fits = |have: (u32, u32), want: (u32, u32), field: &str| {
             let cause = || format!("{} x {} pixels where the stream has {} x {}", have.0, have.1, want.0, want.1);
             if have == want { Ok(()) } else { Err(refuse(field, cause())) }
@@ -337,7 +337,7 @@ impl Presenter {
         };
         let held = |slot: &Slot, cut| {
             let number = slot.anchor.number();
-            let plan = Plan::Copy { anchor: slot.anchor.clone(), picture: slot.anchor.pictures().len() - 1 };
+            let plan = Plan::Copy { anchor: slot.anchor.clone(), picture: slot.anchor.count() - 1 };
             (shown(ShownSource::Held, number, number, 0.0, cut), plan)
         };
         match due.frame {
@@ -348,7 +348,7 @@ impl Presenter {
             DueFrame::Between { previous: index, step } => {
                 let (previous, current) = (slot(index)?, slot(index + 1)?);
                 let (t, numbers) = (t(step), (previous.anchor.number(), current.anchor.number()));
-                let pictures = current.anchor.pictures().len();
+                let pictures = current.anchor.count();
                 if self.options.decoded && pictures > 1 && pictures == self.options.multiplier as usize {
                     let plan = Plan::Copy { anchor: current.anchor.clone(), picture: step as usize - 1 };
                     return Some((shown(ShownSource::Decoded, numbers.0, numbers.1, t, false), plan));
@@ -428,7 +428,7 @@ impl Drawer {
             self.generate(plan, epoch, options, times)?;
         }
         let made = match plan {
-            Plan::Copy { anchor, picture } => anchor.pictures().get(*picture).unwrap_or(anchor.picture()),
+            Plan::Copy { anchor, picture } => anchor.read(*picture)?,
             Plan::Between { .. } | Plan::Beyond { .. } => self.generated.as_ref().ok_or_else(nothing_made)?,
         };
         let wanted = options.size.unwrap_or(made.size());
@@ -477,11 +477,11 @@ impl Drawer {
         times.guidance += start.elapsed();
         let start = Instant::now();
         let generator = self.generator.as_mut().ok_or_else(nothing_made)?;
-        let picture = current.anchor.picture();
+        let picture = current.anchor.picture()?;
         let out = of_size(&mut self.generated, picture.size())?;
         let report = match plan {
             Plan::Between { previous, .. } => {
-                let mut pair = AnchorPair::new(previous.anchor.picture(), picture, guidance)?;
+                let mut pair = AnchorPair::new(previous.anchor.picture()?, picture, guidance)?;
                 if let Some(guidance) = &previous.guidance {
                     pair = pair.with_previous_depth(guidance.depth())?;
                 }
@@ -502,7 +502,7 @@ impl Drawer {
         current: &KeptAnchor,
         key: (u64, u64),
     ) -> Result<()> {
-        let (width, height) = current.picture().size();
+        let (width, height) = current.size();
         let mut guidance = match self.guidance.take() {
             Some((_, guidance)) => guidance,
             None => Guidance::new(width, height, paper::PROJECTION)?,
@@ -519,7 +519,7 @@ impl Drawer {
 /// `InvalidArgument` when the pictures differ in size, or latents are needed and are missing or differ in shape;
 /// `OutOfMemory`.
 pub fn extract(source: MotionSource, previous: &KeptAnchor, current: &KeptAnchor) -> Result<Guidance> {
-    let (width, height) = current.picture().size();
+    let (width, height) = current.size();
     let mut guidance = Guidance::new(width, height, paper::PROJECTION)?;
     Extractors::default().fill(source, previous, current, &mut guidance)?;
     Ok(guidance)
@@ -534,15 +534,15 @@ impl Extractors {
         out: &mut Guidance,
     ) -> Result<()> {
         match source {
-            MotionSource::PictureFlow => self.flow.extract(previous.picture(), current.picture(), out),
-            MotionSource::Paper => self.paper.extract(view(previous)?, view(current)?, current.picture().size(), out),
+            MotionSource::PictureFlow => self.flow.extract(previous.picture()?, current.picture()?, out),
+            MotionSource::Paper => self.paper.extract(view(previous)?, view(current)?, current.size(), out),
         }
     }
 }
 
 fn view(anchor: &KeptAnchor) -> Result<LatentView<'_>> {
     let [channels, height, width] = anchor.latent_shape().map(|n| n as usize);
-    LatentView::new(channels, height, width, anchor.latent()).map_err(|_| {
+    LatentView::new(channels, height, width, anchor.latent()?).map_err(|_| {
         Error::new(
             ErrorKind::InvalidArgument,
             "a picture that no world made has no latent, and its motion is asked of it",

@@ -99,4 +99,30 @@ pub(crate) trait Lane: Send {
 
     /// What was moved so far.
     fn bytes(&self) -> Bytes;
+
+    /// Room on the device for a copy of `latent` and for `pictures` pictures of `size`; none on a device that is no Direct3D 12 one.
+    #[cfg(windows)]
+    fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<super::Snapshot>> {
+        let _ = (latent, pictures, size);
+        Ok(None)
+    }
+
+    /// Has a latent and its pictures copied into their room, which is of this lane. Nothing waits for it.
+    #[cfg(windows)]
+    fn keep_on_device(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut super::Snapshot) -> Result<()> {
+        let _ = (decoded, latent, into);
+        Err(crate::Error::new(crate::ErrorKind::Unsupported, "the device keeps no pictures"))
+    }
+}
+
+/// A decoder's pictures in a buffer of one lane.
+#[cfg(windows)]
+pub(crate) struct Decoded<'a> {
+    /// `[pictures, 3, height, width]`
+    pub(crate) planes: BufferId,
+    /// Which ones of them are meant, counted from 0.
+    pub(crate) pictures: &'a [u32],
+    /// Width and height.
+    pub(crate) size: (u32, u32),
+    pub(crate) precision: Precision,
 }

@@ -25,8 +25,12 @@ pub use cpu::CpuOptions;
 pub use device::Device;
 #[cfg(windows)]
 pub use directml::DirectMlOptions;
+#[cfg(windows)]
+pub(crate) use directml::Snapshot;
 pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
+#[cfg(windows)]
+pub(crate) use lane::Decoded;
 pub(crate) use lane::{BindingId, BufferId, CopiesId, KeptCopy, Lane, Region};
 pub use library::Ort;
 pub(crate) use stop::StopLane;

@@ -72,4 +72,19 @@ impl Lane for StopLane {
     fn bytes(&self) -> Bytes {
         self.inner.bytes()
     }
+
+    #[cfg(windows)]
+    fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<super::Snapshot>> {
+        self.inner.room_on_device(latent, pictures, size)
+    }
+
+    #[cfg(windows)]
+    fn keep_on_device(
+        &mut self,
+        decoded: &super::Decoded<'_>,
+        latent: BufferId,
+        into: &mut super::Snapshot,
+    ) -> Result<()> {
+        self.inner.keep_on_device(decoded, latent, into)
+    }
 }

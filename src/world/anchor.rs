@@ -1,22 +1,35 @@
 //! Anchors that outlive the step that made them.
 
+#[cfg(windows)]
+mod on_device;
+
+use std::sync::OnceLock;
+
 use super::rollout::Rollout;
 use crate::runtime::Device;
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// A copy of an anchor: its pictures, its latent and its place in the rollout. It stays as it is, whatever becomes of the
 /// rollout.
-#[derive(Debug, Clone)]
+///
+/// On a Direct3D 12 device the copy is the device's: pictures are textures, and each comes into the processor's memory when it is
+/// read for the first time. There they are resized by a shader, which may differ from [`Rollout::read_picture`] by one step of 255.
+///
+/// Threads: may be used from any thread at any time.
+#[derive(Debug)]
 pub struct KeptAnchor {
     number: u64,
     latents_per_second: u32,
     cut: bool,
-    /// In order of time; the last is the anchor itself.
-    pictures: Vec<Picture>,
+    size: (u32, u32),
+    /// In order of time; the last is the anchor itself. Empty where only the device has it.
+    pictures: Vec<OnceLock<Picture>>,
     shape: [u32; 3],
-    latent: Vec<f32>,
+    latent: OnceLock<Vec<f32>>,
     /// Where it was made.
     device: Option<Device>,
+    #[cfg(windows)]
+    on_device: Option<on_device::OnDevice>,
 }
 
 impl KeptAnchor {
@@ -37,18 +50,38 @@ impl KeptAnchor {
     /// `OutOfMemory`.
     pub(crate) fn room(rollout: &Rollout) -> Result<Self> {
         let point = rollout.operating_point();
-        let (width, height) = rollout.world().render_size();
-        let pictures =
-            (0..point.pictures_per_latent).map(|_| Picture::new(width, height)).collect::<Result<Vec<_>>>()?;
+        let size = rollout.world().render_size();
         let shape = rollout.world().manifest().geometry.latent;
-        let count = rollout.world().latent_len();
-        let mut latent = Vec::new();
-        latent
-            .try_reserve_exact(count)
-            .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a latent of {count} numbers cannot be copied")))?;
-        let shape = [shape.channels, shape.height, shape.width];
+        #[cfg(windows)]
+        let on_device = on_device::OnDevice::room(rollout)?;
+        #[cfg(windows)]
+        let on_host = on_device.is_none();
+        #[cfg(not(windows))]
+        let on_host = true;
+        let picture = || if on_host { Picture::new(size.0, size.1).map(OnceLock::from) } else { Ok(OnceLock::new()) };
+        let pictures = (0..point.pictures_per_latent).map(|_| picture()).collect::<Result<Vec<_>>>()?;
+        let latent = OnceLock::new();
+        if on_host {
+            let (count, mut numbers) = (rollout.world().latent_len(), Vec::new());
+            numbers.try_reserve_exact(count).map_err(|_| {
+                Error::new(ErrorKind::OutOfMemory, format!("a latent of {count} numbers cannot be copied"))
+            })?;
+            _ = latent.set(numbers);
+        }
         let (latents_per_second, device) = (point.latents_per_second, Some(rollout.world().device().clone()));
-        Ok(Self { number: 0, latents_per_second, cut: false, pictures, shape, latent, device })
+        let shape = [shape.channels, shape.height, shape.width];
+        Ok(Self {
+            number: 0,
+            latents_per_second,
+            cut: false,
+            size,
+            pictures,
+            shape,
+            latent,
+            device,
+            #[cfg(windows)]
+            on_device,
+        })
     }
 
     /// Copies what `rollout`, whose room this is, made last. Allocates nothing that depends on the world.
@@ -56,11 +89,20 @@ impl KeptAnchor {
     /// # Errors
     /// As [`of`](Self::of).
     pub(crate) fn copy(&mut self, rollout: &mut Rollout, cut: bool) -> Result<()> {
-        for (i, picture) in (0..).zip(&mut self.pictures) {
-            rollout.read_picture(i, picture)?;
+        rollout.check_started()?;
+        #[cfg(windows)]
+        if let Some(on_device) = &mut self.on_device {
+            on_device.copy(rollout)?;
         }
-        self.latent.clear();
-        self.latent.extend_from_slice(rollout.latent()?);
+        for (i, picture) in (0..).zip(&mut self.pictures) {
+            if let Some(picture) = picture.get_mut() {
+                rollout.read_picture(i, picture)?;
+            }
+        }
+        if let Some(latent) = self.latent.get_mut() {
+            latent.clear();
+            latent.extend_from_slice(rollout.latent()?);
+        }
         self.number = rollout.planner().latents().saturating_sub(1);
         self.cut = cut;
         Ok(())
@@ -68,8 +110,18 @@ impl KeptAnchor {
 
     /// An anchor of a picture that no world made: it has no latent and no rate.
     pub fn of_picture(picture: Picture, number: u64, cut: bool) -> Self {
-        let pictures = vec![picture];
-        Self { number, latents_per_second: 0, cut, pictures, shape: [0; 3], latent: Vec::new(), device: None }
+        Self {
+            number,
+            latents_per_second: 0,
+            cut,
+            size: picture.size(),
+            pictures: vec![OnceLock::from(picture)],
+            shape: [0; 3],
+            latent: OnceLock::from(Vec::new()),
+            device: None,
+            #[cfg(windows)]
+            on_device: None,
+        }
     }
 
     /// The device it was made on; none for a picture that no world made.
@@ -92,23 +144,94 @@ impl KeptAnchor {
         self.cut
     }
 
-    /// Its pictures, in order of time; the last is the anchor itself. There is one at least.
-    pub fn pictures(&self) -> &[Picture] {
-        &self.pictures
+    /// `(width, height)` of its pictures.
+    pub fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// Pictures that it has, in order of time; the last is the anchor itself. There is one at least.
+    pub fn count(&self) -> usize {
+        self.pictures.len()
+    }
+
+    /// Picture `i`, from 0; waits for it where only the device has it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a picture that is not there; `OutOfMemory`, `Device`, `DeviceRemoved` when it cannot be had from the
+    /// device.
+    pub fn read(&self, i: usize) -> Result<&Picture> {
+        let picture = self.pictures.get(i).ok_or_else(|| {
+            let cause = format!("there is no picture {i}; the anchor has {}", self.count());
+            Error::new(ErrorKind::InvalidArgument, cause).field("i").remedy("Count from 0")
+        })?;
+        match picture.get() {
+            Some(picture) => Ok(picture),
+            None => {
+                let read = self.read_from_device(i)?;
+                Ok(picture.get_or_init(|| read))
+            }
+        }
     }
 
     /// The picture that the anchor is.
-    pub fn picture(&self) -> &Picture {
-        &self.pictures[self.pictures.len() - 1]
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn picture(&self) -> Result<&Picture> {
+        self.read(self.count() - 1)
     }
 
-    /// Its latent, `[channels, height, width]`; empty where it has none.
-    pub fn latent(&self) -> &[f32] {
-        &self.latent
+    /// Its latent, `[channels, height, width]`; empty where it has none. Waits for it where only the device has it.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn latent(&self) -> Result<&[f32]> {
+        match self.latent.get() {
+            Some(latent) => Ok(latent),
+            None => {
+                let read = self.read_latent_from_device()?;
+                Ok(self.latent.get_or_init(|| read))
+            }
+        }
     }
 
     /// Shape of its latent, `[channels, height, width]`; all 0 where it has none.
     pub fn latent_shape(&self) -> [u32; 3] {
         self.shape
     }
+
+    /// Picture `i` where it was made, and when it is there: a texture of its size, RGBA8, that stays as it is. None where the
+    /// anchor was not made on a Direct3D 12 device, or has no such picture.
+    #[cfg(windows)]
+    pub fn texture(
+        &self,
+        i: usize,
+    ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::Moment)> {
+        self.on_device.as_ref()?.texture(i)
+    }
+
+    #[cfg(windows)]
+    fn read_from_device(&self, i: usize) -> Result<Picture> {
+        self.on_device.as_ref().ok_or_else(nowhere)?.read_picture(i)
+    }
+
+    #[cfg(windows)]
+    fn read_latent_from_device(&self) -> Result<Vec<f32>> {
+        self.on_device.as_ref().ok_or_else(nowhere)?.read_latent()
+    }
+
+    #[cfg(not(windows))]
+    fn read_from_device(&self, _: usize) -> Result<Picture> {
+        Err(nowhere())
+    }
+
+    #[cfg(not(windows))]
+    fn read_latent_from_device(&self) -> Result<Vec<f32>> {
+        Err(nowhere())
+    }
+}
+
+/// Cannot come about: what the host has not, the device has.
+fn nowhere() -> Error {
+    Error::new(ErrorKind::InvalidState, "the anchor is nowhere")
 }

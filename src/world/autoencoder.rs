@@ -121,6 +121,12 @@ impl Autoencoder {
         numbers::read(lane, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
     }
 
+    /// Where the last decoded pictures are, `[pictures, 3, H, W]`.
+    #[cfg(windows)]
+    pub(super) fn pictures(&self) -> BufferId {
+        self.sides[self.current].rgb()
+    }
+
     /// The buffers that make up the decoder's state and last pictures, in the order of the bundle's memories, pictures
     /// last.
     pub(super) fn state(&self) -> impl Iterator<Item = BufferId> + '_ {

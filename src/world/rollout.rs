@@ -392,7 +392,7 @@ impl Rollout {
         }
     }
 
-    fn check_started(&self) -> Result<()> {
+    pub(super) fn check_started(&self) -> Result<()> {
         if self.planner.latents() > 0 {
             return Ok(());
         }

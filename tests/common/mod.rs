@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cairn::bundle::Bundle;
+use cairn::bundle::{Bundle, Precision};
 use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{
     CacheMode, ControlInput, Key, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
@@ -45,9 +45,10 @@ pub fn device() -> Device {
     Device::cpu(&ort(), CpuOptions { threads: Some(2), deterministic: true }).expect("a CPU device")
 }
 
-/// The test bundle `name` at its stock window.
+/// The test bundle `name` at its stock window, in floats on every device.
 pub fn world(name: &str) -> Arc<World> {
-    World::load(&device(), &bundle(name), WorldOptions::default()).expect("a world")
+    let options = WorldOptions { precision: Some(Precision::F32), ..WorldOptions::default() };
+    World::load(&device(), &bundle(name), options).expect("a world")
 }
 
 /// Four passes, one picture per latent, at the world's own window.

@@ -10,11 +10,12 @@ use super::super::device::CAIRN_DEVICE_D3D12;
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
-use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource};
+use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
 use crate::Picture;
 use crate::ffx::{self, Needed};
-use crate::gpu::{Gpu, adapters, read_texture, texture_of};
+use crate::gpu::{self, Gpu, Uploads, adapters, read_texture};
 use crate::runtime::{Device, DirectMlOptions, Ort};
+use crate::world::KeptAnchor;
 
 /// A device of an engine's objects.
 ///
@@ -64,10 +65,42 @@ pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut ID3D12Resource,
     Ok(read_texture(gpu, &texture, state)?)
 }
 
-/// A texture with a picture in it.
-pub(in crate::abi) fn texture(device: &Device, picture: &Picture) -> Outcome<Guarded> {
-    let (texture, moment) = texture_of(device.gpu().ok_or_else(Failure::no_d3d12)?, picture)?;
-    Ok((texture.into_raw().cast(), moment.fence().clone().into_raw().cast(), moment.value()))
+/// A picture of an anchor where it was made.
+pub(in crate::abi) fn texture(anchor: &KeptAnchor, index: u32) -> Outcome<Guarded> {
+    let (texture, moment) = anchor.texture(index as usize).ok_or_else(Failure::no_d3d12)?;
+    Ok((texture.clone().into_raw().cast(), moment.fence().clone().into_raw().cast(), moment.value()))
+}
+
+/// What frames are recorded with, once one is.
+#[derive(Default)]
+pub(in crate::abi) struct Recording(Option<Uploads>);
+
+impl Recording {
+    /// A place for a frame of `size` in an engine's list.
+    ///
+    /// # Safety
+    /// What `to` points to are objects of COM and live during the call.
+    pub(in crate::abi) unsafe fn place(
+        &mut self,
+        device: &Device,
+        to: &To,
+        size: (u32, u32),
+        linear: bool,
+    ) -> Outcome<gpu::Place<'_>> {
+        let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
+        // SAFETY: the caller's promise.
+        let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(to.list.cast(), "list") }?;
+        // SAFETY: the caller's promise.
+        let texture: direct3d::ID3D12Resource = unsafe { object(to.target.cast(), "target") }?;
+        let [before, after] = [to.before, to.after].map(|state| direct3d::D3D12_RESOURCE_STATES(state.cast_signed()));
+        // Lists of another queue than before need a ring of their own.
+        let same = |uploads: &Uploads| uploads.gpu().frames().d3d12() == gpu.frames().d3d12();
+        if !self.0.as_ref().is_some_and(same) {
+            self.0 = None;
+        }
+        let uploads = self.0.get_or_insert_with(|| Uploads::new(gpu));
+        Ok(uploads.place(list, gpu::Target { texture, before, after }, size, linear)?)
+    }
 }
 
 /// The adapters, in the system's order.

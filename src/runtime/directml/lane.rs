@@ -10,18 +10,20 @@ use ort::memory::{AllocationDevice, AllocatorType, MemoryInfo, MemoryType};
 use ort::session::IoBinding;
 use ort::value::{Shape, TensorRefMut};
 use parking_lot::Mutex;
-use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
+use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::core::Interface;
 
 use super::kept::KeptList;
 use super::recorder::Recorder;
+use super::snapshot::Snapshot;
 use crate::bundle::Precision;
-use crate::gpu::{Gpu, Heap, Pipeline, Shared, buffer};
+use crate::gpu::compute::{Frames, Resting};
+use crate::gpu::{Gpu, Heap, Pipeline, Planes, Resize, Shared, buffer};
 use crate::runtime::Graph;
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::finite::exponents;
 use crate::runtime::graph::TensorSpec;
-use crate::runtime::lane::{BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
+use crate::runtime::lane::{BindingId, BufferId, Bytes, CopiesId, Decoded, KeptCopy, Lane, Region};
 use crate::{Error, Result};
 
 /// The shader that looks whether numbers are finite.
@@ -30,6 +32,9 @@ const FINITE: &[u8] = include_bytes!("../../gpu/shaders/finite.dxbc");
 const FINITE_GROUP: u32 = 256;
 /// Its groups at most: each thread then looks at many numbers, and a large adapter is still full.
 const FINITE_GROUPS: u32 = 1024;
+
+/// Pictures that one frame draws.
+const PICTURES: usize = 8;
 
 /// Bytes of zeroes that buffers are cleared with.
 const ZEROES: usize = 1 << 20;
@@ -47,9 +52,11 @@ pub(super) struct DirectMlLane {
     answer: Shared,
     recorder: Mutex<Recorder>,
     kernels: Arc<Kernels>,
+    /// What draws pictures into textures, from the first on that are kept.
+    frames: Option<Frames>,
     gpu: Gpu,
     bytes: Bytes,
-    read: AtomicU64,
+    read: Arc<AtomicU64>,
 }
 
 struct Buffer {
@@ -67,11 +74,12 @@ unsafe impl Sync for Buffer {}
 /// The shaders of a device's lanes, compiled once.
 pub(super) struct Kernels {
     finite: Pipeline,
+    resize: Resize,
 }
 
 impl Kernels {
     pub(super) fn new(gpu: &Gpu) -> Result<Arc<Self>> {
-        Ok(Arc::new(Self { finite: Pipeline::new(gpu, FINITE, 4, 1, 1)? }))
+        Ok(Arc::new(Self { finite: Pipeline::new(gpu, FINITE, 4, 1, 1)?, resize: Resize::new(gpu)? }))
     }
 }
 
@@ -94,8 +102,8 @@ impl DirectMlLane {
         let verdict = buffer(gpu, Heap::Device, size_of::<u32>())?;
         let answer = Shared::new(gpu, Heap::Readback, size_of::<u32>())?;
         let (bindings, buffers, kept, kernels) = (Vec::new(), Vec::new(), Vec::new(), kernels.clone());
-        let (gpu, bytes, read) = (gpu.clone(), Bytes::default(), 0.into());
-        Ok(Self { bindings, buffers, kept, zeroes, verdict, answer, recorder, kernels, gpu, bytes, read })
+        let (frames, gpu, bytes, read) = (None, gpu.clone(), Bytes::default(), Arc::default());
+        Ok(Self { bindings, buffers, kept, zeroes, verdict, answer, recorder, kernels, frames, gpu, bytes, read })
     }
 
     /// A failure of ONNX Runtime; where the device is gone, that says more.
@@ -182,6 +190,10 @@ impl Lane for DirectMlLane {
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
         self.recorder.get_mut().submit()?;
+        // ONNX Runtime would give the queue its work first and look then.
+        if let Some(gone) = self.gpu.removed() {
+            return Err(gone);
+        }
         let Bound { binding, graph } = &self.bindings[binding.0];
         let run = ort::api().RunWithBinding;
         // SAFETY: a session may run on several threads; this binding and its buffers are used by `&mut self` alone.
@@ -230,14 +242,41 @@ impl Lane for DirectMlLane {
     fn bytes(&self) -> Bytes {
         Bytes { read: self.read.load(Ordering::Relaxed), ..self.bytes }
     }
+
+    fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<Snapshot>> {
+        Snapshot::new(&self.gpu, pictures, size, self.size(latent), &self.read).map(Some)
+    }
+
+    fn keep_on_device(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut Snapshot) -> Result<()> {
+        let latent = &self.buffers[latent.0];
+        let whole = Region { to: 0, from: 0, len: latent.bytes };
+        let recorder = self.recorder.get_mut();
+        recorder.copy(into.latent(), &latent.resource, std::iter::once(whole))?;
+        into.comes_at(recorder.now()?);
+        self.bytes.copied += whole.len as u64;
+        let frames = match &mut self.frames {
+            Some(frames) => frames,
+            none => none.insert(Frames::new(&self.gpu, self.gpu.anchors(), 2 * PICTURES as u32)?),
+        };
+        let state = D3D12_RESOURCE_STATE_COMMON;
+        let buffer = Resting { resource: &self.buffers[decoded.planes.0].resource, state };
+        for at in (0..decoded.pictures.len()).step_by(PICTURES) {
+            let mut frame = frames.begin()?;
+            for (picture, texture) in decoded.pictures.iter().zip(into.textures()).skip(at).take(PICTURES) {
+                let half = decoded.precision == Precision::F16;
+                let planes = Planes { buffer, picture: *picture, size: decoded.size, half };
+                self.kernels.resize.record(&mut frame, &planes, &Resting { resource: texture, state })?;
+            }
+            into.comes_at(frame.submit(self.gpu.anchors())?);
+        }
+        Ok(())
+    }
 }
 
 impl Drop for DirectMlLane {
     fn drop(&mut self) {
-        // The queue may still use what is freed next; of a device that is gone nothing does.
-        if let Ok(moment) = self.recorder.get_mut().now() {
-            _ = moment.wait();
-        }
+        // The queue may still use what is freed next, and what ONNX Runtime frees after it.
+        self.gpu.anchors().settle();
     }
 }
 

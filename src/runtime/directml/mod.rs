@@ -4,6 +4,7 @@ mod kept;
 mod lane;
 mod library;
 mod recorder;
+mod snapshot;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,6 +20,8 @@ use super::device::Backend;
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{Graph, Lane, Ort};
+pub(crate) use snapshot::Snapshot;
+
 use crate::bundle::{ModelSource, Precision};
 use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
@@ -26,7 +29,8 @@ use crate::{Error, ErrorKind, Result};
 /// How DirectML is used.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DirectMlOptions {
-    /// Gives up what a driver may choose freely, so that a rollout repeats bit for bit: metacommands.
+    /// ONNX Runtime's deterministic kernels only. Which metacommands a driver has is not ours to choose: the provider that is made on
+    /// an engine's device has no switch for them.
     pub deterministic: bool,
     /// Lets ONNX Runtime write down which node ran where and for how long: a file of JSON for each session, which is whole when
     /// the session is gone. Its path begins with this one; the session's number, date and time follow. Costs time in every pass.
@@ -70,9 +74,6 @@ impl DirectMlBackend {
             // A node that fell to the processor would drag its tensors there and back in every pass.
             .with_config_entry("session.disable_cpu_ep_fallback", "1")?
             .with_deterministic_compute(self.options.deterministic)?;
-        if self.options.deterministic {
-            builder = builder.with_config_entry("ep.dml.disable_metacommands", "1")?;
-        }
         if let Some(path) = &self.options.profile {
             // ONNX Runtime adds the time in whole seconds: sessions of one second would write over each other.
             static SESSIONS: AtomicUsize = AtomicUsize::new(0);
@@ -117,6 +118,9 @@ impl Backend for DirectMlBackend {
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>> {
+        if let Some(gone) = self.gpu.removed() {
+            return Err(gone);
+        }
         let builder = make("prepare a session", || self.session(dimensions));
         let graph = builder.and_then(|builder| Graph::commit(builder, what, model, inputs, outputs));
         graph.map_err(|e| self.gpu.removed().unwrap_or(e))

@@ -1,0 +1,90 @@
+//! A latent and its pictures that stay on the device.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
+
+use crate::gpu::{Gpu, Heap, Moment, blank_texture, buffer, read_buffer, read_texture};
+use crate::{Error, ErrorKind, Picture, Result};
+
+/// Copies of a latent and of its pictures, made on the device and kept there; they come down where somebody asks.
+pub(crate) struct Snapshot {
+    gpu: Gpu,
+    /// RGBA8, in the state COMMON between command lists.
+    textures: Vec<ID3D12Resource>,
+    latent: ID3D12Resource,
+    /// When all of it is there, once it is on its way.
+    moment: Option<Moment>,
+    /// Bytes that came down of the lane's and of what was made of it.
+    read: Arc<AtomicU64>,
+}
+
+impl Snapshot {
+    /// Room for `pictures` pictures of `size` and a latent of so many bytes.
+    pub(super) fn new(
+        gpu: &Gpu,
+        pictures: usize,
+        size: (u32, u32),
+        latent: usize,
+        read: &Arc<AtomicU64>,
+    ) -> Result<Self> {
+        let textures = (0..pictures).map(|_| blank_texture(gpu, size)).collect::<Result<_>>()?;
+        let latent = buffer(gpu, Heap::Device, latent)?;
+        Ok(Self { gpu: gpu.clone(), textures, latent, moment: None, read: read.clone() })
+    }
+
+    pub(super) fn textures(&self) -> &[ID3D12Resource] {
+        &self.textures
+    }
+
+    pub(super) fn latent(&self) -> &ID3D12Resource {
+        &self.latent
+    }
+
+    pub(super) fn comes_at(&mut self, moment: Moment) {
+        self.moment = Some(moment);
+    }
+
+    /// Picture `i` as a texture, and when it is there.
+    pub(crate) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &Moment)> {
+        self.textures.get(i).zip(self.moment.as_ref())
+    }
+
+    /// Waits for picture `i`, then brings it down.
+    pub(crate) fn read_picture(&self, i: usize) -> Result<Picture> {
+        let (texture, moment) = self.texture(i).ok_or_else(nothing_there)?;
+        moment.wait()?;
+        let picture = read_texture(&self.gpu, texture, D3D12_RESOURCE_STATE_COMMON)?;
+        self.read.fetch_add(picture.rgba().len() as u64, Ordering::Relaxed);
+        Ok(picture)
+    }
+
+    /// Waits for the latent, then brings its first `into.len()` bytes down.
+    pub(crate) fn read_latent(&self, into: &mut [u8]) -> Result<()> {
+        self.moment.as_ref().ok_or_else(nothing_there)?.wait()?;
+        read_buffer(&self.gpu, &self.latent, into)?;
+        self.read.fetch_add(into.len() as u64, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+impl Drop for Snapshot {
+    fn drop(&mut self) {
+        // The queue may still write what is freed next.
+        if let Some(moment) = &self.moment {
+            moment.settle();
+        }
+    }
+}
+
+impl std::fmt::Debug for Snapshot {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Snapshot({} pictures, {:?})", self.textures.len(), self.moment)
+    }
+}
+
+/// Cannot come about: what is asked for was put there before anybody could ask.
+fn nothing_there() -> Error {
+    Error::new(ErrorKind::InvalidState, "nothing was kept on the device yet")
+}

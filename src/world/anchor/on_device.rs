@@ -1,0 +1,67 @@
+//! What an anchor keeps on a Direct3D 12 device. Windows only.
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
+
+use super::super::numbers;
+use super::super::rollout::Rollout;
+use crate::bundle::Precision;
+use crate::gpu::Moment;
+use crate::runtime::{Decoded, Snapshot};
+use crate::{Picture, Result};
+
+/// An anchor's latent and pictures where they were made.
+#[derive(Debug)]
+pub(super) struct OnDevice {
+    snapshot: Snapshot,
+    precision: Precision,
+    numbers: usize,
+}
+
+impl OnDevice {
+    /// Room for an anchor of `rollout`; none where its device is no Direct3D 12 one.
+    pub(super) fn room(rollout: &Rollout) -> Result<Option<Self>> {
+        let world = &rollout.world;
+        let pictures = rollout.point.pictures_per_latent as usize;
+        let snapshot = rollout.lane.room_on_device(rollout.latent, pictures, world.render_size())?;
+        let (precision, numbers) = (world.precision(), world.latent_len());
+        Ok(snapshot.map(|snapshot| Self { snapshot, precision, numbers }))
+    }
+
+    /// Has what `rollout` made last copied; nothing waits for it and nothing comes down.
+    pub(super) fn copy(&mut self, rollout: &mut Rollout) -> Result<()> {
+        let world = &rollout.world;
+        let temporal = world.manifest().geometry.autoencoder.temporal;
+        let pictures: Vec<_> =
+            (0..rollout.point.pictures_per_latent).map_while(|i| rollout.point.decoded_index(i, temporal)).collect();
+        let decoded = Decoded {
+            planes: rollout.autoencoder.pictures(),
+            pictures: &pictures,
+            size: world.decoded_size(),
+            precision: self.precision,
+        };
+        rollout.lane.keep_on_device(&decoded, rollout.latent, &mut self.snapshot)
+    }
+
+    pub(super) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &Moment)> {
+        self.snapshot.texture(i)
+    }
+
+    pub(super) fn read_picture(&self, i: usize) -> Result<Picture> {
+        self.snapshot.read_picture(i)
+    }
+
+    pub(super) fn read_latent(&self) -> Result<Vec<f32>> {
+        let mut latent = numbers::zeroed::<f32>(self.numbers)?;
+        match self.precision {
+            Precision::F32 => self.snapshot.read_latent(bytemuck::cast_slice_mut(&mut latent))?,
+            Precision::F16 => {
+                let mut halves = numbers::zeroed::<f16>(self.numbers)?;
+                self.snapshot.read_latent(bytemuck::cast_slice_mut(&mut halves))?;
+                halves.convert_to_f32_slice(&mut latent);
+            }
+        }
+        Ok(latent)
+    }
+}

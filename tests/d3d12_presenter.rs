@@ -1,0 +1,272 @@
+//! Frames in an engine's textures, by its own command lists. On Windows, or in the lab.
+#![cfg(windows)]
+
+use std::ptr::null_mut;
+
+use cairn::Picture;
+use cairn::abi::anchor::{cairn_anchor, cairn_anchor_create, cairn_anchor_destroy};
+use cairn::abi::d3d12::{cairn_device_create_d3d12, cairn_presenter_record_d3d12};
+use cairn::abi::device::{cairn_device, cairn_device_destroy};
+use cairn::abi::images::{cairn_picture, cairn_target};
+use cairn::abi::presenter::*;
+use cairn::abi::results::{
+    CAIRN_ERROR_DEVICE_REMOVED, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_NOT_READY, CAIRN_OK, cairn_result,
+};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
+use cairn::gpu::windows::core::Interface;
+
+mod common;
+#[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+#[path = "d3d12/textures.rs"]
+mod textures;
+use engine::Engine;
+use textures::{Recording, Wanted};
+
+/// Frames' size; a row is no whole number of what copies align to.
+const SIZE: (u32, u32) = (37, 23);
+/// Nanoseconds between anchors.
+const INTERVAL: u64 = 100_000_000;
+
+/// A struct of the interface as a host prepares it.
+fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
+    // SAFETY: structs of the interface are plain data, for which zero is a value.
+    let mut made: T = unsafe { std::mem::zeroed() };
+    *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
+    made
+}
+
+/// A handle that a call of the interface makes.
+fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> *mut T {
+    let mut handle = null_mut();
+    assert_eq!(make(&mut handle), CAIRN_OK);
+    handle
+}
+
+fn device(engine: &Engine, queue: &ID3D12CommandQueue) -> *mut cairn_device {
+    let (device, queue) = (engine.device.as_raw().cast(), queue.as_raw().cast());
+    // SAFETY: live objects and a place for the handle.
+    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), to) })
+}
+
+fn anchor(number: u64, kind: u32) -> *mut cairn_anchor {
+    let picture = common::picture(SIZE.0, SIZE.1, kind);
+    let mut given: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
+    (given.width, given.height) = SIZE;
+    (given.pixels, given.size) = (picture.rgba().as_ptr().cast(), picture.rgba().len() as u64);
+    // SAFETY: a picture that lives during the call, and a place for the handle.
+    made(|to| unsafe { cairn_anchor_create(&given, number, 0, to) })
+}
+
+/// A presenter of two anchors, four frames to an anchor.
+fn presenter(colour_space: u32) -> *mut cairn_presenter {
+    let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
+    (options.multiplier, options.interval_ns, options.colour_space) = (4, INTERVAL, colour_space);
+    // SAFETY: options of their size and a place for the handle.
+    let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
+    for number in 0..2 {
+        let anchor = anchor(number, 1 + number as u32);
+        // SAFETY: live handles.
+        let pushed = unsafe { cairn_presenter_push(presenter, anchor, std::ptr::null(), number * INTERVAL) };
+        // SAFETY: a live handle.
+        assert_eq!([pushed, unsafe { cairn_anchor_destroy(anchor) }], [CAIRN_OK; 2]);
+    }
+    presenter
+}
+
+/// The frame at `now` as it is drawn into memory.
+fn drawn(presenter: *mut cairn_presenter, now: u64) -> Picture {
+    let mut picture = Picture::new(SIZE.0, SIZE.1).expect("a picture");
+    let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
+    (target.width, target.height) = SIZE;
+    (target.pixels, target.size) = (picture.rgba_mut().as_mut_ptr().cast(), picture.rgba().len() as u64);
+    // SAFETY: a live handle and a target that lives during the call.
+    assert_eq!(unsafe { cairn_presenter_draw(presenter, now, &target, null_mut()) }, CAIRN_OK);
+    picture
+}
+
+/// What [`cairn_presenter_record_d3d12`] is given.
+struct Call<'a> {
+    presenter: *mut cairn_presenter,
+    device: *mut cairn_device,
+    now: u64,
+    list: &'a ID3D12GraphicsCommandList,
+    target: &'a ID3D12Resource,
+    states: [D3D12_RESOURCE_STATES; 2],
+}
+
+impl Call<'_> {
+    fn record(&self) -> (cairn_result, cairn_frame) {
+        let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
+        let [before, after] = self.states.map(|state| state.0.cast_unsigned());
+        let (list, target) = (self.list.as_raw().cast(), self.target.as_raw().cast());
+        // SAFETY: live handles and objects, and a place for the frame.
+        let result = unsafe {
+            cairn_presenter_record_d3d12(self.presenter, self.device, self.now, list, target, before, after, &mut frame)
+        };
+        (result, frame)
+    }
+}
+
+/// A frame's pixels as a texture of the format holds them, by the words of Direct3D's documentation.
+fn expected(picture: &Picture, format: DXGI_FORMAT, linear: bool) -> Vec<u8> {
+    let unit = |level: u8| f64::from(level) / 255.0;
+    let colour = |level: u8| match unit(level) {
+        v if !linear => v,
+        v if v <= 0.04045 => v / 12.92,
+        v => ((v + 0.055) / 1.055).powf(2.4),
+    };
+    let pixels = picture.rgba().as_chunks::<4>().0.iter();
+    match format {
+        DXGI_FORMAT_B8G8R8A8_UNORM => pixels.flat_map(|&[r, g, b, a]| [b, g, r, a]).collect(),
+        DXGI_FORMAT_R10G10B10A2_UNORM => {
+            let level = |v: u8, top: f64| (unit(v) * top).round() as u32;
+            let word = |&[r, g, b, a]: &[u8; 4]| {
+                level(r, 1023.0) | level(g, 1023.0) << 10 | level(b, 1023.0) << 20 | level(a, 3.0) << 30
+            };
+            pixels.flat_map(|pixel| word(pixel).to_le_bytes()).collect()
+        }
+        DXGI_FORMAT_R16G16B16A16_FLOAT => pixels
+            .flat_map(|&[r, g, b, a]| [colour(r), colour(g), colour(b), unit(a)])
+            .flat_map(|v| half::f16::from_f64(v).to_le_bytes())
+            .collect(),
+        _ => picture.rgba().to_vec(),
+    }
+}
+
+#[test]
+fn frames_are_recorded_into_targets_of_every_format_and_state() {
+    let engine = engine::engine();
+    let (direct, compute) = (device(&engine, &engine.direct), device(&engine, &engine.compute));
+    let (rendered, written) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS);
+    let (present, plain) = (D3D12_RESOURCE_STATE_PRESENT, D3D12_RESOURCE_FLAG_NONE);
+    let (target, copied) = (D3D12_RESOURCE_STATE_RENDER_TARGET, D3D12_RESOURCE_STATE_COPY_DEST);
+    let (shader, access) = (D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+    for (kind, format, flags, states, linear) in [
+        // A swap chain's, which no shader may write; and one after the engine has drawn into it.
+        (direct, DXGI_FORMAT_R8G8B8A8_UNORM, rendered, [present, present], false),
+        (direct, DXGI_FORMAT_B8G8R8A8_UNORM, rendered, [target, present], false),
+        (direct, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, rendered, [present, target], false),
+        (direct, DXGI_FORMAT_R10G10B10A2_UNORM, plain, [shader, copied], false),
+        (direct, DXGI_FORMAT_R16G16B16A16_FLOAT, rendered, [target, target], false),
+        (compute, DXGI_FORMAT_R16G16B16A16_FLOAT, written, [present, shader], true),
+        (compute, DXGI_FORMAT_R8G8B8A8_TYPELESS, written, [access, access], false),
+    ] {
+        let queue = if kind == direct { &engine.direct } else { &engine.compute };
+        let presenter = presenter(if linear { CAIRN_COLOUR_LINEAR } else { CAIRN_COLOUR_SRGB });
+        let texture = Wanted { size: SIZE, format, flags, state: states[0], ..Wanted::default() }.make(&engine.device);
+        // More lists are under way than the presenter has memory for.
+        let frames = [
+            (INTERVAL, CAIRN_FRAME_ANCHOR),
+            (INTERVAL * 5 / 4, CAIRN_FRAME_GENERATED),
+            (INTERVAL * 3 / 2, CAIRN_FRAME_GENERATED),
+            (INTERVAL * 2, CAIRN_FRAME_ANCHOR),
+            (INTERVAL * 9 / 4, CAIRN_FRAME_EXTRAPOLATED),
+        ];
+        let mut kept = Vec::new();
+        for (i, (now, source)) in frames.into_iter().enumerate() {
+            let recording = Recording::on(&engine.device, queue);
+            if i > 0 {
+                recording.barrier(&texture, states[1], states[0]);
+            }
+            let call = Call { presenter, device: kind, now, list: recording.list(), target: &texture, states };
+            let (result, frame) = call.record();
+            assert_eq!((result, frame.source), (CAIRN_OK, source), "{format:?}: {frame:?}");
+            // What came at 0 is due an interval later, and what came then another one.
+            let first = frame.since_ns / INTERVAL - 1;
+            assert_eq!((frame.previous, frame.since_ns), (first, now), "one interval of latency: {frame:?}");
+            recording.submit(queue);
+            kept.push(recording);
+        }
+        let pixels = textures::read(&engine.device, queue, &texture, states[1]);
+        let memory = drawn(self::presenter(CAIRN_COLOUR_SRGB), INTERVAL * 9 / 4);
+        assert!(pixels == expected(&memory, format, linear), "{format:?}: what is drawn into memory");
+        // SAFETY: a live handle; the queue was waited for.
+        assert_eq!(unsafe { cairn_presenter_destroy(presenter) }, CAIRN_OK);
+    }
+    // SAFETY: live handles.
+    assert_eq!(unsafe { [cairn_device_destroy(direct), cairn_device_destroy(compute)] }, [CAIRN_OK; 2]);
+}
+
+#[test]
+fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
+    let (engine, other) = (engine::engine(), engine::engine());
+    let (direct, compute) = (device(&engine, &engine.direct), device(&engine, &engine.compute));
+    let presenter = presenter(CAIRN_COLOUR_SRGB);
+    let good = Wanted { size: SIZE, ..Wanted::default() };
+    let texture = good.make(&engine.device);
+    let list = |kind| Recording::new(&engine.device, kind);
+    let (for_direct, for_compute) = (list(D3D12_COMMAND_LIST_TYPE_DIRECT), list(D3D12_COMMAND_LIST_TYPE_COMPUTE));
+    let (for_copies, elsewhere) = (list(D3D12_COMMAND_LIST_TYPE_COPY), Recording::on(&other.device, &other.direct));
+    let buffer = textures::readback(&engine.device, 4096);
+    let rendered = Wanted { flags: D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, ..good };
+    let common = [D3D12_RESOURCE_STATE_COMMON; 2];
+    let states = |before, after| [before, after];
+    let rest = D3D12_RESOURCE_STATE_COMMON;
+    let make = |wanted: Wanted| wanted.make(&engine.device);
+    let cases = [
+        ("another size", direct, &for_direct, make(Wanted { size: (SIZE.0 + 1, SIZE.1), ..good }), common),
+        ("two levels", direct, &for_direct, make(Wanted { levels: 2, ..good }), common),
+        ("two slices", direct, &for_direct, make(Wanted { slices: 2, ..good }), common),
+        ("a format", direct, &for_direct, make(Wanted { format: DXGI_FORMAT_R32_FLOAT, ..good }), common),
+        ("a buffer", direct, &for_direct, buffer, common),
+        ("another device's target", direct, &for_direct, good.make(&other.device), common),
+        ("another device's list", direct, &elsewhere, texture.clone(), common),
+        ("a list for copies", direct, &for_copies, texture.clone(), common),
+        ("a list of another type than the queue", direct, &for_compute, texture.clone(), common),
+        ("a list of another type than the queue", compute, &for_direct, texture.clone(), common),
+        ("no render target", direct, &for_direct, texture.clone(), states(rest, D3D12_RESOURCE_STATE_RENDER_TARGET)),
+        (
+            "no unordered access",
+            direct,
+            &for_direct,
+            texture.clone(),
+            states(D3D12_RESOURCE_STATE_UNORDERED_ACCESS, rest),
+        ),
+        ("a state of depths", direct, &for_direct, texture.clone(), states(D3D12_RESOURCE_STATE_DEPTH_WRITE, rest)),
+        ("no state", direct, &for_direct, texture.clone(), states(rest, D3D12_RESOURCE_STATES(-1))),
+        (
+            "what a compute list cannot name",
+            compute,
+            &for_compute,
+            make(rendered),
+            states(D3D12_RESOURCE_STATE_RENDER_TARGET, rest),
+        ),
+    ];
+    for (what, device, recording, target, states) in &cases {
+        let (device, states) = (*device, *states);
+        let call = Call { presenter, device, now: INTERVAL, list: recording.list(), target, states };
+        assert_eq!(call.record().0, CAIRN_ERROR_INVALID_ARGUMENT, "{what}");
+    }
+    // No anchor came to this one.
+    // SAFETY: a place for the handle.
+    let empty = made(|to| unsafe { cairn_presenter_create(std::ptr::null(), to) });
+    let call =
+        Call { presenter: empty, device: direct, now: 0, list: for_direct.list(), target: &texture, states: common };
+    assert_eq!(call.record().0, CAIRN_NOT_READY);
+    // All lists are as they were, and so is the device.
+    for_direct.submit(&engine.direct);
+    for_compute.submit(&engine.compute);
+    textures::wait(&engine.device, &engine.direct);
+    textures::wait(&engine.device, &engine.compute);
+    let recording = Recording::on(&engine.device, &engine.direct);
+    let call =
+        Call { presenter, device: direct, now: INTERVAL, list: recording.list(), target: &texture, states: common };
+    assert_eq!(call.record().0, CAIRN_OK);
+    recording.submit(&engine.direct);
+    textures::wait(&engine.device, &engine.direct);
+
+    // A device that is gone: a list that is still open makes it so.
+    let open = Recording::on(&engine.device, &engine.direct);
+    let list: ID3D12CommandList = open.list().cast().expect("a command list");
+    // SAFETY: a live queue and list.
+    unsafe { engine.direct.ExecuteCommandLists(&[Some(list)]) };
+    let call = Call { list: open.list(), ..call };
+    assert_eq!(call.record().0, CAIRN_ERROR_DEVICE_REMOVED);
+    // SAFETY: live handles.
+    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_presenter_destroy(empty)] };
+    // SAFETY: live handles.
+    assert_eq!([ended, unsafe { [cairn_device_destroy(direct), cairn_device_destroy(compute)] }], [[CAIRN_OK; 2]; 2]);
+}
