@@ -1,6 +1,6 @@
 //! The first lines with Cairn: a world, a seed picture, one second of steps. `cargo run --release --example first_light`.
 
-use cairn::bundle::Bundle;
+use cairn::bundle::{Bundle, OpenOptions};
 use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{ControlInput, Preset, Rollout, World, WorldOptions};
 use cairn::{Picture, Result};
@@ -8,13 +8,13 @@ use cairn::{Picture, Result};
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let console = provision::Console::new();
     provision::onnxruntime(&console)?;
-    Ok(first_light(&provision::demo_bundle(&console)?)?)
+    Ok(first_light()?)
 }
 
 // README.md shows what follows.
-fn first_light(path: &std::path::Path) -> Result<()> {
+fn first_light() -> Result<()> {
     let device = Device::cpu(&Ort::find(None)?, CpuOptions::default())?;
-    let world = World::load(&device, &Bundle::open(path)?, WorldOptions::default())?;
+    let world = World::load(&device, &Bundle::embedded(&OpenOptions::default())?, WorldOptions::default())?;
     let mut rollout = Rollout::new(&world, &Preset::Stock.operating_point(), 1)?;
     let mut picture = Picture::from_rgba(640, 360, vec![128; 640 * 360 * 4])?;
     rollout.append(&picture)?;

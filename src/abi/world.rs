@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::boundary::call;
 use super::device::{cairn_device, precision, precision_number};
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
-use super::results::{CAIRN_ERROR_UNSUPPORTED, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{CAIRN_OK, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read};
 use super::text::{copy_text, fixed_text, optional_text};
 use crate::bundle::{Bundle, OpenOptions};
@@ -199,11 +199,6 @@ pub unsafe extern "C" fn cairn_world_load(
         let path = unsafe { optional_text(options.path, "options.path") }?;
         // SAFETY: as above.
         let point = unsafe { optional_text(options.operating_point, "options.operating_point") }?;
-        let path = path.ok_or_else(|| {
-            Failure::new(CAIRN_ERROR_UNSUPPORTED, "this library has no embedded world")
-                .field("options.path")
-                .remedy("Give a path")
-        })?;
         let loaded = load(&device, path, point, &options)?;
         let handle = insert::<cairn_world>(loaded)?;
         // SAFETY: checked above; writable by the host's promise.
@@ -322,12 +317,15 @@ pub unsafe extern "C" fn cairn_world_destroy(world: *mut cairn_world) -> cairn_r
     call("cairn_world_destroy", || destroy(world))
 }
 
-fn load(device: &Device, path: &str, point: Option<&str>, options: &cairn_world_options) -> Outcome<LoadedWorld> {
+fn load(device: &Device, path: Option<&str>, point: Option<&str>, options: &cairn_world_options) -> Outcome<LoadedWorld> {
     let point = point.map(str::parse::<OperatingPoint>).transpose()?;
     let report = Report { callback: options.progress, user: options.user, stopped: AtomicBool::new(false) };
     let read = |progress: crate::bundle::OpenProgress| report.tell(CAIRN_LOAD_READING, progress.done, progress.total);
     let open = OpenOptions { progress: Some(&read), cancel: Some(&report.stopped), max_bytes: None };
-    let bundle = Bundle::open_with(Path::new(path), &open)?;
+    let bundle = match path {
+        Some(path) => Bundle::open_with(Path::new(path), &open)?,
+        None => Bundle::embedded(&open).map_err(|error| error.field("options.path"))?,
+    };
     let point = point.unwrap_or_else(|| OperatingPoint {
         global_window: bundle.geometry().global.window,
         ..Preset::Stock.operating_point()

@@ -6,6 +6,7 @@
 
 mod archive;
 mod container;
+mod embedded;
 mod manifest;
 mod manifest_check;
 mod memory;

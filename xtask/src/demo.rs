@@ -15,7 +15,6 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
     let console = Console::new();
     eprintln!("Setting up (cache: {})", provision::cache_dir().map_err(text)?.display());
     provision::onnxruntime(&console).map_err(text)?;
-    provision::demo_bundle(&console).map_err(text)?;
     if tools::nasm(&console).is_none() {
         console.done("nasm is not installed: video is encoded without assembly, slower and with the same result");
     }

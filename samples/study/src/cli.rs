@@ -62,7 +62,7 @@ enum Command {
     Rollout(Box<rollout::RolloutArgs>),
     /// Makes the rollout or the reconstruct of a manifest again and says what differs
     Replay(replay::ReplayArgs),
-    /// Four seconds at 1920x1080 on the demo's world, and a short reconstruct
+    /// Four seconds at 1920x1080 on the embedded world, and a short reconstruct
     Demo(demo::DemoArgs),
     /// Generates frames between true anchors of a scene, and shows how near they are to the true frames
     #[command(after_help = reconstruct::EXAMPLES)]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use cairn::bundle::Bundle;
+use cairn::bundle::{Bundle, OpenOptions};
 use cairn::runtime::Ort;
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Picture, Result};
@@ -97,16 +97,15 @@ pub(crate) fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
     Ok((ort, input))
 }
 
-/// The world at `path`; without one, the demo's.
+/// The world at `path`; without one, the one that the library carries.
 pub(crate) fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bundle>, Input)> {
-    let path = match path {
-        Some(path) => path.to_owned(),
-        None => provision::demo_bundle(progress).map_err(|e| not_provided(&e, ErrorKind::Io))?,
-    };
     progress.phase("reading the world");
-    let bundle = Bundle::open(&path)?;
+    let (bundle, path) = match path {
+        Some(path) => (Bundle::open(path)?, absolute(path).display().to_string()),
+        None => (Bundle::embedded(&OpenOptions::default())?, "embedded".to_owned()),
+    };
     let size = bundle.manifest().files.iter().map(|f| f.size).sum();
-    let input = Input { path: absolute(&path).display().to_string(), size, sha256: bundle.digest().to_owned() };
+    let input = Input { path, size, sha256: bundle.digest().to_owned() };
     Ok((bundle, input))
 }
 

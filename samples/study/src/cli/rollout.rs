@@ -16,7 +16,7 @@ use crate::settings::{Formats, Settings};
 
 #[derive(Args)]
 pub(super) struct RolloutArgs {
-    /// World bundle, a folder or a .cairn file [default: the demo's world, built where it is missing]
+    /// World bundle, a folder or a .cairn file [default: the one inside the library]
     #[arg(long, value_name = "BUNDLE")]
     world: Option<PathBuf>,
     /// PNG or JPEG of any size; what does not fit the world's aspect is cut off [default: a painted landscape]

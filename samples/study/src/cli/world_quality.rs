@@ -26,7 +26,7 @@ Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
 
 #[derive(Args)]
 pub(super) struct WorldQualityArgs {
-    /// The world: a folder or a .cairn file; without one, the demo's
+    /// The world: a folder or a .cairn file; without one, the one inside the library
     #[arg(long, value_name = "BUNDLE")]
     world: Option<PathBuf>,
     /// One place of each kind, five seconds, looks away of two seconds

@@ -39,7 +39,7 @@ const QUICK_SECONDS: f64 = 5.0;
 /// What is to be measured.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
-    /// The bundle; the demo's without one.
+    /// The bundle; the library's own without one.
     pub(crate) world: Option<PathBuf>,
     /// Scene seeds; the usual ones where it is empty.
     pub(crate) seeds: Vec<u64>,
