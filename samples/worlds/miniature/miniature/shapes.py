@@ -58,6 +58,7 @@ class Stage:
     noisy: int  # noisy copies of a window
     windows: tuple[int, ...] = (128,)  # global windows g to train for
     together: int = 1  # windows computed side by side: on a CPU one, whose activations stay in its caches
+    few_step: bool = False  # frames as the schedules' few steps lead to them, not as truth and noise mixed
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,7 @@ GPU = Preset(
             Stage(steps=40_000, frames=16, batch=64, noisy=4, together=64),
             Stage(steps=10_000, frames=64, batch=16, noisy=4, together=16),
             Stage(steps=1_000, frames=512, batch=4, noisy=2, windows=WINDOWS, together=4),
+            Stage(steps=2_000, frames=64, batch=16, noisy=4, together=16, few_step=True),
         ),
     ),
 )
@@ -137,6 +139,7 @@ PRESETS = {
                 Stage(steps=2500, frames=16, batch=4, noisy=2),
                 Stage(steps=300, frames=64, batch=1, noisy=2),
                 Stage(steps=40, frames=512, batch=1, noisy=1, windows=WINDOWS),
+                Stage(steps=160, frames=64, batch=1, noisy=2, few_step=True),
             ),
         ),
     ),
@@ -153,6 +156,7 @@ PRESETS = {
             stages=(
                 Stage(steps=12, frames=16, batch=2, noisy=2),
                 Stage(steps=4, frames=48, batch=1, noisy=1, windows=WINDOWS),
+                Stage(steps=2, frames=16, batch=1, noisy=1, few_step=True),
             ),
         ),
     ),

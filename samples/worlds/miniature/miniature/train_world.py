@@ -1,4 +1,7 @@
-"""Training of the transformer by flow matching: every frame of a window, each with its own noise, over the past a rollout has."""
+"""Training of the transformer by flow matching: every frame of a window, each with its own noise, over the past a rollout has.
+
+The last stage trains for few steps: at the levels of the schedules alone, from where the network's own step leads to.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ import numpy as np
 from cairn.build.geometry import Geometry
 from jax import Array
 
-from . import optimiser, store, transformer
+from . import optimiser, schedules, store, transformer
 from .latents import Walks
 from .shapes import Stage, WorldPlan
 
@@ -25,6 +28,8 @@ DROPPED = 0.05
 # frame is gets settled at high levels, where the past says most.
 EVEN = 0.4
 BELL = (0.8, 1.2)
+# Passes of the finer of the two schedules that a few-step stage trains for; the other is the stock one.
+REFINED = 10
 
 
 def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
@@ -35,24 +40,48 @@ def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
     return jnp.where(jax.random.uniform(c, shape) < EVEN, even, bell)
 
 
+def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Array, controls: Array, key: Array) -> tuple[Array, Array]:
+    """Frames as a sampler meets them, `[copies, F, h, w, C]`, and their levels: of some pass of the stock or of the refined schedule,
+    reached by one step of the network itself from the level before. So what a long step gets wrong is seen, and can be mended.
+    """
+    of_each = [schedules.passes(g.schedule), schedules.passes(schedules.refined(g.schedule, REFINED))]
+    # Both schedules are equally likely, and all passes of one.
+    chances = np.concatenate([np.full(len(passes), 1 / len(passes)) for passes in of_each])
+    pairs = jnp.asarray(np.concatenate(of_each), jnp.float32)
+    chosen = pairs[jax.random.choice(key, len(pairs), noise.shape[:2], p=jnp.asarray(chances / chances.sum(), jnp.float32))]
+    before, sigma = chosen[..., 0], chosen[..., 1]
+    s = before[..., None, None, None]
+    x = jnp.concatenate([kept[None], (1 - s) * clean + s * noise])
+    told = jnp.concatenate([jnp.zeros_like(before[:1]), before])
+    v = transformer.velocity(jax.lax.stop_gradient(p), g, x, told, controls, window)[1:]
+    return x[1:] + (sigma - before)[..., None, None, None] * v, sigma
+
+
 def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, controls: Array, key: Array):
-    """Mean squared error of the velocity over the noisy frames after the seed, of one window."""
+    """Mean squared error of the velocity over the noisy frames after the seed, of one window; in a few-step stage times the level."""
     F = len(latents)
     keys = jax.random.split(key, 6)
     clean = latents.astype(jnp.float32)
     level = KEPT_NOISE * jax.random.uniform(keys[0], (F, 1, 1, 1)) * (jax.random.uniform(keys[1]) < 0.75)
     kept = (1 - level) * clean + level * jax.random.normal(keys[2], clean.shape)
-    sigma = noise_levels(keys[3], (stage.noisy, F))
     noise = jax.random.normal(keys[4], (stage.noisy, *clean.shape))
-    s = sigma[..., None, None, None]
-    x = jnp.concatenate([kept[None], (1 - s) * clean + s * noise])
-    told = jnp.concatenate([jnp.zeros((1, F)), sigma])
     driven = controls.astype(jnp.float32) * (jax.random.uniform(keys[5]) >= DROPPED)
+    if stage.few_step:
+        noisy, sigma = sampled(p, g, window, kept, clean, noise, driven, keys[3])
+        truth = (noisy - clean) / sigma[..., None, None, None]
+    else:
+        sigma = noise_levels(keys[3], (stage.noisy, F))
+        s = sigma[..., None, None, None]
+        noisy, truth = (1 - s) * clean + s * noise, noise - clean
+    x = jnp.concatenate([kept[None], noisy])
+    told = jnp.concatenate([jnp.zeros((1, F)), sigma])
     v = transformer.velocity(p, g, x, told, driven, window)[1:, 1:]
-    error = jnp.mean(jnp.square(v - (noise - clean)[:, 1:]), (2, 3, 4))
+    error = jnp.mean(jnp.square(v - truth[:, 1:]), (2, 3, 4))
     # The same error, as that of the clean latent which the velocity points to.
     clean_error = jnp.mean(error * jnp.square(sigma[:, 1:]))
-    return jnp.mean(error), {"loss": jnp.mean(error), "latent_error": clean_error}
+    # What is left to mend at a low level is small, and divided by it large: the level is the middle between both errors.
+    mean = jnp.mean(error * sigma[:, 1:] if stage.few_step else error)
+    return mean, {"loss": mean, "latent_error": clean_error}
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2), donate_argnums=4)
@@ -108,7 +137,9 @@ def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float
 
 
 def flops(g: Geometry, stage: Stage) -> float:
-    """Floating-point operations of one step: three times those of the forward pass. What is computed twice is counted once."""
+    """Floating-point operations of one step: three times those of the forward pass, four where a step of the sampler goes before. What
+    is computed twice is counted once.
+    """
     frames = stage.batch * (1 + stage.noisy) * stage.frames
     D, hidden = g.width, g.width * g.mlp_ratio
     controlled = sum(g.sees_controls(i) for i in range(g.layers))
@@ -118,4 +149,4 @@ def flops(g: Geometry, stage: Stage) -> float:
         seen = -(-stage.frames // g.global_dilation) if g.is_global(i) else min(stage.frames, 2 * g.local_window)
         keys += (seen + 1) * g.tokens
     frame = 4 * D * (128 + D) + g.layers * 6 * D * D
-    return 6.0 * frames * (g.tokens * (token + 2 * D * keys) + frame)
+    return (8.0 if stage.few_step else 6.0) * frames * (g.tokens * (token + 2 * D * keys) + frame)

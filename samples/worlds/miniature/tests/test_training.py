@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from miniature import autoencoder, clips, held_out, latents, optimiser, pieces, scripts, store
+from miniature import autoencoder, clips, held_out, latents, optimiser, pieces, schedules, scripts, store
 from miniature import train_autoencoder, train_world, transformer
 from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage, WorldPlan
 
@@ -99,13 +99,41 @@ def test_the_autoencoder_learns(drawn, tmp_path):
 
 
 def test_the_transformer_learns_and_goes_through_its_curriculum(walks, tmp_path):
-    stages = (Stage(60, frames=8, batch=2, noisy=2), Stage(2, frames=8, batch=1, noisy=1))
+    stages = (Stage(60, frames=8, batch=2, noisy=2), Stage(2, frames=8, batch=1, noisy=1), Stage(2, frames=8, batch=1, noisy=1, few_step=True))
     plan = WorldPlan(2, 0.5, 0, 0.0, rate=3e-3, decay=0.0, stages=stages)
     shown = []
     state = train_world.train(tmp_path / "world.npz", SMOKE, plan, walks, minutes=60, say=shown.append)
-    assert int(state.step) == 62
+    assert int(state.step) == 64
     loss = [float(line.partition("loss ")[2].split()[0]) for line in shown]
     assert loss[2] < 0.9 * loss[0], shown
+
+
+def test_schedules_are_refined_where_they_are_widest():
+    stock = (1.0, 0.9, 0.75, 0.3, 0.0)
+    assert schedules.refined(stock, 4) == stock
+    assert schedules.refined(stock, 9) == (1, 0.9, 0.825, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.15, 0)
+    assert schedules.refined(stock, 10) == (1, 0.9, 0.825, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.225, 0.15, 0)
+    assert schedules.refined(stock, 12) == (1, 0.9, 0.825, 0.75, 0.69375, 0.6375, 0.525, 0.4125, 0.3, 0.225, 0.15, 0.075, 0)
+    assert schedules.passes(stock) == [(1, 1), (1, 0.9), (0.9, 0.75), (0.75, 0.3)]
+
+
+def test_few_steps_are_trained_where_the_networks_own_step_leads(walks):
+    g = SMOKE.with_(layers=2, control_period=2, global_period=2)
+    copies, frames = 40, 4
+    latents_, controls = (x[0] for x in train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=frames, batch=1, noisy=1)))
+    clean = jnp.asarray(latents_, jnp.float32)
+    noise = jax.random.normal(jax.random.key(3), (copies, *clean.shape))
+    still = transformer.initial(g, 1)
+    moving = still | {"unpatchify.bias": np.full(g.latent_channels, 2.0, np.float32)}
+    ways = [train_world.sampled(p, g, 128, clean, clean, noise, jnp.asarray(controls, jnp.float32), KEY) for p in (still, moving)]
+    # A network that goes nowhere stays at the level before; one whose velocity is 2 goes two differences of level.
+    (at, sigma), (further, same) = ways
+    before = jnp.median((at - clean) / (noise - clean), (2, 3, 4))
+    pairs = {(round(float(a), 4), round(float(b), 4)) for a, b in zip(before.ravel(), sigma.ravel())}
+    stock = g.schedule
+    assert pairs == set(schedules.passes(stock)) | set(schedules.passes(schedules.refined(stock, train_world.REFINED)))
+    assert np.array_equal(sigma, same)
+    assert np.allclose(further - at, 2 * (sigma - before)[..., None, None, None], atol=1e-4)
 
 
 def test_gradients_are_those_of_differences(walks):
