@@ -14,7 +14,7 @@ use std::sync::atomic::AtomicBool;
 use cairn::Result;
 use cairn::bundle::Bundle;
 use cairn::runtime::{CpuOptions, Device};
-use cairn::world::{ControlScript, OperatingPoint, Preset, World, WorldOptions};
+use cairn::world::{ControlScript, OperatingPoint, Preset, Schedule, World, WorldOptions};
 use scenes::FAMILIES;
 
 use crate::inputs;
@@ -33,6 +33,8 @@ const SEEDS: [u64; 3] = [41, 42, 43];
 const AWAY: [f64; 3] = [2.0, 4.0, 8.0];
 /// Windows whose memory is compared.
 const WINDOWS: [u32; 2] = [384, 112];
+/// How far the stock schedule walks beside the refined one.
+const FEW_STEPS_SECONDS: f64 = 2.0;
 /// What is quick: one place of each kind, so many seconds, the shortest time away.
 const QUICK_SECONDS: f64 = 5.0;
 
@@ -98,7 +100,11 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
             if number == 0 {
                 let script = ControlScript::parse(script_of(family))?;
                 let walked = Walk { family, scene, script: &script, seconds }.score(&world, &tools, &HORIZONS)?;
-                places.push(Place { family, scene, walked, remembered: Vec::new() });
+                let stock = OperatingPoint { schedule: Schedule::Stock, ..point.clone() };
+                let tools = Tools { point: &stock, ..tools };
+                let few_steps = Walk { family, scene, script: &script, seconds: FEW_STEPS_SECONDS };
+                let few_steps = few_steps.score(&world, &tools, &HORIZONS)?;
+                places.push(Place { family, scene, walked, few_steps, remembered: Vec::new() });
             }
             for &away in away {
                 let remembered = memory::turn_away_and_back(family, scene, away, &world, &tools)?;

@@ -7,7 +7,7 @@ use scenes::Family;
 
 use super::memory::Remembered;
 use super::response::{Following, Response, following};
-use super::walk::{Score, Walked};
+use super::walk::{Horizon, Score, Walked};
 use crate::picture::shrink;
 use crate::sheet::paste;
 use crate::text::{SMALL, fit, write};
@@ -18,6 +18,8 @@ pub(super) struct Place {
     pub(super) family: Family,
     pub(super) scene: u64,
     pub(super) walked: Walked,
+    /// The same walk, shorter, at the stock schedule.
+    pub(super) few_steps: Walked,
     pub(super) remembered: Vec<Remembered>,
 }
 
@@ -64,26 +66,18 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
     );
     for family in families(places) {
         for &seconds in horizons {
-            let row = || of_family(places, family).flat_map(|p| &p.walked.horizons).filter(|h| h.seconds == seconds);
-            if row().next().is_none() {
+            let of: [fn(&Horizon) -> Score; 3] = [|h| h.world, |h| h.repeat, |h| h.reconstruction];
+            let [Some(world), Some(repeat), Some(reconstruction)] =
+                of.map(|of| three(of_family(places, family).map(|p| &p.walked), seconds, of))
+            else {
                 continue;
-            }
-            let three = |of: fn(&super::walk::Horizon) -> &Score| {
-                let (psnr, ssim) = (mean(row().map(|h| of(h).psnr)), mean(row().map(|h| of(h).ssim)));
-                let lpips = mean(row().filter_map(|h| of(h).lpips));
-                format!("{:>6} {:>6} {:>6}", show(psnr, 2), show(ssim, 3), show(lpips, 3))
             };
             // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "{:8} {seconds:5}   {:>23}   {:>32}   {:>38}",
-                family.name(),
-                three(|h| &h.world),
-                three(|h| &h.repeat),
-                three(|h| &h.reconstruction)
-            );
+            let _ =
+                writeln!(text, "{:8} {seconds:5}   {world:>23}   {repeat:>32}   {reconstruction:>38}", family.name());
         }
     }
+    text += &few_steps(places, horizons);
     text += "\nscene    turning: correlation  size  same way   tilting: correlation   brightness  flicker (true)\n";
     for family in families(places) {
         let [turn, tilt] = [0, 1].map(|axis| follows(places, family, axis));
@@ -126,6 +120,40 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
     text + "\n" + &summary(places, horizons) + "\n"
 }
 
+/// The stock schedule beside the refined one.
+fn few_steps(places: &[Place], horizons: &[f64]) -> String {
+    let mut text = String::from(
+        "\nscene    at, s   stock schedule: PSNR  SSIM   LPIPS    refined: PSNR  SSIM   LPIPS    turning, stock: correlation\n",
+    );
+    for family in families(places) {
+        let walks = || of_family(places, family).map(|p| &p.few_steps);
+        let responses: Vec<Response> = walks().flat_map(|walked| walked.responses.iter().copied()).collect();
+        let correlation = show(following(responses.iter(), 0).map(|f| f.correlation), 2);
+        for &seconds in horizons {
+            let stock = three(walks(), seconds, |h| h.world);
+            let refined = three(of_family(places, family).map(|p| &p.walked), seconds, |h| h.world);
+            if let (Some(stock), Some(refined)) = (stock, refined) {
+                // Writing to a string cannot fail.
+                let _ =
+                    writeln!(text, "{:8} {seconds:5}   {stock:>32}   {refined:>27}   {correlation:>30}", family.name());
+            }
+        }
+    }
+    text
+}
+
+/// Mean PSNR, SSIM and LPIPS of a horizon; none where no walk is as long.
+fn three<'a>(
+    walks: impl Iterator<Item = &'a Walked> + Clone,
+    seconds: f64,
+    of: fn(&Horizon) -> Score,
+) -> Option<String> {
+    let row = || walks.clone().flat_map(|walked| &walked.horizons).filter(|h| h.seconds == seconds).map(of);
+    let psnr = mean(row().map(|score| score.psnr))?;
+    let (ssim, lpips) = (mean(row().map(|score| score.ssim)), mean(row().filter_map(|score| score.lpips)));
+    Some(format!("{psnr:>6.2} {:>6} {:>6}", show(ssim, 3), show(lpips, 3)))
+}
+
 /// Every scene at the first horizon, in one line.
 fn summary(places: &[Place], horizons: &[f64]) -> String {
     let first = horizons.first().copied().unwrap_or_default();
@@ -147,12 +175,19 @@ fn summary(places: &[Place], horizons: &[f64]) -> String {
 pub(super) fn csv(places: &[Place]) -> String {
     let mut text = String::from("scene,seed,seconds,what,psnr_db,ssim,lpips_alex\n");
     for place in places {
+        let mut line = |seconds: f64, what: &str, score: Score| {
+            let lpips = score.lpips.map(|value| format!("{value:.6}")).unwrap_or_default();
+            let (family, scene) = (place.family, place.scene);
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{family},{scene},{seconds},{what},{:.4},{:.6},{lpips}", score.psnr, score.ssim);
+        };
         for h in &place.walked.horizons {
-            for (what, score) in [("world", h.world), ("repeat", h.repeat), ("reconstruction", h.reconstruction)] {
-                let lpips = score.lpips.map(|value| format!("{value:.6}")).unwrap_or_default();
-                let (family, scene, seconds) = (place.family, place.scene, h.seconds);
-                let _ = writeln!(text, "{family},{scene},{seconds},{what},{:.4},{:.6},{lpips}", score.psnr, score.ssim);
-            }
+            line(h.seconds, "world", h.world);
+            line(h.seconds, "repeat", h.repeat);
+            line(h.seconds, "reconstruction", h.reconstruction);
+        }
+        for h in &place.few_steps.horizons {
+            line(h.seconds, "stock", h.world);
         }
     }
     text

@@ -63,6 +63,7 @@ pub(super) struct Walk<'a> {
 }
 
 /// What worlds are walked with.
+#[derive(Clone, Copy)]
 pub(super) struct Tools<'a> {
     pub(super) point: &'a OperatingPoint,
     pub(super) lpips: Option<&'a Lpips>,
