@@ -136,9 +136,9 @@ PRESETS = {
             rate=1.5e-3,
             decay=0.05,
             stages=(
-                Stage(steps=2500, frames=16, batch=4, noisy=2),
-                Stage(steps=300, frames=64, batch=1, noisy=2),
-                Stage(steps=40, frames=512, batch=1, noisy=1, windows=WINDOWS),
+                Stage(steps=2400, frames=16, batch=4, noisy=2),
+                Stage(steps=200, frames=64, batch=1, noisy=2),
+                Stage(steps=32, frames=512, batch=1, noisy=1, windows=WINDOWS),
                 Stage(steps=160, frames=64, batch=1, noisy=2, few_step=True),
             ),
         ),
