@@ -7,7 +7,7 @@
  *
  * Run:
  *
- *     ./host-c path/to/world --script samples/scripts/forest.txt --seconds 2 --out walk.y4m
+ *     ./host-c --seed-picture samples/worlds/place.ppm --script samples/scripts/walk.txt --seconds 2 --out walk.y4m
  *
  * main() reads from the top: device, world, rollout, and then one loop that keeps the queue of the rollout full and takes
  * anchors from it in order, as an engine does it once in every frame.

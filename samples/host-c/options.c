@@ -9,9 +9,9 @@
 const char options_help[] =
     "host-c: walks through a world and writes what is seen\n"
     "\n"
-    "usage: host-c WORLD [options]\n"
+    "usage: host-c [WORLD] [options]\n"
     "\n"
-    "  WORLD                a bundle: a directory, or one file\n"
+    "  WORLD                a bundle: a directory, or one file; without one, the world inside the library\n"
     "  --script FILE        what the player does (docs/control-script.md); without one, nothing\n"
     "  --seconds S          how long, at most 86400; without it until the script ends, or 1\n"
     "  --out FILE           x.y4m: a video without loss or compression, which most players play\n"
@@ -121,9 +121,6 @@ request options_read(options *options, int count, char **arguments)
             }
             options->threads = (uint32_t)number;
         }
-    }
-    if (options->world == NULL) {
-        return wrong("is missing", "WORLD");
     }
     return REQUEST_RUN;
 }

@@ -2,7 +2,7 @@
 
     import cairn
 
-    with cairn.Device.cpu() as device, device.load_world("worlds/demo") as world, world.rollout(seed=1) as rollout:
+    with cairn.Device.cpu() as device, device.load_world() as world, world.rollout(seed=1) as rollout:
         rollout.append(picture)  # uint8, [height, width, 4]
         for _ in range(15):
             rollout.step(cairn.Controls(keys=["W"], mouse=(4, 0)))

@@ -11,7 +11,7 @@ HELP = """\
 Cairn from the command line.
 
   python -m cairn doctor                 whether Cairn works here, and what to do where it does not
-  python -m cairn doctor --world PATH    the same, up to a step of a world
+  python -m cairn doctor --world PATH    the same, with a world of your own
   python -m cairn.build --help           makes world bundles
 """
 
@@ -25,10 +25,10 @@ def parser() -> argparse.ArgumentParser:
     check = commands.add_parser(
         "doctor",
         help="whether Cairn works here",
-        description="Looks at Python, the library, ONNX Runtime, the device and, with --world, at a world and a step of it. "
+        description="Looks at Python, the library, ONNX Runtime, the device, a world and a step of it. "
         "Says of each what was found, and of what is wrong why it is needed and what to do. Ends with 1 when something is wrong.",
     )
-    check.add_argument("--world", metavar="PATH", help="load this bundle and make a step of it")
+    check.add_argument("--world", metavar="PATH", help="load this bundle instead of the world inside the library")
     check.add_argument("--onnxruntime", metavar="FILE", help="the library file of ONNX Runtime; else it is looked for")
     check.add_argument("--verbose", action="store_true", help="say of everything what it is for")
     return top

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from . import _library
 from .controls import Controls
-from .errors import Error
+from .errors import Error, Unsupported
 from .world import Device, Requirement, World, adapters, requirements
 
 _T = TypeVar("_T")
@@ -72,7 +72,9 @@ class Report:
 
 
 def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bool = False) -> bool:
-    """Looks at everything from Python up to a step of a world, prints what it finds, and says whether all is well."""
+    """Looks at everything from Python up to a step of a world, the embedded one without a path; prints what it finds, and says
+    whether all is well.
+    """
     report = Report()
 
     def good(what: str, found: str) -> None:
@@ -102,10 +104,11 @@ def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bo
                 _requirement(report, requirement, good)
     with device:
         good("device", device.description)
-        if world is None:
-            print("\nAll is well. To try a world as well: python -m cairn doctor --world PATH")
+        try:
+            loaded = _try(report, "world", lambda: device.load_world(world), but=Unsupported if world is None else ())
+        except Unsupported:
+            print("\nAll is well. This library has no world inside; to try another: python -m cairn doctor --world PATH")
             return report.good
-        loaded = _try(report, "world", lambda: device.load_world(world))
         if loaded is None:
             return False
         with loaded:
@@ -170,10 +173,13 @@ def _world(report: Report, world: World, good: Callable[[str, str], None]) -> No
         good("step", made)
 
 
-def _try(report: Report, what: str, work: Callable[[], _T]) -> _T | None:
+def _try(report: Report, what: str, work: Callable[[], _T], but: type[Error] | tuple[()] = ()) -> _T | None:
+    """What `work` gives; None, and a line of the report, where it fails. An error that is a `but` is raised."""
     try:
         return work()
     except Error as error:
+        if isinstance(error, but):
+            raise
         place = f"{error.field}: " if error.field else ""
         report.fail(what, f"{place}{error.cause or error} ({error.name})", error.remedy)
         return None

@@ -28,7 +28,13 @@ def test_all_is_well_with_a_world():
 def test_each_thing_is_explained_when_asked():
     result = doctor("--verbose")
     assert result.returncode == 0
-    assert "ONNX Runtime runs the world's neural networks" in result.stdout and "--world PATH" in result.stdout
+    assert "ONNX Runtime runs the world's neural networks" in result.stdout
+
+
+def test_without_a_path_it_is_the_embedded_world():
+    result = doctor()
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert any(line.split()[:3] == ["ok", "world", "Miniature,"] for line in result.stdout.splitlines()), result.stdout
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ use crate::reconstruct::ReconstructSettings;
 /// Said before anything is made.
 pub(crate) const WELCOME: &str = "\
 A world model dreams four seconds: 15 anchors a second, and a generated frame between every two of them.
-The world of this demo has RANDOM WEIGHTS. Its pictures mean nothing until trained weights land;
-what you see working is the whole path from controls to video.
+It is the small world inside the library, which has learnt walks through drawn scenes, in a place that it has never seen.
 ";
 
 /// Said before frame generation is shown alone.

@@ -8,10 +8,10 @@ use cairn::runtime::Ort;
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Picture, Result};
 
-use crate::landscape;
 use crate::manifest::{Input, Inputs, absolute, digest_file, read_bounded, sha256};
 use crate::metrics::{Lpips, Net};
 use crate::picture;
+use crate::place;
 use crate::progress::Progress;
 use crate::settings::Settings;
 
@@ -65,8 +65,8 @@ pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<Loaded> {
     let (seed, seed_picture) = match picture {
         Some((picture, input)) => (picture::cover(&picture, render.into())?, input),
         None => {
-            let picture = landscape::paint(render[0], render[1])?;
-            let input = describe("<built-in landscape>".into(), picture.rgba());
+            let picture = place::draw(place::FAMILY, place::PLACE, render[0], render[1])?;
+            let input = describe(format!("<{} {}>", place::FAMILY, place::PLACE), picture.rgba());
             (picture, input)
         }
     };

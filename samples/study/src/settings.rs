@@ -50,7 +50,7 @@ impl Formats {
 pub struct Settings {
     /// The bundle; none for the library's own.
     pub world: Option<PathBuf>,
-    /// PNG or JPEG; none for the built-in landscape.
+    /// PNG or JPEG; none for a place of the scenes.
     pub seed_picture: Option<PathBuf>,
     /// None for the built-in script.
     pub script: Option<PathBuf>,

@@ -69,8 +69,17 @@ fn a_file_that_is_not_there_ends_with_status_1() {
 #[test]
 fn the_seed_picture_can_be_had() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("seed.png");
-    let (status, _) = study(&["seed-picture", "--size", "320x180", "--out", path.to_str().unwrap()]);
-    assert_eq!(status, 0);
-    assert_eq!(image::image_dimensions(path).unwrap(), (320, 180));
+    let make = |name: &str, more: &[&str]| {
+        let path = folder.path().join(name);
+        let (status, text) =
+            study(&[&["seed-picture", "--size", "160x90", "--out", path.to_str().unwrap()], more].concat());
+        assert_eq!(status, 0, "{text}");
+        path
+    };
+    let picture = |path| image::open(path).unwrap().into_rgb8();
+    let usual = picture(make("seed.png", &[]));
+    assert_eq!(usual.dimensions(), (160, 90));
+    assert_ne!(picture(make("snow.png", &["--scene", "snow", "--place", "42"])), usual);
+    let plain = std::fs::read(make("seed.ppm", &[])).unwrap();
+    assert_eq!(plain, [&b"P6\n160 90\n255\n"[..], usual.as_raw()].concat(), "the same for those who cannot read PNG");
 }

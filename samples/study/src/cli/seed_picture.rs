@@ -3,40 +3,57 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use cairn::{Error, ErrorKind, MAX_SIDE, Result};
+use cairn::{Error, ErrorKind, Picture, Result};
 use clap::Args;
+use scenes::Family;
 
 use super::{Subcommand, size};
-use crate::landscape;
 use crate::media::{RealDisk, encode_png, write_whole};
+use crate::place;
 
 #[derive(Args)]
 pub(super) struct SeedPictureArgs {
-    /// The PNG file to write
+    /// The file to write, .png or .ppm
     #[arg(long, value_name = "FILE", default_value = "seed.png")]
     out: PathBuf,
-    /// Its width and height
+    /// What kind of place: forest, sword, desert or snow
+    #[arg(long, value_name = "SCENE", default_value = place::FAMILY.name())]
+    scene: String,
+    /// Which place of that kind; the embedded world has learnt from those from 1000 on
+    #[arg(long, value_name = "N", default_value_t = place::PLACE)]
+    place: u64,
+    /// Its width and height; 16:9 is shown
     #[arg(long, value_name = "WxH", default_value = "1280x720")]
     size: String,
 }
 
+impl SeedPictureArgs {
+    fn family(&self) -> Result<Family> {
+        self.scene.parse().map_err(|why: String| Error::new(ErrorKind::InvalidArgument, why).field("--scene"))
+    }
+}
+
 impl Subcommand for SeedPictureArgs {
     fn check(&self) -> Result<()> {
-        let sides = size(&self.size)?;
-        if sides.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
-            return Err(Error::new(ErrorKind::InvalidArgument, format!("a picture cannot be {}", self.size))
-                .field("--size")
-                .remedy(format!("Use a width and a height from 1 to {MAX_SIDE}, such as 1280x720")));
-        }
-        Ok(())
+        self.family()?;
+        let [width, height] = size(&self.size)?;
+        place::check(width, height).map_err(|e| e.field("--size"))
     }
 
     fn run(&self) -> Result<ExitCode> {
         self.check()?;
         let [width, height] = size(&self.size)?;
-        let picture = landscape::paint(width, height).map_err(|e| e.field("--size"))?;
-        write_whole(&RealDisk, &self.out, &encode_png(&picture)?)?;
+        let picture = place::draw(self.family()?, self.place, width, height)?;
+        let ppm = self.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ppm"));
+        write_whole(&RealDisk, &self.out, &if ppm { as_ppm(&picture) } else { encode_png(&picture)? })?;
         println!("{}", self.out.display());
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// As a binary PPM file (P6), which needs no library to read; alpha is dropped.
+fn as_ppm(picture: &Picture) -> Vec<u8> {
+    let mut file = format!("P6\n{} {}\n255\n", picture.width(), picture.height()).into_bytes();
+    file.extend(picture.pixels().iter().flat_map(|px| &px[..3]));
+    file
 }

@@ -28,6 +28,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &m
     let host = Host { context, program, place };
     videos(&host, log, tally)?;
     pictures(&host, log, tally)?;
+    without_a_world(&host, log, tally)?;
     refusals(&host, log, tally)?;
     cmake(&host, log, tally)?;
     sanitizers(&host, log, &sources, tally)
@@ -126,6 +127,20 @@ fn pictures(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     Ok(())
 }
 
+/// The line that the sample's page shows, but shorter: through the world inside the library, from a place that it knows.
+fn without_a_world(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let root = &host.context.clone.root;
+    let mut command = host.command(&host.program)?;
+    command.arg("--seed-picture").arg(root.join("samples/worlds/place.ppm")).arg("--script").arg(root.join(SCRIPT));
+    let ended = log.run(command.args(["--seconds", "0.2", "--out", "embedded.y4m"]))?;
+    let wrong = !ended.success || !ended.output.contains("world:   Miniature");
+    tally.check(wrong.then(|| "without a world, host-c does not walk through the embedded one".to_owned()));
+    let video = host.video("embedded.y4m")?;
+    let facts = (video.width, video.height, video.frames.len());
+    tally.check((facts != (320, 180, 13)).then(|| format!("the embedded world's video is {facts:?}")));
+    Ok(())
+}
+
 /// What cannot be is said, with what can be done.
 fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let world = host.context.bundle("tiny")?;
@@ -134,7 +149,7 @@ fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     fs::write(&script, "cairn-controls 1\n0..1 hold NOSUCHKEY\n").map_err(|e| format!("{}: {e}", script.display()))?;
     let script = script.to_str().ok_or("the work folder's path is not UTF-8")?;
     for (arguments, says) in [
-        (&[][..], &["WORLD", "is missing", "--help"][..]),
+        (&[world, world][..], &["there is a world already", "--help"][..]),
         (&[world, "--sceonds", "1"], &["--sceonds", "no such option"]),
         (&[world, "--seconds", "soon"], &["soon", "seconds"]),
         (&[world, "--out", "walk.avi"], &["walk.avi", ".y4m"]),

@@ -1,0 +1,61 @@
+//! The built-in seed picture: a place of the scenes, where a walk through it starts.
+
+use cairn::world::ControlScript;
+use cairn::{Error, ErrorKind, Picture, Result};
+use scenes::{Clip, ClipOptions, Family, Scene};
+
+/// The scene of the built-in seed picture.
+pub(crate) const FAMILY: Family = Family::Desert;
+/// Which of that kind: a place that the embedded world has never seen.
+pub(crate) const PLACE: u64 = 41;
+/// The longest side that is drawn.
+pub(crate) const MOST: u32 = 8192;
+
+/// Refuses sides that are not from 1 to [`MOST`].
+///
+/// # Errors
+/// `InvalidArgument`.
+pub(crate) fn check(width: u32, height: u32) -> Result<()> {
+    if [width, height].iter().all(|side| (1..=MOST).contains(side)) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::InvalidArgument, format!("a place cannot be drawn {width}x{height}"))
+        .remedy(format!("Use a width and a height from 1 to {MOST}, such as 1280x720")))
+}
+
+/// Draws what is seen at the start of a walk through place `number` of `family`, `width` x `height` pixels that show 16:9.
+/// The same on every machine.
+///
+/// # Errors
+/// As [`check`].
+pub(crate) fn draw(family: Family, number: u64, width: u32, height: u32) -> Result<Picture> {
+    check(width, height)?;
+    let (scene, still) = (Scene::new(family, number), ControlScript::parse("cairn-controls 1\n1 end\n")?);
+    let options = ClipOptions { width, height, ..ClipOptions::default() };
+    let mut clip = Clip::new(&scene, &still, options)
+        .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, "the usual rate is none of a walk"))?;
+    Ok(clip.frame()?.picture)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_is_the_first_picture_of_any_walk() {
+        let (scene, script) =
+            (Scene::new(FAMILY, PLACE), ControlScript::parse("cairn-controls 1\n0..1 hold W\n1 end\n"));
+        let script = script.unwrap();
+        let options = ClipOptions { width: 160, height: 90, rate: 15, ..ClipOptions::default() };
+        let walked = Clip::new(&scene, &script, options).unwrap().frame().unwrap().picture;
+        assert_eq!(draw(FAMILY, PLACE, 160, 90).unwrap().rgba(), walked.rgba());
+        assert_ne!(draw(FAMILY, PLACE + 1, 160, 90).unwrap().rgba(), walked.rgba());
+    }
+
+    #[test]
+    fn sides_are_checked() {
+        for (width, height) in [(0, 90), (160, MOST + 1)] {
+            assert_eq!(draw(FAMILY, PLACE, width, height).unwrap_err().kind(), ErrorKind::InvalidArgument);
+        }
+    }
+}
