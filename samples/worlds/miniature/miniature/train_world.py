@@ -1,6 +1,7 @@
 """Training of the transformer by flow matching: every frame of a window, each with its own noise, over the past a rollout has.
 
-The last stage trains for few steps: at the levels of the schedules alone, from where the network's own step leads to.
+The last stage trains for few steps: at the levels of the schedules alone, from where the network's own step leads to, and half of
+the time over a past of the network's own making.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ EVEN = 0.4
 BELL = (0.8, 1.2)
 # Passes of the finer of the two schedules that a few-step stage trains for; the other is the stock one.
 REFINED = 10
+# How often the past of a window is the network's own in a few-step stage.
+OWN_PAST = 0.5
 
 
 def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
@@ -40,9 +43,10 @@ def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
     return jnp.where(jax.random.uniform(c, shape) < EVEN, even, bell)
 
 
-def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Array, controls: Array, key: Array) -> tuple[Array, Array]:
+def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Array, controls: Array, key: Array) -> tuple[Array, Array, Array]:
     """Frames as a sampler meets them, `[copies, F, h, w, C]`, and their levels: of some pass of the stock or of the refined schedule,
-    reached by one step of the network itself from the level before. So what a long step gets wrong is seen, and can be mended.
+    reached by one step of the network itself from the level before. So what a long step gets wrong is seen, and can be mended. Last,
+    the clean frames that this step points to.
     """
     of_each = [schedules.passes(g.schedule), schedules.passes(schedules.refined(g.schedule, REFINED))]
     # Both schedules are equally likely, and all passes of one.
@@ -54,7 +58,7 @@ def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Arr
     x = jnp.concatenate([kept[None], (1 - s) * clean + s * noise])
     told = jnp.concatenate([jnp.zeros_like(before[:1]), before])
     v = transformer.velocity(jax.lax.stop_gradient(p), g, x, told, controls, window)[1:]
-    return x[1:] + (sigma - before)[..., None, None, None] * v, sigma
+    return x[1:] + (sigma - before)[..., None, None, None] * v, sigma, x[1:] - s * v
 
 
 def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, controls: Array, key: Array):
@@ -67,8 +71,11 @@ def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, controls: 
     noise = jax.random.normal(keys[4], (stage.noisy, *clean.shape))
     driven = controls.astype(jnp.float32) * (jax.random.uniform(keys[5]) >= DROPPED)
     if stage.few_step:
-        noisy, sigma = sampled(p, g, window, kept, clean, noise, driven, keys[3])
+        key, key_own = jax.random.split(keys[3])
+        noisy, sigma, made = sampled(p, g, window, kept, clean, noise, driven, key)
         truth = (noisy - clean) / sigma[..., None, None, None]
+        # A rollout's past is what the network made, from the seed on.
+        kept = jnp.where(jax.random.uniform(key_own) < OWN_PAST, made[0].at[0].set(kept[0]), kept)
     else:
         sigma = noise_levels(keys[3], (stage.noisy, F))
         s = sigma[..., None, None, None]

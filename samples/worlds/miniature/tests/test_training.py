@@ -127,12 +127,12 @@ def test_few_steps_are_trained_where_the_networks_own_step_leads(walks):
     moving = still | {"unpatchify.bias": np.full(g.latent_channels, 2.0, np.float32)}
     ways = [train_world.sampled(p, g, 128, clean, clean, noise, jnp.asarray(controls, jnp.float32), KEY) for p in (still, moving)]
     # A network that goes nowhere stays at the level before; one whose velocity is 2 goes two differences of level.
-    (at, sigma), (further, same) = ways
+    (at, sigma, made), (further, same, _) = ways
     before = jnp.median((at - clean) / (noise - clean), (2, 3, 4))
     pairs = {(round(float(a), 4), round(float(b), 4)) for a, b in zip(before.ravel(), sigma.ravel())}
     stock = g.schedule
     assert pairs == set(schedules.passes(stock)) | set(schedules.passes(schedules.refined(stock, train_world.REFINED)))
-    assert np.array_equal(sigma, same)
+    assert np.array_equal(sigma, same) and np.allclose(made, at, atol=1e-6)
     assert np.allclose(further - at, 2 * (sigma - before)[..., None, None, None], atol=1e-4)
 
 
