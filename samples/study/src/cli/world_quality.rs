@@ -14,8 +14,11 @@ Examples:
   study world-quality --quick
       One place of each kind, five seconds, and a short look away.
 
+  study world-quality --publish
+      As docs/world.md was made: three places of each kind for fifteen seconds, looks away of 2, 4 and 8 seconds.
+
   study world-quality --world miniature.cairn --out out/miniature
-      Three places of each kind for fifteen seconds, looks away of 2, 4 and 8 seconds at g384 and g112.
+      The same of a world of your own.
 
 A rollout starts from the first true picture of a place that no world was trained on and gets the controls of the scene's own
 script. Its pictures are scored against the true ones, beside showing the first picture all the time and beside the
@@ -38,6 +41,9 @@ pub(super) struct WorldQualityArgs {
     /// Leave LPIPS out; its weights are fetched once otherwise (64 MB)
     #[arg(long)]
     no_lpips: bool,
+    /// Write docs/world.md and its pictures as well: of the embedded world
+    #[arg(long, conflicts_with = "world")]
+    publish: bool,
     /// Folder for tables and pictures; earlier ones in it are replaced
     #[arg(long, value_name = "DIR", default_value = "target/world-quality")]
     out: PathBuf,
@@ -48,8 +54,9 @@ pub(super) struct WorldQualityArgs {
 
 impl WorldQualityArgs {
     fn settings(&self) -> Settings {
-        let Self { world, quick, seeds, no_lpips, out, .. } = self;
-        Settings { world: world.clone(), seeds: seeds.clone(), quick: *quick, lpips: !no_lpips, out: out.clone() }
+        let Self { world, quick, seeds, no_lpips, publish, out, .. } = self;
+        let (world, seeds, out) = (world.clone(), seeds.clone(), out.clone());
+        Settings { world, seeds, quick: *quick, lpips: !no_lpips, publish: *publish, out }
     }
 }
 

@@ -3,6 +3,7 @@
 
 mod held_out;
 mod memory;
+mod page;
 mod report;
 mod response;
 mod walk;
@@ -48,6 +49,8 @@ pub(crate) struct Settings {
     pub(crate) quick: bool,
     /// Whether LPIPS is measured; its weights are fetched where they are not there.
     pub(crate) lpips: bool,
+    /// Write page and pictures into the clone's docs as well.
+    pub(crate) publish: bool,
     pub(crate) out: PathBuf,
 }
 
@@ -58,6 +61,22 @@ impl Settings {
     /// `InvalidArgument` for a scene seed that is not held out.
     pub(crate) fn check(&self) -> Result<()> {
         held_out::require(&self.seeds)
+    }
+
+    /// The command line that measures the same.
+    fn command(&self) -> String {
+        let mut command = String::from("cargo run --release -p study -- world-quality --publish");
+        if self.quick {
+            command += " --quick";
+        }
+        if !self.seeds.is_empty() {
+            let seeds: Vec<String> = self.seeds.iter().map(u64::to_string).collect();
+            command += &format!(" --seeds {}", seeds.join(","));
+        }
+        if !self.lpips {
+            command += " --no-lpips";
+        }
+        command
     }
 
     fn seeds(&self) -> &[u64] {
@@ -117,17 +136,21 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     let mut text = head(settings, &bundle);
     text += &report::text(&places, &HORIZONS, rate);
     std::fs::create_dir_all(&settings.out).map_err(|e| describe_io("it cannot be made", &settings.out, &e))?;
-    let [good, bad] = report::extremes(&places);
+    let [good, bad] = report::extremes(&places).map(|shown| encode_small_png(&report::sheet(&shown)?));
+    let (good, bad) = (good?, bad?);
     let mut files = Vec::new();
     for (name, bytes) in [
-        ("world-quality.txt", text.clone().into_bytes()),
-        ("world-quality.csv", report::csv(&places).into_bytes()),
-        ("world-quality-good.png", encode_small_png(&report::sheet(&good)?)?),
-        ("world-quality-bad.png", encode_small_png(&report::sheet(&bad)?)?),
+        ("world-quality.txt", text.as_bytes()),
+        ("world-quality.csv", report::csv(&places).as_bytes()),
+        ("world-quality-good.png", &good),
+        ("world-quality-bad.png", &bad),
     ] {
         let path = settings.out.join(name);
-        write_whole(&RealDisk, &path, &bytes)?;
+        write_whole(&RealDisk, &path, bytes)?;
         files.push(path);
+    }
+    if settings.publish {
+        files.extend(page::publish(&settings.command(), &text, &good, &bad)?);
     }
     Ok(Outcome { text, files })
 }

@@ -119,6 +119,7 @@ GPU = Preset(
             Stage(steps=10_000, frames=64, batch=16, noisy=4, together=16),
             Stage(steps=1_000, frames=512, batch=4, noisy=2, windows=WINDOWS, together=4),
             Stage(steps=2_000, frames=64, batch=16, noisy=4, together=16, few_step=True),
+            Stage(steps=500, frames=256, batch=4, noisy=2, windows=WINDOWS, together=4, few_step=True),
         ),
     ),
 )
@@ -139,7 +140,8 @@ PRESETS = {
                 Stage(steps=2400, frames=16, batch=4, noisy=2),
                 Stage(steps=200, frames=64, batch=1, noisy=2),
                 Stage(steps=32, frames=512, batch=1, noisy=1, windows=WINDOWS),
-                Stage(steps=160, frames=64, batch=1, noisy=2, few_step=True),
+                Stage(steps=110, frames=64, batch=1, noisy=2, few_step=True),
+                Stage(steps=50, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True),
             ),
         ),
     ),

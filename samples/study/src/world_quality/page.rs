@@ -1,0 +1,54 @@
+//! `docs/world.md`: what was measured, for people who have not measured it.
+
+use std::path::PathBuf;
+
+use cairn::Result;
+
+use crate::media::{RealDisk, write_whole};
+
+const INTRODUCTION: &str = "\
+# The world inside the library
+
+A world model [as small as a game's texture](../samples/worlds/miniature/README.md), with Waypoint-1.5's architecture. It has learnt from walks through
+[procedural places](scenes.md), drawn with the controls that caused them. Here it is held against places and walks that it has never seen: it gets the first
+true picture and the controls, and makes all others itself. What it makes is compared with the pictures that a renderer draws of the same walk, and with two baselines: to
+go on showing the last true picture, and the autoencoder's reconstruction of that picture, which has the same blur as the world's own pictures.
+
+## Where it does best
+
+Truth above, the world below: the places where it gains most over a picture that stands still.
+
+![truth and the world's pictures, side by side](images/world-good.png)
+
+## And where it does worst
+
+![truth and the world's pictures, side by side](images/world-bad.png)
+
+## Figures
+
+PSNR in dB, SSIM and LPIPS (AlexNet) are means over the places of a kind. Turning and tilting compare the mean motion of the world's pictures, as optical flow finds it, with the
+scene's own: correlation over all latent steps, size (1 is as far as in truth) and the share of steps in the same direction. Brightness is that of the last second
+against the truth; flicker is the mean change from picture to picture. For the last table the eye turns away by 120 degrees, waits, and turns back; *at most* is what the
+autoencoder could show of the place, *another place* what a wrong one would score.
+
+```text
+";
+
+/// Writes page and pictures into the clone's docs.
+///
+/// # Errors
+/// `Io` where that cannot be.
+pub(super) fn publish(command: &str, text: &str, good: &[u8], bad: &[u8]) -> Result<Vec<PathBuf>> {
+    let docs = provision::repository().join("docs");
+    let tables = text.trim_end();
+    let page = format!("{INTRODUCTION}{tables}\n```\n\nThis page was written by:\n\n```sh\n{command}\n```\n");
+    let files = [
+        (docs.join("world.md"), page.as_bytes()),
+        (docs.join("images/world-good.png"), good),
+        (docs.join("images/world-bad.png"), bad),
+    ];
+    for (path, bytes) in &files {
+        write_whole(&RealDisk, path, bytes)?;
+    }
+    Ok(files.map(|(path, _)| path).into())
+}

@@ -1,0 +1,59 @@
+//! The world inside the library: it is the file of the repository, needs no file beside it, and obeys.
+#![cfg(feature = "embedded-world")]
+
+mod common;
+
+use cairn::Picture;
+use cairn::bundle::{Bundle, OpenOptions};
+use cairn::world::{ControlInput, KeySet, Rollout, World, WorldOptions};
+use common::{device, point};
+
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/miniature.cairn");
+
+#[test]
+fn it_is_the_file_of_the_repository() {
+    let embedded = Bundle::embedded(&OpenOptions::default()).expect("it is inside");
+    assert_eq!(embedded.digest(), Bundle::open(FILE.as_ref()).expect("the file").digest());
+    let size = std::fs::metadata(FILE).expect("the file").len();
+    assert!(size <= 24 << 20, "{size} bytes are too many for a library");
+    let manifest = embedded.manifest();
+    assert_eq!((manifest.name.as_str(), manifest.licence.as_str()), ("Miniature", "MIT OR Apache-2.0"));
+    assert_eq!((manifest.picture.render, embedded.geometry().global.window), ([320, 180], 128));
+}
+
+/// A place that the world has not learnt from: a desert under the sky, as a binary PPM of 320 x 180 pixels.
+fn place() -> Picture {
+    let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/place.ppm")).expect("the picture");
+    let pixels = file.strip_prefix(b"P6\n320 180\n255\n").expect("a PPM of that size");
+    Picture::from_rgba(320, 180, pixels.chunks_exact(3).flat_map(|px| [px[0], px[1], px[2], 255]).collect())
+        .expect("a picture")
+}
+
+/// How much bluer than red the picture is, on average: it is where there is sky.
+fn sky(picture: &Picture) -> f64 {
+    picture.pixels().iter().map(|px| f64::from(px[2]) - f64::from(px[0])).sum::<f64>() / picture.pixels().len() as f64
+}
+
+#[test]
+fn the_place_stays_and_the_controls_matter() {
+    let bundle = Bundle::embedded(&OpenOptions::default()).expect("it is inside");
+    let world = World::load(&device(), &bundle, WorldOptions::default()).expect("a world");
+    let seed = place();
+    let look = |counts: f32| {
+        let controls = ControlInput::new([0.0, counts], KeySet::default(), 0.0).expect("controls");
+        let mut rollout = Rollout::new(&world, &point(&world), 1).expect("a rollout");
+        rollout.append(&seed).expect("a seed");
+        for _ in 0..8 {
+            rollout.step(&controls).expect("a step");
+        }
+        let mut picture = seed.clone();
+        rollout.read_picture(0, &mut picture).expect("a picture");
+        picture
+    };
+    let [up, still, down] = [-20.0, 0.0, 20.0].map(look);
+    let apart = seed.pixels().iter().zip(still.pixels()).flat_map(|(a, b)| (0..3).map(|c| a[c].abs_diff(b[c])));
+    let apart = apart.map(f64::from).sum::<f64>() / (3.0 * seed.pixels().len() as f64);
+    assert!(apart < 20.0, "who stands still sees the same place: {apart}");
+    let [up, still, down] = [&up, &still, &down].map(sky);
+    assert!(up > still + 5.0 && still > down + 5.0, "who looks up sees more of the sky: {up} {still} {down}");
+}
