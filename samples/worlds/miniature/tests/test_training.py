@@ -136,6 +136,16 @@ def test_few_steps_are_trained_where_the_networks_own_step_leads(walks):
     assert np.allclose(further - at, 2 * (sigma - before)[..., None, None, None], atol=1e-4)
 
 
+def test_drift_lasts_and_is_of_unit_size():
+    found = np.asarray(jax.vmap(lambda key: train_world.drift(key, (40, 8, 16, 4)))(jax.random.split(KEY, 60)))
+    assert abs(found.var() - 1) < 0.25 and abs(found.mean()) < 0.05
+    together = lambda a, b: (a * b).mean() / found.var()  # noqa: E731
+    apart = [together(found[:, 0:-n], found[:, n:]) for n in (1, 30)]
+    assert 0.45 < apart[0] < 0.65 and apart[1] < 0.3, apart
+    # The mean of a channel is off by more than a mean of independent numbers would be.
+    assert found.mean((2, 3)).std() > 0.4
+
+
 def test_gradients_are_those_of_differences(walks):
     """Derivatives that the transformer states itself, against differences of the loss."""
     g = SMOKE.with_(layers=2, control_period=2, global_period=2)
