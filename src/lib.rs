@@ -34,6 +34,7 @@ pub mod gpu;
 
 mod error;
 mod picture;
+mod texels;
 
 pub use error::{Error, ErrorKind, Result};
 pub use picture::{MAX_SIDE, Picture, PictureF16, Pixel, Raster};

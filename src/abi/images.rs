@@ -5,7 +5,7 @@ use std::ffi::c_void;
 use super::results::{Failure, Outcome};
 use super::structs::{describe, read};
 use crate::Picture;
-use crate::present::texels::{Encoder, Texel, swap_red_and_blue};
+use crate::texels::{Encoder, Texel, swap_red_and_blue};
 
 /// Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default.
 pub const CAIRN_FORMAT_RGBA8: u32 = 0;

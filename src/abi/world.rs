@@ -317,7 +317,12 @@ pub unsafe extern "C" fn cairn_world_destroy(world: *mut cairn_world) -> cairn_r
     call("cairn_world_destroy", || destroy(world))
 }
 
-fn load(device: &Device, path: Option<&str>, point: Option<&str>, options: &cairn_world_options) -> Outcome<LoadedWorld> {
+fn load(
+    device: &Device,
+    path: Option<&str>,
+    point: Option<&str>,
+    options: &cairn_world_options,
+) -> Outcome<LoadedWorld> {
     let point = point.map(str::parse::<OperatingPoint>).transpose()?;
     let report = Report { callback: options.progress, user: options.user, stopped: AtomicBool::new(false) };
     let read = |progress: crate::bundle::OpenProgress| report.tell(CAIRN_LOAD_READING, progress.done, progress.total);

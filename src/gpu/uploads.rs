@@ -7,7 +7,7 @@ use super::compute::FRAMES_IN_FLIGHT;
 use super::memory::{Heap, Shared};
 use super::texture::{barrier, copy, first_level, layout, names_state, placed};
 use super::{Gpu, Moment};
-use crate::present::texels::{Encoder, Texel};
+use crate::texels::{Encoder, Texel};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// A ring of memory from which command lists of an engine's copy pictures into its textures. A copy needs nothing of a texture but

@@ -2,6 +2,5 @@
 
 pub mod pacing;
 pub mod presenter;
-pub(crate) mod texels;
 pub mod timeline;
 pub mod upscale;
