@@ -38,7 +38,7 @@ class Settings:
     decay: float = 0.0
     betas: tuple[float, float] = (0.9, 0.99)
     clip: float = 1.0
-    horizon: float = 500.0  # of the running mean, in steps at the full rate
+    horizon: float = 250.0  # of the running mean, in steps: the last stages, none of which is good at everything alone
     muon_rate: float = 3e-3
     muon_momentum: float = 0.95
 
@@ -89,8 +89,7 @@ def update(s: Settings, state: State, gradient: Parameters) -> tuple[State, Arra
             direction, speed = 0.2 * max(p.shape) ** 0.5 * orthogonal(g + s.muon_momentum * m), s.muon_rate
         parameters[name] = p - now * speed * (direction + (s.decay * p if p.ndim > 1 else 0.0))
         first[name], second[name] = m, v
-    # A young mean follows fast, so that it holds nothing of the beginning. What moves less needs less smoothing: in the end the mean
-    # is where the last stages led to.
-    keep = jnp.minimum(1 - 1 / (1 + s.horizon * now), n / (n + 9.0))
+    # A young mean follows fast, so that it holds nothing of the beginning.
+    keep = jnp.minimum(1 - 1 / s.horizon, n / (n + 9.0))
     mean = jax.tree.map(lambda e, p: keep * e + (1 - keep) * p, state.mean, parameters)
     return State(parameters, mean, first, second, n), norm
