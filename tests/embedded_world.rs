@@ -17,7 +17,7 @@ fn it_is_the_file_of_the_repository() {
     let size = std::fs::metadata(FILE).expect("the file").len();
     assert!(size <= 24 << 20, "{size} bytes are too many for a library");
     let manifest = embedded.manifest();
-    assert_eq!((manifest.name.as_str(), manifest.licence.as_str()), ("Miniature", "MIT OR Apache-2.0"));
+    assert_eq!((manifest.name.as_str(), manifest.licence.spdx.as_str()), ("Miniature", "MIT OR Apache-2.0"));
     assert_eq!((manifest.picture.render, embedded.geometry().global.window), ([320, 180], 128));
 }
 

@@ -12,13 +12,10 @@ use crate::world_quality::{self, Settings};
 pub(super) const EXAMPLES: &str = "\
 Examples:
   study world-quality --quick
-      One place of each kind, five seconds, and a short look away.
-
-  study world-quality --publish
-      As docs/world.md was made: three places of each kind for fifteen seconds, looks away of 2, 4 and 8 seconds.
+      One place of each kind, five seconds, and a short look away; with --publish into docs/world.md.
 
   study world-quality --world miniature.cairn --out out/miniature
-      The same of a world of your own.
+      Of a world of your own: three places of each kind for fifteen seconds, looks away of 2, 4 and 8 seconds.
 
 A rollout starts from the first true picture of a place that no world was trained on and gets the controls of the scene's own
 script. Its pictures are scored against the true ones, beside showing the first picture all the time and beside the
