@@ -19,7 +19,7 @@ use half::f16;
 
 #[path = "d3d12/allocations.rs"]
 mod allocations;
-#[path = "d3d12/cases.rs"]
+#[path = "support/frame_cases.rs"]
 mod cases;
 #[path = "d3d12/compared.rs"]
 mod compared;
