@@ -10,7 +10,7 @@ use super::bindings::{
 use super::watch::Watch;
 use super::{Api, Choice, Frame, Generator, Provider, Seen, Shot, Version, self_test};
 use crate::gpu::compute::{self, Frames, Kernel, Resting, Shape, View};
-use crate::gpu::{Gpu, Moment, failed_on};
+use crate::gpu::{Gpu, Moment, written_texture};
 use crate::{Error, ErrorKind, Result};
 
 /// How a [`TextureGenerator`] is made.
@@ -377,21 +377,5 @@ fn picture(gpu: &Gpu, given: &Resting<'_>, size: Dimensions, field: &str) -> Res
 
 /// A texture that shaders write, resting so.
 pub(super) fn texture(gpu: &Gpu, size: Dimensions, format: DXGI_FORMAT) -> Result<ID3D12Resource> {
-    let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
-    let wanted = D3D12_RESOURCE_DESC {
-        Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
-        Width: size.width.into(),
-        Height: size.height,
-        DepthOrArraySize: 1,
-        MipLevels: 1,
-        Format: format,
-        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
-        Flags: D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS,
-        ..Default::default()
-    };
-    let mut made: Option<ID3D12Resource> = None;
-    // SAFETY: a live device; descriptions and place live during the call.
-    unsafe { gpu.device().CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &wanted, WRITTEN, None, &mut made) }
-        .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommittedResource", &e))?;
-    made.ok_or_else(|| Error::new(ErrorKind::Device, "ID3D12Device::CreateCommittedResource gave no texture"))
+    written_texture(gpu, (size.width, size.height), format, WRITTEN)
 }

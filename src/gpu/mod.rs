@@ -25,7 +25,7 @@ pub use moment::Moment;
 pub(crate) use pipeline::Pipeline;
 pub use queue::Queue;
 pub use resize::{Planes, Resize};
-pub(crate) use texture::{blank_texture, read_buffer};
+pub(crate) use texture::{blank_texture, read_buffer, written_texture};
 pub use texture::{read_texture, texture_of};
 pub use uploads::{Place, Target, Uploads};
 /// The bindings in which objects of Direct3D are handed over.

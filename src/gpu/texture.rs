@@ -72,7 +72,7 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
 /// `OutOfMemory`; `DeviceRemoved`.
 pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Moment)> {
     let state = D3D12_RESOURCE_STATE_COPY_DEST;
-    let (texture, desc) = make(gpu, picture.size(), D3D12_RESOURCE_FLAG_NONE, state)?;
+    let (texture, desc) = make(gpu, picture.size(), PLAIN, D3D12_RESOURCE_FLAG_NONE, state)?;
     let (layout, bytes) = layout(gpu, &desc);
     let mut upload = Shared::new(gpu, Heap::Upload, bytes)?;
     let rows = picture.rgba().chunks_exact(picture.width() as usize * 4);
@@ -86,14 +86,27 @@ pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Momen
 
 /// A texture that shaders may write, RGBA8, in the state COMMON. What is in it is not said.
 pub(crate) fn blank_texture(gpu: &Gpu, size: (u32, u32)) -> Result<ID3D12Resource> {
-    let (texture, _) = make(gpu, size, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, D3D12_RESOURCE_STATE_COMMON)?;
-    Ok(texture)
+    written_texture(gpu, size, PLAIN, D3D12_RESOURCE_STATE_COMMON)
 }
 
-/// A texture of `size`, RGBA8, and its description.
+/// A texture that shaders may write, in `state`. What is in it is not said.
+pub(crate) fn written_texture(
+    gpu: &Gpu,
+    size: (u32, u32),
+    format: DXGI_FORMAT,
+    state: D3D12_RESOURCE_STATES,
+) -> Result<ID3D12Resource> {
+    Ok(make(gpu, size, format, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, state)?.0)
+}
+
+/// Of pictures of this library's.
+const PLAIN: DXGI_FORMAT = DXGI_FORMAT_R8G8B8A8_UNORM;
+
+/// A texture of one level and its description.
 fn make(
     gpu: &Gpu,
     (width, height): (u32, u32),
+    format: DXGI_FORMAT,
     flags: D3D12_RESOURCE_FLAGS,
     state: D3D12_RESOURCE_STATES,
 ) -> Result<(ID3D12Resource, D3D12_RESOURCE_DESC)> {
@@ -103,7 +116,7 @@ fn make(
         Height: height,
         DepthOrArraySize: 1,
         MipLevels: 1,
-        Format: DXGI_FORMAT_R8G8B8A8_UNORM,
+        Format: format,
         SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
         Flags: flags,
         ..Default::default()
