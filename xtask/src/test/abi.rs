@@ -1,5 +1,5 @@
 //! The C interface: header and record are those of the sources, every compiler takes the header, the library exports what it
-//! declares, and C programs find it to work as it says.
+//! declares, and C programs find it to work as it says, as does one in C++.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,10 +9,11 @@ use std::process::Command;
 use provision::{Console, tools};
 
 use super::Context;
+use super::cpp;
 use super::tally::{Skip, Tally};
 use crate::abi::declarations::{self, Declarations};
 use crate::abi::{header, record};
-use crate::shell::{Log, output};
+use crate::shell::{Ended, Log, output};
 
 /// What every compiler is told.
 pub(super) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
@@ -55,6 +56,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let library = library(context, log)?;
     tally.check(exports(&library, &declared)?);
     programs(context, log, &work, &library, &mut tally, false)?;
+    cpp::run(context, log, &work, &library, &declared, &mut tally)?;
     Ok(tally)
 }
 
@@ -267,20 +269,25 @@ fn programs(
         }
         context.provide_worlds(&mut command)?;
         let ended = log.run(&mut command)?;
-        let (mut passed, mut failed) = (0, 0);
-        for line in ended.output.lines() {
-            if let Some(test) = line.strip_prefix("test ").and_then(|line| line.strip_suffix(" ... FAILED")) {
-                tally.failures.push(format!("{name}: {test}"));
-                failed += 1;
-            } else if line.starts_with("test ") && line.ends_with(" ... ok") {
-                passed += 1;
-            }
-        }
-        tally.passed += passed;
-        let broken = passed + failed == 0 || ended.success != (failed == 0);
-        tally.check(broken.then(|| format!("{name} ended before its tests did")));
+        count(name, &ended, tally);
     }
     Ok(())
+}
+
+/// Counts the lines that a program printed for its tests.
+pub(super) fn count(name: &str, ended: &Ended, tally: &mut Tally) {
+    let (mut passed, mut failed) = (0, 0);
+    for line in ended.output.lines() {
+        if let Some(test) = line.strip_prefix("test ").and_then(|line| line.strip_suffix(" ... FAILED")) {
+            tally.failures.push(format!("{name}: {test}"));
+            failed += 1;
+        } else if line.starts_with("test ") && line.ends_with(" ... ok") {
+            passed += 1;
+        }
+    }
+    tally.passed += passed;
+    let broken = passed + failed == 0 || ended.success != (failed == 0);
+    tally.check(broken.then(|| format!("{name} ended before its tests did")));
 }
 
 /// The ONNX Runtime that programs can look into.

@@ -24,7 +24,8 @@ const FOLDERS: [&str; 9] =
     ["src/", "include/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
 
 /// Endings of files that texts refer to.
-const ENDINGS: [&str; 12] = ["rs", "hlsl", "c", "h", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
+const ENDINGS: [&str; 14] =
+    ["rs", "hlsl", "c", "h", "cpp", "hpp", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let clone = context.clone;

@@ -3,6 +3,7 @@
 mod abi;
 mod browser;
 mod cargo;
+mod cpp;
 mod ffx;
 mod host;
 mod house;
@@ -51,7 +52,7 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "link-windows", what: "the library links for Windows", run: cargo::link_windows },
     Runner {
         name: "abi",
-        what: "the C header, the record of the interface, and C programs that use it",
+        what: "the C and C++ headers, the record of the interface, and programs that use them",
         run: abi::run,
     },
     Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
