@@ -29,6 +29,8 @@
 //! just there would be worse than none.
 
 mod dense;
+#[cfg(windows)]
+mod gpu;
 mod grid;
 mod model;
 mod patch;
@@ -45,6 +47,8 @@ use rayon::prelude::*;
 use super::{Guidance, Projection, paper};
 use crate::{Error, ErrorKind, Picture, Result};
 use dense::Dense;
+#[cfg(windows)]
+pub use gpu::{DESCRIPTORS, GpuExtractor};
 use grid::Grid;
 use pyramid::Pyramid;
 use trust::Trust;

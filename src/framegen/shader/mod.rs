@@ -9,19 +9,18 @@
 mod kernels;
 mod layout;
 mod memory;
-mod pictures;
 mod steps;
 
 use windows::Win32::Graphics::Direct3D12::D3D12_SUBRESOURCE_FOOTPRINT;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use crate::gpu::Gpu;
+use crate::gpu::compute::pictures::{self, Format};
 use crate::gpu::compute::{Frame, Resting, Table, View};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
 use layout::{Constants, Layout};
 use memory::Memory;
-use pictures::Format;
 use steps::Steps;
 
 /// The whole way between two anchors.

@@ -144,7 +144,9 @@ impl<'a> Frame<'a> {
             unsafe { self.list.ResourceBarrier(&[all_written()]) };
         }
         self.is_written = true;
-        self.slot.kernels.push((kernel.root.clone(), kernel.pipeline.clone()));
+        if !self.slot.kernels.iter().any(|(_, pipeline)| *pipeline == kernel.pipeline) {
+            self.slot.kernels.push((kernel.root.clone(), kernel.pipeline.clone()));
+        }
         // SAFETY: an open list; the ring holds kernel, heap and resources until it has run.
         unsafe {
             self.list.SetComputeRootSignature(&kernel.root);

@@ -11,11 +11,11 @@ use crate::{Error, ErrorKind, Result};
 /// How many frames may be recorded before the first of them has run.
 pub const FRAMES_IN_FLIGHT: usize = 3;
 
-/// Resources, barriers and dispatches of a frame for which there is room from the start.
+/// Resources, barriers and shaders of a frame for which there is room from the start.
 const RESOURCES: usize = 64;
 
 /// A ring of frames: the memory of what shaders are run with. Everything is made with it; a frame makes nothing and allocates
-/// nothing, but for more than 64 resources or dispatches in one.
+/// nothing, but for more than 64 resources or shaders in one.
 ///
 /// Threads: one at a time; may move between them.
 pub struct Frames {

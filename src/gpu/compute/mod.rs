@@ -8,6 +8,7 @@ mod barrier;
 mod frame;
 mod frames;
 mod kernel;
+pub(crate) mod pictures;
 mod view;
 
 pub use frame::Frame;

@@ -1,5 +1,7 @@
 // Colours of the anchors: levels of 1/255 as whole numbers, or floats as they are.
 
+#include "halves.hlsli"
+
 // Weights of six pixels for positions of 0, 1, 2 and so on in 1/64 px after the third of them: the windowed sinc of Lanczos with
 // three lobes.
 static const int SINC[384] =
@@ -78,19 +80,6 @@ uint whole_luma(float4 held)
 {
     uint4 v = whole_levels(held);
     return (77 * v.x + 150 * v.y + 29 * v.z) >> 8;
-}
-
-// The nearest half, of two the even one.
-uint half_of(float v)
-{
-    uint sign = asuint(v) >> 16 & 0x8000;
-    uint bits = asuint(v) & 0x7fffffff;
-    if (bits >= 0x47800000)
-    {
-        return sign | (bits > 0x7f800000 ? 0x7e00 : 0x7c00);
-    }
-    precise float small = asfloat(bits) + 0.5;
-    return sign | (bits < 0x38800000 ? asuint(small) - 0x3f000000 : bits + 0xfff + (bits >> 13 & 1) - 0x38000000 >> 13);
 }
 
 float4 halved(float4 v)

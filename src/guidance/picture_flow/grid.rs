@@ -15,7 +15,7 @@ pub(super) const CLOSE: usize = 4;
 /// and where the picture is so large that neither the search nor what it is for needs them closer.
 pub(super) const APART: usize = 8;
 /// Rounds of the smoothing.
-const ROUNDS: usize = 12;
+pub(super) const ROUNDS: usize = 12;
 /// Weight of a neighbour's motion against the information in a patch, per squared pixel.
 const LAMBDA: f32 = 0.3;
 /// Variance of a pixel that matches, in squared code values.
@@ -32,7 +32,7 @@ const KNOWN: f32 = 4.0;
 /// Motion by which two neighbours differ at most where it is drawn on in a line, in pixels.
 const STRAIGHT: f32 = 2.0;
 /// Cells that the motion of the whole picture is taken from at most.
-const SAMPLES: usize = 400;
+pub(super) const SAMPLES: usize = 400;
 /// Cells that are worked on at once.
 const LANES: usize = 8;
 /// Cells that are worth a task of their own in the smoothing.

@@ -7,9 +7,9 @@ use super::reserve;
 use crate::{Picture, Result};
 
 /// A level is halved again while its shorter side has at least this many pixels.
-const SHORT: usize = 24;
+pub(super) const SHORT: usize = 24;
 /// Pixels of the finest level that is searched at most: motion changes no faster in a larger picture.
-const LARGE: usize = 1 << 20;
+pub(super) const LARGE: usize = 1 << 20;
 /// Pixels of a row of halved luma that are made at once.
 const RUN: usize = 64;
 /// Rows that are worth a task of their own.

@@ -1,23 +1,23 @@
-//! Textures that frames are made from and written to.
+//! Textures of pictures and of what is known of them, looked at before anything is recorded.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
+use super::{Resting, View};
 use crate::gpu::Gpu;
-use crate::gpu::compute::{Resting, View};
 use crate::{Error, ErrorKind, Result};
 
 /// How a picture's pixels are held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Format {
+pub(crate) struct Format {
     /// In which it is viewed and copied: sRGB is not undone.
-    pub(super) viewed: DXGI_FORMAT,
+    pub(crate) viewed: DXGI_FORMAT,
     /// Its number in the shaders.
-    pub(super) written: u32,
+    pub(crate) written: u32,
     /// Whether colours are computed as floats.
-    pub(super) is_float: bool,
+    pub(crate) is_float: bool,
     /// Bytes of a pixel.
-    pub(super) bytes: u32,
+    pub(crate) bytes: u32,
 }
 
 impl Format {
@@ -46,7 +46,7 @@ impl Format {
 ///
 /// # Errors
 /// `InvalidArgument`, of `field`, for another size, another device's, no plain texture, or a format that frames are not made of.
-pub(super) fn anchor(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2], field: &str) -> Result<Format> {
+pub(crate) fn anchor(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2], field: &str) -> Result<Format> {
     let found = checked(gpu, given, size, field)?;
     let Some(format) = Format::of(found.Format) else { return Err(refused(&found, field)) };
     if matches!(found.Format, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB) {
@@ -62,7 +62,7 @@ pub(super) fn anchor(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2], field: &str
 ///
 /// # Errors
 /// As for an anchor's.
-pub(super) fn target(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2]) -> Result<Format> {
+pub(crate) fn target(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2]) -> Result<Format> {
     let found = checked(gpu, given, size, "target")?;
     Format::of(found.Format).ok_or_else(|| refused(&found, "target"))
 }
@@ -71,7 +71,7 @@ pub(super) fn target(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2]) -> Result<F
 ///
 /// # Errors
 /// `InvalidArgument`, of `field`, for another tile than 1, 8 or 16 pixels, another size or format, or another device's.
-pub(super) fn guidance<'a>(
+pub(crate) fn guidance<'a>(
     gpu: &Gpu,
     given: &Resting<'a>,
     size: [u32; 2],

@@ -1,0 +1,38 @@
+// Motion and depth as they are given out: each pixel that of the finest level, in pixels of the picture, as halves
+// hold them.
+
+#include "flow.hlsli"
+#include "flow_trust.hlsli"
+#include "halves.hlsli"
+
+static const float FLAT_DEPTH = 0.5;
+
+[numthreads(8, 8, 1)]
+void main(uint3 at : SV_DispatchThreadID)
+{
+    if (all(at.xy < DepthSize))
+    {
+        Depth[at.xy] = FLAT_DEPTH;
+    }
+    if (any(at.xy >= Size))
+    {
+        return;
+    }
+    uint2 place = at.xy >> Halvings;
+    place.y -= is_as_above(place) ? 1 : 0;
+    uint pixel = place.y * Level.x + place.x;
+    float2 found;
+    if (is_mean(place))
+    {
+        precise float2 mean = 0.5 * (motion_at(AtDense.x, pixel - 1) + motion_at(AtDense.x, pixel + 1));
+        found = mean;
+    }
+    else
+    {
+        found = motion_at(AtDense.x, pixel);
+    }
+    float2 limit = float2(Size);
+    // Added to 0 so that no motion is +0.
+    precise float2 motion = 0 + min(max(found * float(1u << Halvings), -limit), limit);
+    Motion[at.xy] = f16tof32(uint2(half_of(motion.x), half_of(motion.y)));
+}

@@ -1,0 +1,32 @@
+//! The shaders of an extraction.
+
+use super::layout::WORDS;
+use crate::Result;
+use crate::gpu::Gpu;
+use crate::gpu::compute::{Kernel, Shape};
+
+/// What each of them reads and writes, in the order of `flow.hlsli`.
+const SHAPE: Shape = Shape { constants: WORDS as u32, inputs: 2, outputs: 3 };
+
+macro_rules! kernels {
+    ($($name:ident),* $(,)?) => {
+        /// One of each, named as its text in `src/gpu/shaders` is after `flow_`.
+        pub(super) struct Kernels {
+            $(pub(super) $name: Kernel,)*
+        }
+
+        impl Kernels {
+            pub(super) fn new(gpu: &Gpu) -> Result<Self> {
+                Ok(Self {
+                    $($name: Kernel::new(
+                        gpu,
+                        include_bytes!(concat!("../../../gpu/shaders/flow_", stringify!($name), ".dxbc")),
+                        SHAPE,
+                    )?,)*
+                })
+            }
+        }
+    };
+}
+
+kernels! { luma, halve, search, smooth, fit, spread, check, fill, write }
