@@ -10,7 +10,7 @@ use cairn::framegen::shader::{
 };
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome};
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frames, Resting};
+use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::guidance::Guidance;
@@ -368,6 +368,63 @@ fn frames_follow_each_other_in_an_engines_list_and_allocate_nothing() {
     frame.submit(gpu.anchors()).expect("a submission").wait().expect("it is done");
     let wanted: Picture = scene.made_by_the_processor(0.5, bytes_of);
     assert!(read(&gpu, &out, SIZE.0 as usize * 4) == wanted.rgba(), "on a compute queue");
+}
+
+#[test]
+fn frames_of_a_prepared_pair_are_those_made_each_for_itself() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let mut single = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS / 2).expect("a ring");
+    let (mut uncovered, out) = (0, target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM));
+    for seed in 0..8 {
+        let mut dice = Dice(seed);
+        let guidance = cases::guidance(&mut dice, SIZE);
+        let scene = Scene { guided: Guided::new(&gpu, &guidance), levels: cases::pictures(&mut dice, SIZE), guidance };
+        let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+        let pair = scene.pair(&anchors);
+        let mut frame = frames.begin().expect("a frame");
+        generator.prepare(&mut frame, &pair).expect("it is recorded");
+        frame.submit(gpu.frames()).expect("a submission");
+        for t in [0.75, 0.25, 0.5, 0.25] {
+            let mut frame = frames.begin().expect("a frame");
+            generator.interpolate(&mut frame, &pair, t, &out.resting()).expect("it is recorded");
+            frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
+            let found = read(&gpu, &out, SIZE.0 as usize * 4);
+            let report: [u32; 32] = words(&gpu, &generator.report());
+            assert!(found == generated(&gpu, &mut single, &pair, t, &out, 4), "case {seed}, t = {t}");
+            assert_eq!(report, words(&gpu, &single.report()), "case {seed}, t = {t}");
+            uncovered += report[WORD_OF_UNCOVERED as usize];
+        }
+    }
+    assert!(uncovered > 0, "something is counted");
+}
+
+#[test]
+fn frames_are_made_of_the_pair_that_was_prepared_last_and_of_no_other() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let scene = Scene::new(&gpu);
+    let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let mut frames = Frames::new(&gpu, gpu.frames(), 4 * DESCRIPTORS).expect("a ring");
+    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+    let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
+    let pair = scene.pair(&anchors);
+    let turned = TexturePair { previous: pair.current, current: pair.previous, ..pair };
+    let mut frame = frames.begin().expect("a frame");
+    let refused = |generator: &mut ShaderGenerator, frame: &mut Frame<'_>, pair: &TexturePair<'_>| {
+        let refused = generator.interpolate(frame, pair, 0.5, &out.resting()).expect_err("another is prepared");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("pair")));
+    };
+    refused(&mut generator, &mut frame, &pair);
+    generator.prepare(&mut frame, &pair).expect("it is recorded");
+    refused(&mut generator, &mut frame, &turned);
+    refused(&mut generator, &mut frame, &TexturePair { cut: true, ..pair });
+    generator.interpolate(&mut frame, &pair, 0.5, &out.resting()).expect("it is recorded");
+    let (guided, last) = (&pair.guidance, &pair.current);
+    generator.extrapolate(&mut frame, last, guided, false, 0.5, &out.resting()).expect("it is recorded");
+    refused(&mut generator, &mut frame, &pair);
+    generator.generate(&mut frame, &turned, 0.5, &out.resting()).expect("it is recorded");
+    refused(&mut generator, &mut frame, &pair);
 }
 
 #[test]

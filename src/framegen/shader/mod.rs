@@ -77,7 +77,12 @@ pub struct ShaderGenerator {
     kernels: Kernels,
     layout: Layout,
     memory: Memory,
+    /// The pair of which the memory knows all that does not depend on the phase.
+    prepared: Option<Prepared>,
 }
+
+/// What tells one pair from another: its textures, and what is said of them.
+type Prepared = ([usize; INPUTS], Constants);
 
 /// In a generator's [report](ShaderGenerator::report) the word that is 1 where a cut lies between the anchors, and else 0.
 pub const WORD_OF_CUT: u32 = 0;
@@ -85,8 +90,10 @@ pub const WORD_OF_CUT: u32 = 0;
 pub const WORD_OF_UNCOVERED: u32 = 6;
 /// The word with the share, a float from 0 to 1, for which no counterpart was found in the previous anchor; 0 where none was sought.
 pub const WORD_OF_UNEXPLAINED: u32 = 29;
-/// Descriptors that a frame of it takes.
+/// Descriptors that a frame of it takes; half of them where it only prepares a pair or makes a frame of one that is prepared.
 pub const DESCRIPTORS: u32 = 24;
+/// Textures that shaders read.
+const INPUTS: usize = 6;
 
 impl ShaderGenerator {
     /// Makes it ready for pictures of `size`, 1 to [`MAX_SIDE`](crate::MAX_SIDE) to a side and about 64 million pixels.
@@ -103,7 +110,7 @@ impl ShaderGenerator {
         }
         let layout = Layout::new(size);
         let memory = Memory::new(gpu, &layout)?;
-        Ok(Self { gpu: gpu.clone(), kernels: Kernels::new(gpu)?, layout, memory })
+        Ok(Self { gpu: gpu.clone(), kernels: Kernels::new(gpu)?, layout, memory, prepared: None })
     }
 
     /// `shader`.
@@ -115,6 +122,9 @@ impl ShaderGenerator {
     /// of the generator's size in a format of anchors, those typed as sRGB included; it need not be one that shaders write. Across a cut
     /// the nearer anchor is shown.
     ///
+    /// Of a pair that several pictures are made of, [`prepare`](Self::prepare) and [`interpolate`](Self::interpolate) do the same with
+    /// less work.
+    ///
     /// # Errors
     /// `InvalidArgument` when `t` is not inside (0, 1), or for a texture of another size, format or device; as for any frame.
     /// Nothing is recorded then.
@@ -125,57 +135,54 @@ impl ShaderGenerator {
         t: f32,
         target: &Resting<'_>,
     ) -> Result<()> {
-        if !(t > 0.0 && t < 1.0) {
-            return Err(Error::new(ErrorKind::InvalidArgument, format!("a phase of {t} is not inside (0, 1)"))
-                .field("t")
-                .remedy("Show an anchor itself at phases 0 and 1"));
-        }
-        let phase = ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1);
-        let mut seen = self.look(&pair.current, &pair.guidance, target)?;
-        let size = seen.constants.size;
-        let format = pictures::anchor(&self.gpu, &pair.previous, size, "previous")?;
-        if format.viewed != seen.anchor.viewed {
-            return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
-        }
-        seen.inputs[0] = View::Texture(pair.previous, format.viewed);
-        let mut past_tile = 0;
-        if let Some((depth, tile)) = &pair.previous_depth {
-            seen.inputs[4] = pictures::guidance(&self.gpu, depth, size, *tile, &DEPTH, "previous_depth")?;
-            past_tile = *tile;
-        }
-        let found = Constants {
-            is_pair: 1,
-            past_tile,
-            is_stated: pair.cut.into(),
-            phase,
-            nearer_is_current: (phase >= WHOLE / 2).into(),
-            cut_shows_current: (t >= 0.5).into(),
-            ..seen.constants
-        };
-        let at_place_tiles = self.layout.at_place_tiles;
-        let in_previous = Constants { at_tiles: found.at_owner_tiles, mark: ORPHAN, ..found };
-        let between = Constants { landing_phase: phase, borrows: 1, mark: HOLE, at_tiles: at_place_tiles, ..found };
+        let at = self.phase(t)?;
+        let seen = self.look_at_pair(pair)?;
+        let written = self.target(frame, target)?;
+        frame.fits(DESCRIPTORS)?;
+        let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
+        let shown = frame.bind(&seen.inputs, &self.memory.views(false))?;
+        // It may be one of the inputs, and must rest in one state then.
+        frame.takes(target)?;
+        self.explore(frame, &table, &seen);
+        self.show(frame, &shown, &seen, at, written, target)
+    }
 
-        let kernels = &self.kernels;
-        let tables = self.tables(frame, &seen.inputs, target)?;
-        let mut steps = self.steps(frame, &tables[0]);
-        steps.begin(in_previous);
-        steps.by_lines(&kernels.lines, in_previous);
-        steps.find_cut(in_previous);
-        steps.by_one(&kernels.seen, in_previous);
-        steps.by_tiles(&kernels.given, in_previous);
-        steps.by_tiles(&kernels.field, in_previous);
-        steps.land(in_previous);
-        steps.by_ends(&kernels.leave, in_previous);
-        steps.by_ends(&kernels.join, in_previous);
-        steps.by_tiles(&kernels.free, in_previous);
-        steps.fill(in_previous);
-        steps.table = &tables[1];
-        steps.land(between);
-        steps.fill(between);
-        steps.by_tiles(&kernels.render, between);
-        steps.paint(between);
-        self.copy(frame, &seen, target)
+    /// Records all that frames between the anchors of `pair` have in common: [`interpolate`](Self::interpolate) makes any number of them,
+    /// in this frame or in later ones of the same queue, until another pair is prepared or anything else is made. The pair's textures
+    /// must hold the same until then.
+    ///
+    /// # Errors
+    /// As for [`generate`](Self::generate).
+    pub fn prepare(&mut self, frame: &mut Frame<'_>, pair: &TexturePair<'_>) -> Result<()> {
+        let seen = self.look_at_pair(pair)?;
+        let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
+        self.explore(frame, &table, &seen);
+        Ok(())
+    }
+
+    /// Records the picture at phase `t` of the pair that was prepared last, as [`generate`](Self::generate) does, to the bit. A prepared
+    /// frame that was dropped instead of run leaves pictures of no meaning.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a pair of which another is prepared, or none; as for [`generate`](Self::generate).
+    pub fn interpolate(
+        &mut self,
+        frame: &mut Frame<'_>,
+        pair: &TexturePair<'_>,
+        t: f32,
+        target: &Resting<'_>,
+    ) -> Result<()> {
+        let at = self.phase(t)?;
+        let seen = self.look_at_pair(pair)?;
+        if self.prepared != Some(seen.prepared()) {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the pair is not the one that was prepared last")
+                .field("pair")
+                .remedy("Record prepare for it first"));
+        }
+        let written = self.target(frame, target)?;
+        let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
+        frame.takes(target)?;
+        self.show(frame, &table, &seen, at, written, target)
     }
 
     /// Records the picture `t` anchor intervals after an anchor, as if its motion went on, into `target`. Bounded to one interval:
@@ -198,17 +205,21 @@ impl ShaderGenerator {
                 .remedy("Pass a positive number of anchor intervals"));
         }
         let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
-        let seen = self.look(current, guidance, target)?;
+        let seen = self.look(current, guidance)?;
+        let written = self.target(frame, target)?;
         let beyond = Constants {
             is_stated: is_after_cut.into(),
             landing_phase: WHOLE + phase,
             mark: HOLE,
             at_tiles: self.layout.at_place_tiles,
-            ..seen.constants
+            ..seen.constants(&written)
         };
+        let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
+        // It may be one of the inputs, and must rest in one state then.
+        frame.takes(target)?;
+        self.prepared = None;
         let kernels = &self.kernels;
-        let tables = self.tables(frame, &seen.inputs, target)?;
-        let mut steps = self.steps(frame, &tables[1]);
+        let mut steps = self.steps(frame, &table);
         steps.begin(beyond);
         steps.by_one(&kernels.seen, beyond);
         steps.by_tiles(&kernels.given, beyond);
@@ -217,7 +228,7 @@ impl ShaderGenerator {
         steps.fill(beyond);
         steps.by_tiles(&kernels.beyond, beyond);
         steps.paint(beyond);
-        self.copy(frame, &seen, target)
+        self.copy(frame, &written, target)
     }
 
     /// A buffer in which the device leaves what happened in the frame that was made last, for whoever wants to copy it from there:
@@ -226,16 +237,37 @@ impl ShaderGenerator {
         self.memory.small()
     }
 
-    /// Looks at what a frame is made of, so that nothing is recorded of what cannot be.
-    fn look<'t>(
-        &self,
-        current: &Resting<'t>,
-        guidance: &GuidanceTextures<'t>,
-        target: &Resting<'_>,
-    ) -> Result<Seen<'t>> {
+    /// A phase inside (0, 1).
+    fn phase(&self, t: f32) -> Result<Phase> {
+        if !(t > 0.0 && t < 1.0) {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("a phase of {t} is not inside (0, 1)"))
+                .field("t")
+                .remedy("Show an anchor itself at phases 0 and 1"));
+        }
+        Ok(Phase { phase: ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1), cut_shows_current: t >= 0.5 })
+    }
+
+    /// Looks at what frames between two anchors are made of, so that nothing is recorded of what cannot be.
+    fn look_at_pair<'t>(&self, pair: &TexturePair<'t>) -> Result<Seen<'t>> {
+        let mut seen = self.look(&pair.current, &pair.guidance)?;
+        let size = seen.constants.size;
+        if pictures::anchor(&self.gpu, &pair.previous, size, "previous")?.viewed != seen.anchor.viewed {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
+        }
+        seen.inputs[0] = View::Texture(pair.previous, seen.anchor.viewed);
+        if let Some((depth, tile)) = &pair.previous_depth {
+            seen.inputs[4] = pictures::guidance(&self.gpu, depth, size, *tile, &DEPTH, "previous_depth")?;
+            seen.constants.past_tile = *tile;
+        }
+        seen.constants.is_pair = 1;
+        seen.constants.is_stated = pair.cut.into();
+        Ok(seen)
+    }
+
+    /// Looks at an anchor and what is known of it.
+    fn look<'t>(&self, current: &Resting<'t>, guidance: &GuidanceTextures<'t>) -> Result<Seen<'t>> {
         let size = self.layout.constants.size;
         let anchor = pictures::anchor(&self.gpu, current, size, "current")?;
-        let target = pictures::target(&self.gpu, target, size)?;
         let (tile, formats) = (guidance.motion_tile, &MOTION);
         let motion = pictures::guidance(&self.gpu, &guidance.motion, size, tile, formats, "motion")?;
         let (tile, formats) = (guidance.depth_tile, &DEPTH);
@@ -245,28 +277,67 @@ impl ShaderGenerator {
             hud = pictures::guidance(&self.gpu, given, size, 1, &[DXGI_FORMAT_R8_UNORM], "hud")?;
         }
         let picture = View::Texture(*current, anchor.viewed);
-        let pitch = memory::pitch(size[0], target.bytes);
         let constants = Constants {
             guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
             has_hud: guidance.hud.is_some().into(),
             is_float: anchor.is_float.into(),
-            written: target.written,
-            pitch,
             ..self.layout.constants
         };
         // What is not there is another of its kind, which nobody reads.
-        Ok(Seen { constants, inputs: [picture, picture, motion, depth, depth, hud], anchor, target })
+        Ok(Seen { constants, inputs: [picture, picture, motion, depth, depth, hud], anchor })
     }
 
-    /// What shaders see: with the previous anchor being what claims land on, and with the frame. All that a frame may be refused
-    /// for is done with it.
-    fn tables(&self, frame: &mut Frame<'_>, inputs: &[View<'_>; 6], target: &Resting<'_>) -> Result<[Table; 2]> {
+    /// Looks at what a frame is written to.
+    fn target(&self, frame: &Frame<'_>, target: &Resting<'_>) -> Result<Format> {
         frame.takes(target)?;
-        frame.fits(DESCRIPTORS)?;
-        let tables = [frame.bind(inputs, &self.memory.views(true))?, frame.bind(inputs, &self.memory.views(false))?];
-        // It may be one of the inputs, and must rest in one state then.
-        frame.takes(target)?;
-        Ok(tables)
+        pictures::target(&self.gpu, target, self.layout.constants.size)
+    }
+
+    /// Records what does not depend on the phase: cuts, bars, the way of the camera, motion, and what is in the previous anchor.
+    fn explore(&mut self, frame: &mut Frame<'_>, table: &Table, seen: &Seen<'_>) {
+        self.prepared = Some(seen.prepared());
+        let kernels = &self.kernels;
+        let in_previous = Constants { mark: ORPHAN, at_tiles: seen.constants.at_owner_tiles, ..seen.constants };
+        let mut steps = self.steps(frame, table);
+        steps.begin(in_previous);
+        steps.by_lines(&kernels.lines, in_previous);
+        steps.find_cut(in_previous);
+        steps.by_one(&kernels.seen, in_previous);
+        steps.by_tiles(&kernels.given, in_previous);
+        steps.by_tiles(&kernels.field, in_previous);
+        steps.land(in_previous);
+        steps.by_ends(&kernels.leave, in_previous);
+        steps.by_ends(&kernels.join, in_previous);
+        steps.by_tiles(&kernels.free, in_previous);
+        steps.fill(in_previous);
+    }
+
+    /// Records a frame between two anchors that were explored.
+    fn show(
+        &self,
+        frame: &mut Frame<'_>,
+        table: &Table,
+        seen: &Seen<'_>,
+        Phase { phase, cut_shows_current }: Phase,
+        written: Format,
+        target: &Resting<'_>,
+    ) -> Result<()> {
+        let between = Constants {
+            phase,
+            landing_phase: phase,
+            nearer_is_current: (phase >= WHOLE / 2).into(),
+            cut_shows_current: cut_shows_current.into(),
+            borrows: 1,
+            mark: HOLE,
+            at_tiles: self.layout.at_place_tiles,
+            ..seen.constants(&written)
+        };
+        let mut steps = self.steps(frame, table);
+        steps.land(between);
+        steps.fill(between);
+        steps.by_tiles(&self.kernels.render, between);
+        steps.paint(between);
+        self.copy(frame, &written, target)
     }
 
     fn steps<'f, 'g>(&'f self, frame: &'f mut Frame<'g>, table: &'f Table) -> Steps<'f, 'g> {
@@ -274,14 +345,14 @@ impl ShaderGenerator {
     }
 
     /// Copies the finished picture into its target.
-    fn copy(&self, frame: &mut Frame<'_>, seen: &Seen<'_>, target: &Resting<'_>) -> Result<()> {
+    fn copy(&self, frame: &mut Frame<'_>, written: &Format, target: &Resting<'_>) -> Result<()> {
         let [width, height] = self.layout.constants.size;
         let rows = D3D12_SUBRESOURCE_FOOTPRINT {
-            Format: seen.target.viewed,
+            Format: written.viewed,
             Width: width,
             Height: height,
             Depth: 1,
-            RowPitch: seen.constants.pitch,
+            RowPitch: memory::pitch(width, written.bytes),
         };
         frame.copy_rows(&self.memory.picture(), rows, target)
     }
@@ -294,10 +365,30 @@ impl std::fmt::Debug for ShaderGenerator {
     }
 }
 
+/// Where between the anchors a frame is.
+#[derive(Clone, Copy)]
+struct Phase {
+    /// In parts of [`WHOLE`].
+    phase: i32,
+    /// Whether the current anchor is shown there across a cut.
+    cut_shows_current: bool,
+}
+
 /// What a frame is made of.
 struct Seen<'t> {
     constants: Constants,
-    inputs: [View<'t>; 6],
+    inputs: [View<'t>; INPUTS],
     anchor: Format,
-    target: Format,
+}
+
+impl Seen<'_> {
+    fn prepared(&self) -> Prepared {
+        (self.inputs.each_ref().map(View::address), self.constants)
+    }
+
+    /// The constants of a frame that is written in a format.
+    fn constants(&self, written: &Format) -> Constants {
+        let pitch = memory::pitch(self.constants.size[0], written.bytes);
+        Constants { written: written.written, pitch, ..self.constants }
+    }
 }

@@ -2,6 +2,7 @@
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
+use windows::core::Interface;
 
 use crate::gpu::{Gpu, failed_on};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
@@ -46,6 +47,11 @@ impl<'a> View<'a> {
         match *self {
             Self::Buffer(resting, _) | Self::Texture(resting, _) => resting,
         }
+    }
+
+    /// Tells its resource from others that live.
+    pub(crate) fn address(&self) -> usize {
+        self.resting().resource.as_raw() as usize
     }
 
     /// Writes the descriptor with which a shader reads it.

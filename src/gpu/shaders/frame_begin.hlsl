@@ -1,4 +1,4 @@
-// Makes ready what claims land on; in the first of several passes also what a frame finds out.
+// Makes ready what claims land on, and with that of a frame what it finds out; in the first pass of a pair also what that finds out.
 
 #include "frame.hlsli"
 
@@ -21,6 +21,11 @@ void main(uint at : SV_DispatchThreadID)
     }
     if (Turn != 0)
     {
+        if (at == 0 && Mark == HOLE)
+        {
+            // Uncovered, hidden, blank: nothing so far.
+            Small.Store3(UNCOVERED, uint3(0, 0, 0));
+        }
         return;
     }
     if (at < 2 * (Size.x + Size.y))
