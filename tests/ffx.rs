@@ -191,6 +191,18 @@ fn files_that_cannot_be_used_are_reported_with_the_reason() {
         fault(Part::Upscaler)
     );
     assert_eq!(fault(Part::Whole), "");
+    // One for another processor, by the number in its header.
+    let of_another = Stage::empty().with(Part::Whole, &["sdk 1.1.4", ANALYTIC_20]);
+    let path = of_another.0.join(Part::Whole.file_name());
+    let mut bytes = std::fs::read(&path).expect("the double");
+    let header = u32::from_le_bytes(bytes[0x3c..0x40].try_into().expect("4 bytes")) as usize;
+    for (number, name) in [(0x014c_u16, "32-bit x86"), (0xaa64, "64-bit ARM"), (0x1234, "type 0x1234")] {
+        bytes[header + 4..][..2].copy_from_slice(&number.to_le_bytes());
+        std::fs::write(&path, &bytes).expect("a file");
+        let refused = of_another.load().expect_err(name);
+        assert_eq!(refused.kind(), ErrorKind::RuntimeMissing);
+        assert!(refused.cause().contains(name) && refused.cause().contains("of 64-bit x86"), "{refused}");
+    }
     // The system's library has a version, the double has none.
     let version = |part| library.files().iter().find(|file| file.part == part).and_then(|file| file.version);
     assert!(version(Part::Upscaler).is_some_and(|version| version > FileVersion([1, 0, 0, 0])));

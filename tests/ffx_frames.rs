@@ -12,6 +12,8 @@ use cairn::gpu::{Gpu, Moment};
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "ffx/faults.rs"]
+mod faults;
 #[path = "ffx/pictures.rs"]
 mod pictures;
 #[path = "ffx/stage.rs"]

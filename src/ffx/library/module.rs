@@ -2,6 +2,8 @@
 
 use std::ffi::{CStr, c_void};
 use std::fmt;
+use std::fs::File;
+use std::io::Read;
 use std::os::windows::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
@@ -93,8 +95,33 @@ impl Module {
     }
 }
 
+/// What a library is made for, where it is not this machine's kind: what its header says, in people's words.
+fn other_machine(path: &Path) -> Option<String> {
+    let mut start = Vec::new();
+    File::open(path).ok()?.take(1 << 16).read_to_end(&mut start).ok()?;
+    let half = |at: usize| Some(u16::from_le_bytes(*start.get(at..)?.first_chunk()?));
+    // Where the second header is stands in the first one, as four bytes, of which the upper two are 0 in any library of sense.
+    let header = usize::from(half(0x3c)?);
+    if start.get(header..header + 4)? != b"PE\0\0" {
+        return None;
+    }
+    match half(header + 4)? {
+        0x8664 => None,
+        0x014c => Some("32-bit x86".to_owned()),
+        0xaa64 => Some("64-bit ARM".to_owned()),
+        0x01c4 => Some("32-bit ARM".to_owned()),
+        other => Some(format!("processors of type {other:#06x}")),
+    }
+}
+
 /// Why a file is not loaded, in words that help.
 fn refused(path: &Path, code: HRESULT) -> Error {
+    if let Some(machine) = other_machine(path) {
+        let cause = format!("it cannot be loaded: it is made for {machine}, and this process is of 64-bit x86");
+        return Error::new(ErrorKind::RuntimeMissing, cause)
+            .field(path.display().to_string())
+            .remedy("Use AMD's own file for x64");
+    }
     let known = [
         (
             ERROR_MOD_NOT_FOUND,

@@ -4,6 +4,7 @@ use std::ffi::c_void;
 
 use windows::Win32::Graphics::Direct3D12::{
     D3D12_COMMAND_LIST_TYPE_COMPUTE, D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_RESOURCE_DIMENSION_TEXTURE2D,
+    D3D12_RESOURCE_FLAG_ALLOW_DEPTH_STENCIL, D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET,
     D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, ID3D12GraphicsCommandList, ID3D12Resource,
 };
 use windows::core::{IUnknown, Interface};
@@ -29,6 +30,10 @@ const DISPLAY_RESOLUTION_MOTION: u32 = 2;
 const MOTION_JITTER: u32 = 4;
 const DEPTH_INVERTED: u32 = 8;
 const HIGH_DYNAMIC_RANGE: u32 = 32;
+
+/// Formats of ffx-api, with DXGI's: those that hosts use most.
+const FORMATS: [(u32, i32); 9] =
+    [(3, 2), (4, 10), (10, 28), (12, 29), (16, 26), (17, 24), (18, 34), (21, 54), (28, 41)];
 
 /// What a context was made for.
 #[derive(Debug, Clone, Copy)]
@@ -66,6 +71,8 @@ struct Seen {
     size: [u32; 2],
     jitter: [f32; 2],
     scale: [f32; 2],
+    /// Whether it starts anew, where it is told there.
+    reset: Option<u8>,
 }
 
 // SAFETY: addresses of the caller's objects, which are free-threaded.
@@ -109,17 +116,30 @@ impl Frames {
             PREPARE => &[CAMERA][..],
             _ => &[],
         };
+        let mut faults = 0;
+        let fault = &mut |why| {
+            faults += 1;
+            fault(why);
+        };
         for (link, _) in &chain[1..] {
             if !may_follow.contains(link) {
                 fault(format!("{link:x} does not belong behind {first:x}"));
             }
         }
+        let before = self.last;
         // SAFETY: the caller's promise; each reads at its own struct's offsets.
         unsafe {
             match first {
                 CONFIGURE => self.settings(head, chain.get(1).map(|(_, at)| *at), fault),
                 PREPARE | PREPARE_V2 => self.prepare(head, first == PREPARE_V2, chain, sdk, fault),
-                _ => return self.picture(head, fault),
+                _ => {
+                    let asked = self.picture(head, fault);
+                    // What was refused was no frame.
+                    if faults > 0 {
+                        self.last = before;
+                    }
+                    return asked;
+                }
             }
         }
         None
@@ -136,7 +156,7 @@ impl Frames {
         if enabled != 1 {
             fault("generation is off".to_owned());
         }
-        if self.last.is_some_and(|last| id != last + 1) {
+        if self.last.is_some_and(|last| id != last.wrapping_add(1)) {
             fault(format!("frame {id} follows {:?}", self.last));
         }
         // SAFETY: as above.
@@ -199,8 +219,15 @@ impl Frames {
             fault(format!("render size {size:?} of {:?}", self.made.render));
         }
         // SAFETY: as above.
+        let (flags, reset) = unsafe { (get::<u32>(head, 24), get::<u8>(head, 68)) };
+        if flags != NO_SWAPCHAIN || (!is_v2 && reset != 0) {
+            fault(format!("flags {flags:x}, reset {reset}"));
+        }
+        // SAFETY: as above.
         let numbers = unsafe { [48, 52, 56, 60, 64, 72, 76, 80, 84].map(|at| get::<f32>(head, at)) };
-        if !numbers.iter().all(|number| number.is_finite()) || numbers[4] <= 0.0 || numbers[7] <= 0.0 {
+        let [.., time, near, far, fov, metres] = numbers;
+        let above_0 = [time, near, far, fov, metres].into_iter().all(|number| number > 0.0);
+        if !numbers.iter().all(|number| number.is_finite()) || !above_0 || near == far || fov >= std::f32::consts::PI {
             fault(format!("jitter, scale, time and camera {numbers:?}"));
         }
         let of_motion = if self.made.flags & DISPLAY_RESOLUTION_MOTION != 0 { self.made.shown } else { size };
@@ -211,12 +238,24 @@ impl Frames {
         let camera = if is_v2 { Some((head, 184)) } else { chain.get(1).map(|(_, at)| (*at, 16)) };
         match camera {
             Some((place, at)) => {
-                for vector in 1..4 {
-                    // SAFETY: four vectors of three stand there.
-                    let v = [0, 4, 8].map(|axis| unsafe { get::<f32>(place, at + 12 * vector + axis) });
-                    let length = v.iter().map(|x| x * x).sum::<f32>().sqrt();
-                    if (length - 1.0).abs() > 0.01 {
-                        fault(format!("a vector of the camera is {length} long"));
+                // SAFETY: four vectors of three stand there.
+                let [position, up, right, forward] = [0, 12, 24, 36]
+                    .map(|vector| [0, 4, 8].map(|axis| unsafe { get::<f32>(place, at + vector + axis) }));
+                if !position.iter().all(|x| x.is_finite()) {
+                    fault(format!("the camera is at {position:?}"));
+                }
+                let dot = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f32>();
+                for (a, b, wanted) in [
+                    (up, up, 1.0),
+                    (right, right, 1.0),
+                    (forward, forward, 1.0),
+                    (up, right, 0.0),
+                    (right, forward, 0.0),
+                    (forward, up, 0.0),
+                ] {
+                    let found = dot(a, b);
+                    if (found - wanted).abs().partial_cmp(&0.02).is_none_or(|order| order.is_gt()) {
+                        fault(format!("the product of {a:?} and {b:?} of the camera is {found}"));
                     }
                 }
             }
@@ -226,7 +265,8 @@ impl Frames {
         let pictures = unsafe { [88, 136].map(|at| told(head, at)) };
         if let [Some(depth), Some(motion)] = pictures {
             let [a, b, c, d, ..] = numbers;
-            self.seen = Some(Seen { motion, depth, size, jitter: [a, b], scale: [c, d] });
+            let reset = is_v2.then_some(reset);
+            self.seen = Some(Seen { motion, depth, size, jitter: [a, b], scale: [c, d], reset });
         }
         self.prepared = Some(id);
     }
@@ -244,13 +284,18 @@ impl Frames {
         if frames != 1 || reset > 1 || (self.last.is_none() && reset == 0) {
             fault(format!("{frames} frames, reset {reset} after {:?}", self.last));
         }
+        if let Some(told) = self.seen.and_then(|seen| seen.reset)
+            && told != reset
+        {
+            fault(format!("reset {reset}, and {told} with motion and depth"));
+        }
         for (name, at, is_written) in [("color", 24, false), ("output", 72, true)] {
             let mut fault = |why| fault(format!("{name}: {why}"));
             // SAFETY: a resource stands there.
             unsafe { judge_resource(head, at, self.made.shown, Some(self.made.format), is_written, &mut fault) };
         }
         // SAFETY: three more outputs stand behind the first.
-        if [120, 168, 216].iter().any(|at| unsafe { get::<usize>(head, *at) } != 0) {
+        if [120, 168, 216].iter().any(|of| (0..44).step_by(4).any(|at| unsafe { get::<u32>(head, of + at) } != 0)) {
             fault("more outputs than frames".to_owned());
         }
         // SAFETY: fields of the struct.
@@ -283,7 +328,8 @@ impl Frames {
         };
         let [left, top, width, height] = rect;
         let [columns, rows] = self.made.shown.map(u32::cast_signed);
-        let part = if width == 0 { [0, 0, columns, rows] } else { [left, top, left + width, top + height] };
+        let (right, bottom) = (left.saturating_add(width), top.saturating_add(height));
+        let part = if width == 0 { [0, 0, columns, rows] } else { [left, top, right, bottom] };
         let jitter = if self.made.flags & MOTION_JITTER != 0 { seen.jitter } else { [0.0; 2] };
         let flags: u32 = [
             (reset != 0, work::RESET),
@@ -337,7 +383,8 @@ unsafe fn judge_resource(
     fault: &mut dyn FnMut(String),
 ) {
     // SAFETY: the fields of a resource stand there.
-    let (place, words) = unsafe { (get::<*mut c_void>(head, at), [8, 12, 16, 20].map(|of| get::<u32>(head, at + of))) };
+    let (place, words) =
+        unsafe { (get::<*mut c_void>(head, at), [8, 12, 16, 20, 24, 28, 32, 36].map(|of| get::<u32>(head, at + of))) };
     // SAFETY: as above; null or an object of COM, by the caller's promise.
     let (state, object) = unsafe { (get::<u32>(head, at + 40), IUnknown::from_raw_borrowed(&place)) };
     let Some(resource) = object.and_then(|object| object.cast::<ID3D12Resource>().ok()) else {
@@ -351,6 +398,19 @@ unsafe fn judge_resource(
     }
     if told != size || [real.Width, real.Height.into()] != size.map(u64::from) {
         fault(format!("{} x {}, told {told:?}, wanted {size:?}", real.Width, real.Height));
+    }
+    let uses = [
+        (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, 1),
+        (D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, 2),
+        (D3D12_RESOURCE_FLAG_ALLOW_DEPTH_STENCIL, 4),
+    ];
+    let usage = uses.iter().map(|(flag, usage)| if real.Flags.contains(*flag) { *usage } else { 0 }).sum::<u32>();
+    if words[4..] != [real.DepthOrArraySize.into(), real.MipLevels.into(), 0, usage] {
+        fault(format!("layers, levels, flags and uses {:?}", &words[4..]));
+    }
+    let real_format = FORMATS.iter().find(|(_, dxgi)| *dxgi == real.Format.0).map(|(format, _)| *format);
+    if real_format.is_some_and(|format| format != words[1]) {
+        fault(format!("format {} of DXGI format {}", words[1], real.Format.0));
     }
     if words[1] == 0 || format.is_some_and(|format| format != words[1]) {
         fault(format!("format {}, wanted {format:?}", words[1]));

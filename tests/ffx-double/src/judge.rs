@@ -414,6 +414,9 @@ impl Judge {
             unsafe { (get::<u64>(head, 16), get::<*mut c_void>(head, 24), get::<*mut u64>(head, 32)) };
         // SAFETY: as above.
         let (ids, names) = unsafe { (get::<*mut u64>(head, 40), get::<*mut *const c_char>(head, 48)) };
+        if ![id::GENERATION, id::UPSCALE, 0x3_0001, 0x3_0005, 0x3_0006].contains(&create) {
+            return self.fault("query", &format!("{create:x} makes no context"), PARAMETER);
+        }
         // SAFETY: the caller's device.
         if !unsafe { is_device(device) } {
             return self.fault("query", "the device is none", PARAMETER);

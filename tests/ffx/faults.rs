@@ -1,0 +1,145 @@
+//! What an engine does to a generator while frames are on their way.
+
+use super::*;
+
+/// A queue for frames that stands until it is opened.
+struct Gate(ID3D12Fence);
+
+impl Gate {
+    fn before(gpu: &Gpu) -> Self {
+        // SAFETY: values only.
+        let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+        let gate = Moment::of_engine(gpu, &fence, 1).expect("its own");
+        gpu.frames().wait(&gate).expect("it waits");
+        Self(fence)
+    }
+
+    fn open(self) {
+        // SAFETY: a live fence.
+        unsafe { self.0.Signal(1) }.expect("a signal");
+    }
+}
+
+#[test]
+fn a_target_that_is_let_go_of_under_way_is_held_until_its_frame_has_run() {
+    let (stage, library) = playing(&[]);
+    let gpu = gpu();
+    let mut generator = made(&gpu, &library, &options()).expect("a generator");
+    let textures = panning(&gpu);
+    textures.fill(&textures.color, moved(0));
+    let wanted = pictures::flat((SIZE.width, SIZE.height), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_FLAG_NONE);
+    let targets = [
+        &wanted,
+        &pictures::flat(
+            (SIZE.width, SIZE.height),
+            DXGI_FORMAT_R8G8B8A8_UNORM,
+            D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS,
+        ),
+    ]
+    .map(|wanted| {
+        let state = D3D12_RESOURCE_STATE_COMMON;
+        Kept { resource: pictures::made(&gpu, D3D12_HEAP_TYPE_DEFAULT, wanted, state), state }
+    });
+    for target in targets {
+        let own = engine::references(&target.resource);
+        let gate = Gate::before(&gpu);
+        let moment = generator
+            .generate(&Pictures { output: target.resting(), ..of(&textures) }, &Shot::of(SIZE))
+            .expect("generated");
+        // What an engine would let go of is one reference less; the frame has its own.
+        assert!(engine::references(&target.resource) > own, "it is held");
+        gate.open();
+        moment.wait().expect("it has run");
+        // Until the ring comes by its place again.
+        for _ in 0..3 {
+            generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated").wait().expect("it has run");
+        }
+        engine::comes_back(|| [engine::references(&target.resource)], [own]);
+    }
+    // All of them let go of, with the generator, while the frame waits.
+    let gate = Gate::before(&gpu);
+    _ = generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated");
+    drop(textures);
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            gate.open();
+        });
+        drop(generator);
+    });
+    assert!(gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn sizes_may_change_from_frame_to_frame() {
+    let (stage, library) = playing(&[]);
+    let gpu = gpu();
+    // Rendered smaller and larger again, as engines do that keep their pace: motion goes on from frame to frame.
+    let mut generator = made(&gpu, &library, &options()).expect("a generator");
+    let textures = panning(&gpu);
+    for (number, part) in [1, 2, 1, 4, 2, 1].into_iter().enumerate() {
+        let rendered = Dimensions { width: SIZE.width / part, height: SIZE.height / part };
+        let small = Textures::new(&gpu, rendered);
+        small.fill(&small.depth, |_, _| 0.5_f32.to_le_bytes());
+        small.fill(&small.motion, |_, _| halves(-STEP as f32 / part as f32, 0.0));
+        let at = STEP * i32::try_from(number).expect("small");
+        textures.fill(&textures.color, moved(at));
+        let pictures = Pictures { depth: small.depth.resting(), motion: small.motion.resting(), ..of(&textures) };
+        generator.generate(&pictures, &Shot::of(rendered)).expect("generated").wait().expect("it has run");
+        if number > 0 {
+            let error = off(&textures.generated(), INNER, moved(at - HALF));
+            assert!(error <= 2, "frame {number}, rendered at 1/{part}: {error}");
+        }
+    }
+    // Shown at another size: another generator, while frames of the one before are on their way.
+    let gate = Gate::before(&gpu);
+    _ = generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated");
+    let size = Dimensions { width: SIZE.width / 2, height: SIZE.height / 2 };
+    let mut smaller = made(
+        &gpu,
+        &library,
+        &TextureOptions { self_test: false, ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM) },
+    )
+    .expect("a generator");
+    let small = Textures::new(&gpu, size);
+    gate.open();
+    small.fill(&small.depth, |_, _| 0.5_f32.to_le_bytes());
+    let pictures = of(&small);
+    for number in [0, 1] {
+        small.fill(&small.color, moved(number));
+        smaller.generate(&pictures, &Shot::of(size)).expect("generated").wait().expect("it has run");
+    }
+    let refused = smaller.generate(&of(&textures), &Shot::of(size)).expect_err("of the size before");
+    assert_eq!(refused.offending_field(), Some("color"));
+    drop(generator);
+    assert!(gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn two_generators_on_one_device_do_not_disturb_one_another() {
+    let (stage, library) = playing(&[]);
+    let gpu = gpu();
+    std::thread::scope(|scope| {
+        for direction in [1, -1] {
+            let (gpu, library) = (&gpu, &library);
+            scope.spawn(move || {
+                let mut generator = made(gpu, library, &options()).expect("a generator");
+                let textures = panning(gpu);
+                textures.fill(&textures.motion, |_, _| halves(-(STEP * direction) as f32, 0.0));
+                for number in 0..6 {
+                    textures.fill(&textures.color, moved(STEP * direction * number));
+                    let shot = Shot { reset: number == 0, ..Shot::of(SIZE) };
+                    generator.generate(&of(&textures), &shot).expect("generated").wait().expect("it has run");
+                    if number > 0 {
+                        let error = off(&textures.generated(), INNER, moved(direction * (STEP * number - HALF)));
+                        assert!(error <= 2, "direction {direction}, frame {number}: {error}");
+                    }
+                }
+            });
+        }
+    });
+    assert!(gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}

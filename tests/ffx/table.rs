@@ -1,0 +1,167 @@
+//! The structs of a frame's calls as data, from ffx-api's published layout: nothing of this is taken from the bindings.
+
+/// What a field holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// What the struct is. No other struct's id can be put in its place: who reads it would read what is not there.
+    Id,
+    /// An unsigned number, or flags, of so many bytes.
+    Number(usize),
+    /// Four bytes with a sign.
+    Signed,
+    /// An `f32`.
+    Float,
+    /// An address. Only null can be put in its place: nobody can follow any other.
+    Pointer,
+    /// Eight bytes that the call writes: what stood there is of no matter.
+    Answer,
+}
+
+impl Kind {
+    pub(crate) fn size(self) -> usize {
+        match self {
+            Self::Number(size) => size,
+            Self::Signed | Self::Float => 4,
+            Self::Id | Self::Pointer | Self::Answer => 8,
+        }
+    }
+}
+
+/// A field: its name, where it stands, and what it holds.
+pub(crate) type Field = (String, usize, Kind);
+
+/// A struct: its id, its name and its fields in their order.
+pub(crate) struct Struct {
+    pub(crate) id: u64,
+    pub(crate) name: &'static str,
+    pub(crate) fields: Vec<Field>,
+}
+
+/// What a text means: each word is a field, `NAME:OFFSET:KIND`.
+fn read(id: u64, name: &'static str, size: usize, text: &str) -> Struct {
+    let mut fields = vec![("type".to_owned(), 0, Kind::Id), ("next".to_owned(), 8, Kind::Pointer)];
+    for word in text.split_whitespace() {
+        let parts: Vec<_> = word.split(':').collect();
+        let [field, offset, kind] = parts[..] else { panic!("{word}") };
+        let offset: usize = offset.parse().expect("an offset");
+        let mut several = |parts: &[(&str, Kind)]| {
+            let mut at = offset;
+            for (part, kind) in parts {
+                fields.push((format!("{field}.{part}"), at, *kind));
+                at += kind.size();
+            }
+        };
+        const U32: Kind = Kind::Number(4);
+        match kind {
+            "u8" => fields.push((field.to_owned(), offset, Kind::Number(1))),
+            "u32" => fields.push((field.to_owned(), offset, U32)),
+            "u64" => fields.push((field.to_owned(), offset, Kind::Number(8))),
+            "f32" => fields.push((field.to_owned(), offset, Kind::Float)),
+            "answer" => fields.push((field.to_owned(), offset, Kind::Answer)),
+            "pointer" => fields.push((field.to_owned(), offset, Kind::Pointer)),
+            "size" => several(&[("width", U32), ("height", U32)]),
+            "pair" => several(&[("x", Kind::Float), ("y", Kind::Float)]),
+            "vector" => several(&[("x", Kind::Float), ("y", Kind::Float), ("z", Kind::Float)]),
+            "rect" => {
+                several(&[
+                    ("left", Kind::Signed),
+                    ("top", Kind::Signed),
+                    ("width", Kind::Signed),
+                    ("height", Kind::Signed),
+                ]);
+            }
+            "resource" => several(&[
+                ("resource", Kind::Pointer),
+                ("type", U32),
+                ("format", U32),
+                ("width", U32),
+                ("height", U32),
+                ("depth", U32),
+                ("mips", U32),
+                ("flags", U32),
+                ("usage", U32),
+                ("state", U32),
+            ]),
+            other => panic!("{other} is no kind"),
+        }
+    }
+    // In their order, with no more between them than their alignment asks for.
+    let mut end = 0;
+    for (field, offset, kind) in &fields {
+        assert!(*offset >= end && *offset - end < 8 && offset.is_multiple_of(kind.size().min(8)), "{name}.{field}");
+        end = offset + kind.size();
+    }
+    assert!(end <= size && size - end < 8, "{name}");
+    Struct { id, name, fields }
+}
+
+/// What contexts are asked for and made with.
+pub(crate) fn of_making() -> Vec<Struct> {
+    vec![
+        read(
+            0x4,
+            "GetVersions",
+            56,
+            "createDescType:16:u64 device:24:pointer outputCount:32:pointer versionIds:40:pointer versionNames:48:pointer",
+        ),
+        read(0x7, "GlobalDebug", 40, "effectId:16:u64 fpMessage:24:pointer debugLevel:32:u32"),
+        read(
+            0x2_0001,
+            "CreateFrameGeneration",
+            40,
+            "flags:16:u32 displaySize:20:size maxRenderSize:28:size backBufferFormat:36:u32",
+        ),
+        read(0x2_000e, "FrameGenerationVersion", 24, "version:16:u32"),
+        read(0x2_0009, "FrameGenerationHudless", 24, "hudlessBackBufferFormat:16:u32"),
+        read(0x5, "OverrideVersion", 24, "versionId:16:u64"),
+        read(0x2, "BackendDX12", 24, "device:16:pointer"),
+        read(0x6, "GetProviderVersion", 32, "versionId:16:answer versionName:24:answer"),
+    ]
+}
+
+/// What a frame is asked for with, of every release.
+pub(crate) fn of_frames() -> Vec<Struct> {
+    vec![
+        read(
+            0x2_0002,
+            "ConfigureFrameGeneration",
+            144,
+            "swapChain:16:pointer presentCallback:24:pointer presentCallbackUserContext:32:pointer frameGenerationCallback:40:pointer frameGenerationCallbackUserContext:48:pointer frameGenerationEnabled:56:u8 allowAsyncWorkloads:57:u8 HUDLessColor:64:resource flags:112:u32 onlyPresentGenerated:116:u8 generationRect:120:rect frameID:136:u64",
+        ),
+        read(0x2_0008, "RegisterDistortionField", 64, "distortionField:16:resource"),
+        read(
+            0x2_0003,
+            "DispatchFrameGeneration",
+            312,
+            "commandList:16:pointer presentColor:24:resource outputs0:72:resource outputs1:120:resource outputs2:168:resource outputs3:216:resource numGeneratedFrames:264:u32 reset:268:u8 backbufferTransferFunction:272:u32 minMaxLuminance:276:pair generationRect:284:rect frameID:304:u64",
+        ),
+    ]
+}
+
+/// Motion and depth, from SDK 2.1 on.
+pub(crate) fn of_prepare_v2() -> Vec<Struct> {
+    vec![read(
+        0x2_000c,
+        "PrepareV2",
+        232,
+        "frameID:16:u64 flags:24:u32 commandList:32:pointer renderSize:40:size jitterOffset:48:pair motionVectorScale:56:pair frameTimeDelta:64:f32 reset:68:u8 cameraNear:72:f32 cameraFar:76:f32 cameraFovAngleVertical:80:f32 viewSpaceToMetersFactor:84:f32 depth:88:resource motionVectors:136:resource cameraPosition:184:vector cameraUp:196:vector cameraRight:208:vector cameraForward:220:vector",
+    )]
+}
+
+/// Motion and depth, up to SDK 2.0.
+pub(crate) fn of_prepare() -> Vec<Struct> {
+    vec![
+        read(
+            0x2_0004,
+            "Prepare",
+            184,
+            "frameID:16:u64 flags:24:u32 commandList:32:pointer renderSize:40:size jitterOffset:48:pair motionVectorScale:56:pair frameTimeDelta:64:f32 unused_reset:68:u8 cameraNear:72:f32 cameraFar:76:f32 cameraFovAngleVertical:80:f32 viewSpaceToMetersFactor:84:f32 depth:88:resource motionVectors:136:resource",
+        ),
+        read(
+            0x2_000a,
+            "PrepareCameraInfo",
+            64,
+            "cameraPosition:16:vector cameraUp:28:vector cameraRight:40:vector cameraForward:52:vector",
+        ),
+    ]
+}
