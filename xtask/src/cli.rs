@@ -42,6 +42,9 @@ pub(crate) enum Command {
     Test(TestOptions),
     /// Measure what the runtime costs over bare ONNX Runtime, as ratios of one run
     Bench {
+        /// Measure the compute shaders on Direct3D 12 instead, in the lab or on Windows
+        #[arg(long)]
+        lab: bool,
         /// Handed on to the bench program
         #[arg(last = true)]
         arguments: Vec<String>,

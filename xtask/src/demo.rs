@@ -4,7 +4,7 @@ use provision::{Console, Progress, tools};
 
 use crate::clone::Clone;
 use crate::shell::pass_through;
-use crate::test::DENY_VERSION;
+use crate::test::{DENY_VERSION, for_windows};
 
 fn text(error: provision::Error) -> String {
     error.to_string()
@@ -60,6 +60,13 @@ pub(crate) fn bench(clone: &Clone, arguments: &[String]) -> Result<(), String> {
     let mut command = clone.cargo(["bench", "--quiet", "--package", "cairn", "--"]);
     command.env("CAIRN_ONNXRUNTIME", library).env("CAIRN_TEST_BUNDLE", bundles);
     pass_through(command.args(arguments))
+}
+
+/// Builds the bench of the compute shaders for Windows and runs it in the lab, or on Windows itself.
+pub(crate) fn bench_in_lab(clone: &Clone, arguments: &[String]) -> Result<(), String> {
+    let mut command = clone.cargo(["bench", "--quiet", "--package", "cairn", "--bench", "gpu"]);
+    for_windows(&mut command)?;
+    pass_through(command.arg("--").args(arguments))
 }
 
 /// Formats, applies what clippy can mend, and writes the C header and its record anew.

@@ -1,4 +1,4 @@
-//! `cargo xtask shaders`: HLSL to the DXBC that the library carries, and the double of AMD's libraries, with Microsoft's compiler in the
+//! `cargo xtask shaders`: HLSL to the DXBC that the library carries, its bench, and the double of AMD's libraries, with Microsoft's compiler in the
 //! lab or on Windows.
 //!
 //! Each `NAME.hlsl` of a folder has its `NAME.dxbc` beside it, and `compiled.txt` says which text which blob was made of, so that
@@ -16,7 +16,7 @@ use crate::clone::Clone;
 use crate::{lab, shell};
 
 /// Where they are.
-pub(crate) const FOLDERS: [&str; 2] = ["src/gpu/shaders", "tests/ffx-double/src"];
+pub(crate) const FOLDERS: [&str; 3] = ["src/gpu/shaders", "benches/gpu", "tests/ffx-double/src"];
 /// The Windows program that hands texts to the compiler.
 const COMPILER: &str = "tests/lab/compile.rs";
 /// Which blob was made of which text.

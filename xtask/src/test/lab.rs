@@ -57,7 +57,7 @@ fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
 }
 
 /// Has a cargo command, whose own arguments are all there, build for Windows and run what it built in the lab.
-pub(super) fn for_windows(command: &mut Command) -> Result<(), String> {
+pub(crate) fn for_windows(command: &mut Command) -> Result<(), String> {
     if cfg!(windows) {
         return Ok(());
     }

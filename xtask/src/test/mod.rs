@@ -34,6 +34,7 @@ use skips::Allowed;
 use tally::Tally;
 
 pub(crate) use cargo::DENY_VERSION;
+pub(crate) use lab::for_windows;
 
 /// One named part of the tests. What it reports is counted; a message instead of a tally is one failure.
 struct Runner {
