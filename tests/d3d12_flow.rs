@@ -2,7 +2,7 @@
 #![cfg(windows)]
 
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::{Frame, Frames};
+use cairn::gpu::compute::{Frame, Frames, Transfer};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::guidance::picture_flow::{self, DESCRIPTORS, FLAT_DEPTH, GpuExtractor};
@@ -182,6 +182,38 @@ fn a_large_picture_is_searched_at_half_its_size() {
     let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16);
     let [previous, current] = walk(&mut Dice(3), size);
     compare(&mut extraction, &previous, &current, "large");
+}
+
+#[test]
+fn light_gives_the_motion_of_what_is_shown_for_it() {
+    let gpu = gpu();
+    let size = (160, 90);
+    let pair = walk(&mut Dice(6), size);
+    let wanted = {
+        let pair = pair.each_ref().map(|picture| textured(&gpu, picture));
+        Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16).bytes([&pair[0], &pair[1]], 4)
+    };
+    let typed = pair.each_ref().map(|picture| filled(&gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, picture.rgba()));
+    let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16);
+    assert!(extraction.bytes([&typed[0], &typed[1]], 4) == wanted);
+
+    // scRGB holds nearly the same numbers.
+    let light = |level: u8| {
+        let shown = f64::from(level) / 255.0;
+        f16::from_f64(if shown <= 0.04045 { shown / 12.92 } else { ((shown + 0.055) / 1.055).powf(2.4) })
+    };
+    let halves = pair.each_ref().map(|picture| {
+        let bytes: Vec<u8> = picture.rgba().iter().flat_map(|&level| light(level).to_le_bytes()).collect();
+        filled(&gpu, size, DXGI_FORMAT_R16G16B16A16_FLOAT, &bytes)
+    });
+    extraction.extractor = extraction.extractor.with_transfer(Transfer::Light);
+    let found = extraction.bytes([&halves[0], &halves[1]], 4);
+    let vectors = |bytes: &[u8]| -> Vectors {
+        let half = |bytes: &[u8]| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
+        bytes.chunks(4).map(|vector| [half(vector), half(&vector[2..])]).collect()
+    };
+    let apart = distances(&vectors(&found), &vectors(&wanted));
+    assert!(apart[apart.len() * 99 / 100] <= 0.25, "{} px", apart[apart.len() * 99 / 100]);
 }
 
 #[test]

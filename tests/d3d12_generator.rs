@@ -10,7 +10,7 @@ use cairn::framegen::shader::{
 };
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome};
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting};
+use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting, Transfer};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::guidance::Guidance;
@@ -207,14 +207,16 @@ fn every_format_is_read_and_written() {
     let wanted: Picture = scene.made_by_the_processor(0.4, bytes_of);
     let swapped = |bytes: &[u8]| bytes.chunks(4).flat_map(|p| [p[2], p[1], p[0], p[3]]).collect::<Vec<_>>();
 
-    let [rgba, bgra] = [
+    let bgra_of = |levels| {
+        let [r, g, b, a] = bytes_of(levels);
+        [b, g, r, a]
+    };
+    for anchors in [
         scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_TYPELESS, bytes_of),
-        scene.anchors(&gpu, DXGI_FORMAT_B8G8R8A8_UNORM, |levels| {
-            let [r, g, b, a] = bytes_of(levels);
-            [b, g, r, a]
-        }),
-    ];
-    for anchors in [&rgba, &bgra] {
+        scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, bytes_of),
+        scene.anchors(&gpu, DXGI_FORMAT_B8G8R8A8_UNORM, bgra_of),
+        scene.anchors(&gpu, DXGI_FORMAT_B8G8R8A8_UNORM_SRGB, bgra_of),
+    ] {
         for (format, is_swapped) in [
             (DXGI_FORMAT_R8G8B8A8_UNORM, false),
             (DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, false),
@@ -223,7 +225,7 @@ fn every_format_is_read_and_written() {
             (DXGI_FORMAT_B8G8R8A8_UNORM_SRGB, true),
         ] {
             let out = target(&gpu, SIZE, format);
-            let found = generated(&gpu, &mut generator, &scene.pair(anchors), 0.4, &out, 4);
+            let found = generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &out, 4);
             assert_eq!(if is_swapped { swapped(&found) } else { found }, wanted.rgba(), "{format:?}");
         }
     }
@@ -254,6 +256,73 @@ fn every_format_is_read_and_written() {
         });
         assert!(1000 * far.count() <= wanted.pixels().len(), "{format:?}");
     }
+}
+
+/// The curve of sRGB, mirrored below 0, which goes on above 1.
+fn shown_for(light: f64) -> f64 {
+    let a = light.abs();
+    (if a <= 0.0031308 { 12.92 * a } else { 1.055 * a.powf(1.0 / 2.4) - 0.055 }).copysign(light)
+}
+
+fn light_of(shown: f64) -> f64 {
+    let a = shown.abs();
+    (if a <= 0.04045 { a / 12.92 } else { ((a + 0.055) / 1.055).powf(2.4) }).copysign(shown)
+}
+
+#[test]
+fn frames_of_light_are_those_of_what_is_shown_for_it() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let mut scene = Scene::new(&gpu);
+    // Up to five times as bright as white, and colours beyond those of sRGB.
+    let wide = |levels: [f32; 4]| [2.2 * levels[0] - 30.0, 1.6 * levels[1], levels[2] - 20.0, 255.0];
+    scene.levels.iter_mut().flatten().for_each(|levels| *levels = wide(*levels));
+    let in_light = |levels: [f32; 4]| {
+        let [r, g, b, a] = levels.map(|level| f64::from(level) / 255.0);
+        [light_of(r), light_of(g), light_of(b), a].map(f16::from_f64)
+    };
+    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R16G16B16A16_FLOAT, |levels| {
+        let halves = in_light(levels).map(f16::to_le_bytes);
+        <[u8; 8]>::try_from(halves.as_flattened()).expect("eight bytes")
+    });
+    let generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let mut generator = generator.with_transfer(Transfer::Light);
+    let shown = |held: [f16; 4]| {
+        let [r, g, b, a] = held.map(f16::to_f64);
+        [shown_for(r), shown_for(g), shown_for(b), a]
+    };
+    let wanted: PictureF16 = scene.made_by_the_processor(0.4, |levels| shown(in_light(levels)).map(f16::from_f64));
+    let halves = target(&gpu, SIZE, DXGI_FORMAT_R16G16B16A16_FLOAT);
+    let found = generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &halves, 8);
+    let (mut far, mut bright) = (0, 0);
+    for (found, wanted) in found.chunks(8).zip(wanted.pixels()) {
+        let held: [f16; 4] = std::array::from_fn(|c| f16::from_le_bytes([found[2 * c], found[2 * c + 1]]));
+        let apart = |(found, wanted): (f64, &f16)| (found - wanted.to_f64()).abs() > 1.0 / 255.0;
+        far += usize::from(shown(held).into_iter().zip(wanted).any(apart));
+        bright += usize::from(held[0] > f16::from_f32(1.5) || held[0] < f16::ZERO);
+    }
+    assert!(bright > 100 && 1000 * far <= wanted.pixels().len(), "{far} of {}, {bright} bright", wanted.pixels().len());
+
+    // Bytes get what is shown, up to white.
+    let bytes = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
+    let found = generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &bytes, 4);
+    let far = found.chunks(4).zip(wanted.pixels()).filter(|(found, wanted)| {
+        (0..4).any(|c| (f32::from(found[c]) - 255.0 * wanted[c].to_f32().clamp(0.0, 1.0)).abs() > 1.5)
+    });
+    assert!(1000 * far.count() <= wanted.pixels().len());
+
+    // What rests is as it was, to the bit.
+    let still = TexturePair { previous: anchors[1].resting(), ..scene.pair(&anchors) };
+    let resting = Guidance::new(SIZE.0, SIZE.1, cairn::guidance::paper::PROJECTION).expect("a guidance");
+    let resting = Guided::new(&gpu, &resting);
+    let still = TexturePair { guidance: resting.textures(), ..still };
+    let found = generated(&gpu, &mut generator, &still, 0.4, &halves, 8);
+    assert!(found == read(&gpu, &anchors[1], SIZE.0 as usize * 8));
+
+    let eight = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frame = frames.begin().expect("a frame");
+    let refused = generator.prepare(&mut frame, &scene.pair(&eight)).expect_err("bytes hold no light");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("current")));
 }
 
 #[test]
@@ -466,7 +535,7 @@ fn what_cannot_be_made_is_refused_by_name() {
         (good, 0.5, foreign, "target"),
         (TexturePair { previous: small, ..good }, 0.5, out.resting(), "previous"),
         (TexturePair { previous: bgra, ..good }, 0.5, out.resting(), "previous"),
-        (TexturePair { current: srgb, ..good }, 0.5, out.resting(), "current"),
+        (TexturePair { current: srgb, ..good }, 0.5, out.resting(), "previous"),
         (TexturePair { current: foreign, ..good }, 0.5, out.resting(), "current"),
         (TexturePair { guidance: tiled, ..good }, 0.5, out.resting(), "motion"),
         (TexturePair { guidance: guided_by_grey, ..good }, 0.5, out.resting(), "motion"),

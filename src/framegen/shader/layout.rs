@@ -24,6 +24,7 @@ pub(super) struct Constants {
     pub(super) guidance_tiles: [u32; 2],
     pub(super) past_tile: u32,
     pub(super) is_float: u32,
+    pub(super) is_light: u32,
     pub(super) is_stated: u32,
     pub(super) has_hud: u32,
     pub(super) phase: i32,
@@ -55,7 +56,7 @@ pub(super) struct Constants {
 }
 
 /// How many words they are.
-pub(super) const WORDS: usize = 40;
+pub(super) const WORDS: usize = 41;
 
 impl Constants {
     /// As shaders read them.
@@ -73,6 +74,7 @@ impl Constants {
             self.guidance_tiles[1],
             self.past_tile,
             self.is_float,
+            self.is_light,
             self.is_stated,
             self.has_hud,
             self.phase as u32,

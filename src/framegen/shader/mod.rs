@@ -16,7 +16,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 
 use crate::gpu::Gpu;
 use crate::gpu::compute::pictures::{self, Format};
-use crate::gpu::compute::{Frame, Resting, Table, View};
+use crate::gpu::compute::{Frame, Resting, Table, Transfer, View};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
 use layout::{Constants, Layout};
@@ -51,9 +51,9 @@ pub struct GuidanceTextures<'a> {
 
 /// Two consecutive anchors in textures, as [`AnchorPair`](super::AnchorPair) holds them.
 ///
-/// Both pictures are of one format: R8G8B8A8, B8G8R8A8 or R10G10B10A2 (UNORM or typeless) or R16G16B16A16 (FLOAT or typeless); what is
-/// viewed in sRGB is made typeless. Numbers are taken as they are held, whatever transfer function they are in (sRGB, PQ), and
-/// those of floats may lie beyond [0, 1].
+/// Both pictures are of one format: R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or typeless), R10G10B10A2 (UNORM or typeless) or R16G16B16A16
+/// (FLOAT or typeless). What is typed as sRGB gives the same frames as what is not, at a little more cost: every read of it is brought back from
+/// light. Numbers of floats may lie beyond [0, 1], and may be light ([`ShaderGenerator::with_transfer`]).
 #[derive(Clone, Copy)]
 pub struct TexturePair<'a> {
     /// The earlier anchor.
@@ -77,6 +77,7 @@ pub struct ShaderGenerator {
     kernels: Kernels,
     layout: Layout,
     memory: Memory,
+    transfer: Transfer,
     /// The pair of which the memory knows all that does not depend on the phase.
     prepared: Option<Prepared>,
 }
@@ -110,7 +111,19 @@ impl ShaderGenerator {
         }
         let layout = Layout::new(size);
         let memory = Memory::new(gpu, &layout)?;
-        Ok(Self { gpu: gpu.clone(), kernels: Kernels::new(gpu)?, layout, memory, prepared: None })
+        Ok(Self {
+            gpu: gpu.clone(),
+            kernels: Kernels::new(gpu)?,
+            layout,
+            memory,
+            transfer: Transfer::Shown,
+            prepared: None,
+        })
+    }
+
+    /// The same for anchors whose numbers stand for light in another way than [`Transfer::Shown`].
+    pub fn with_transfer(self, transfer: Transfer) -> Self {
+        Self { transfer, ..self }
     }
 
     /// `shader`.
@@ -119,8 +132,8 @@ impl ShaderGenerator {
     }
 
     /// Records the picture at phase `t` of `pair`, 0 being the previous anchor and 1 the current one, into `target`: a texture
-    /// of the generator's size in a format of anchors, those typed as sRGB included; it need not be one that shaders write. Across a cut
-    /// the nearer anchor is shown.
+    /// of the generator's size in a format of anchors; it need not be one that shaders write. Of light in anchors half floats get light,
+    /// and other formats what is shown for it in sRGB, up to white. Across a cut the nearer anchor is shown.
     ///
     /// Of a pair that several pictures are made of, [`prepare`](Self::prepare) and [`interpolate`](Self::interpolate) do the same with
     /// less work.
@@ -251,7 +264,7 @@ impl ShaderGenerator {
     fn look_at_pair<'t>(&self, pair: &TexturePair<'t>) -> Result<Seen<'t>> {
         let mut seen = self.look(&pair.current, &pair.guidance)?;
         let size = seen.constants.size;
-        if pictures::anchor(&self.gpu, &pair.previous, size, "previous")?.viewed != seen.anchor.viewed {
+        if pictures::anchor(&self.gpu, &pair.previous, size, self.transfer, "previous")?.viewed != seen.anchor.viewed {
             return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
         }
         seen.inputs[0] = View::Texture(pair.previous, seen.anchor.viewed);
@@ -267,7 +280,7 @@ impl ShaderGenerator {
     /// Looks at an anchor and what is known of it.
     fn look<'t>(&self, current: &Resting<'t>, guidance: &GuidanceTextures<'t>) -> Result<Seen<'t>> {
         let size = self.layout.constants.size;
-        let anchor = pictures::anchor(&self.gpu, current, size, "current")?;
+        let anchor = pictures::anchor(&self.gpu, current, size, self.transfer, "current")?;
         let (tile, formats) = (guidance.motion_tile, &MOTION);
         let motion = pictures::guidance(&self.gpu, &guidance.motion, size, tile, formats, "motion")?;
         let (tile, formats) = (guidance.depth_tile, &DEPTH);
@@ -281,6 +294,7 @@ impl ShaderGenerator {
             guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
             has_hud: guidance.hud.is_some().into(),
             is_float: anchor.is_float.into(),
+            is_light: anchor.is_light.into(),
             ..self.layout.constants
         };
         // What is not there is another of its kind, which nobody reads.

@@ -7,6 +7,20 @@ use super::{Resting, View};
 use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
+/// How the numbers of anchors in half floats stand for light. Whatever is decided about colours is decided about what is shown for
+/// light, which is what eyes tell apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Transfer {
+    /// They are made to be shown: in sRGB, PQ (SMPTE ST 2084) or HLG. They are taken as they are held. PQ spends about half of its numbers
+    /// on what sRGB can show, so that differences in that count half.
+    #[default]
+    Shown,
+    /// They are proportional to light, as in scRGB, where 1 is 80 nits and colours beyond those of sRGB lie below 0. The curve of sRGB,
+    /// which goes on above 1 and is mirrored below 0, makes of them what is shown, wherever they are read, and frames in half floats are
+    /// brought back.
+    Light,
+}
+
 /// How a picture's pixels are held.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Format {
@@ -14,6 +28,8 @@ pub(crate) struct Format {
     pub(crate) viewed: DXGI_FORMAT,
     /// Its number in the shaders.
     pub(crate) written: u32,
+    /// Whether what shaders read is light.
+    pub(crate) is_light: bool,
     /// Whether colours are computed as floats.
     pub(crate) is_float: bool,
     /// Bytes of a pixel.
@@ -38,22 +54,33 @@ impl Format {
             }
             _ => return None,
         };
-        Some(Self { viewed, written, is_float, bytes })
+        Some(Self { viewed, written, is_light: false, is_float, bytes })
     }
 }
 
 /// An anchor's picture to read from.
 ///
 /// # Errors
-/// `InvalidArgument`, of `field`, for another size, another device's, no plain texture, or a format that frames are not made of.
-pub(crate) fn anchor(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2], field: &str) -> Result<Format> {
+/// `InvalidArgument`, of `field`, for another size, another device's, no plain texture, or a format that frames are not made of; for
+/// light in other numbers than half floats.
+pub(crate) fn anchor(
+    gpu: &Gpu,
+    given: &Resting<'_>,
+    size: [u32; 2],
+    transfer: Transfer,
+    field: &str,
+) -> Result<Format> {
     let found = checked(gpu, given, size, field)?;
-    let Some(format) = Format::of(found.Format) else { return Err(refused(&found, field)) };
-    if matches!(found.Format, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB) {
-        let why = format!("DXGI format {} lets shaders read light only, not what is shown", found.Format.0);
-        return Err(Error::new(ErrorKind::InvalidArgument, why)
+    let Some(mut format) = Format::of(found.Format) else { return Err(refused(&found, field)) };
+    if transfer == Transfer::Light && format.viewed != DXGI_FORMAT_R16G16B16A16_FLOAT {
+        return Err(Error::new(ErrorKind::InvalidArgument, format!("DXGI format {} holds no light", found.Format.0))
             .field(field)
-            .remedy("Make the texture typeless, and views of it in sRGB"));
+            .remedy("Use R16G16B16A16_FLOAT, or Transfer::Shown"));
+    }
+    format.is_light = transfer == Transfer::Light;
+    if matches!(found.Format, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB) {
+        // Shaders read it in no other way than as light.
+        (format.viewed, format.is_light) = (found.Format, true);
     }
     Ok(format)
 }

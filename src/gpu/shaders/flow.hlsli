@@ -1,6 +1,7 @@
 // What the shaders of motion from two pictures share: what is bound, and where it lies. The extractor of the processor says what
 // all of it is for; names are the same, and so is the order of every sum.
 
+#include "light.hlsli"
 #include "numbers.hlsli"
 
 cbuffer Constants : register(b0)
@@ -35,6 +36,7 @@ cbuffer Constants : register(b0)
     uint Halo;          // cells around those of a group that it works at for its own sake
     uint Step;          // cells from one sample to the next
     uint IsFloat;       // 1: pixels are floats; 0: bytes
+    uint IsLight;       // 1: what is read is light
 };
 
 Texture2D<float4> Previous : register(t0);
@@ -85,6 +87,11 @@ float3 colour_of(uint picture, uint2 at)
     else
     {
         v = Current.Load(int3(at, 0));
+    }
+    [branch]
+    if (IsLight != 0)
+    {
+        v = shown_for4(v);
     }
     precise float3 level = floor(v.xyz * 255 + 0.5);
     // What is no number is 0.

@@ -1,6 +1,7 @@
-// Colours of the anchors: levels of 1/255 as whole numbers, or floats as they are.
+// Colours of the anchors: levels of 1/255 as whole numbers, or floats as they are; of light, what is shown for it.
 
 #include "halves.hlsli"
+#include "light.hlsli"
 
 // Weights of six pixels for positions of 0, 1, 2 and so on in 1/64 px after the third of them: the windowed sinc of Lanczos with
 // three lobes.
@@ -25,7 +26,7 @@ static const int SINC[384] =
 static const uint PREVIOUS = 0;
 static const uint CURRENT = 1;
 
-// A pixel of one of the anchors as it is held; the edge pixels go on beyond the edges.
+// A pixel of one of the anchors as it is held, light as it is shown; the edge pixels go on beyond the edges.
 float4 stored(uint anchor, int2 at)
 {
     int3 place = int3(clamp(at, 0, int2(Size) - 1), 0);
@@ -39,20 +40,19 @@ float4 stored(uint anchor, int2 at)
     {
         v = Current.Load(place);
     }
+    [branch]
+    if (IsLight != 0)
+    {
+        v = shown_for4(v);
+    }
     precise float4 level = floor(v * 255 + 0.5);
     return IsFloat != 0 ? v : level;
 }
 
 // What is no number as 0, the infinite as the largest half.
-float finite(float v)
-{
-    uint bits = asuint(v) & 0x7fffffff;
-    return bits > 0x7f800000 ? 0 : min(max(v, -65504), 65504);
-}
-
 float4 finite4(float4 v)
 {
-    return float4(finite(v.x), finite(v.y), finite(v.z), finite(v.w));
+    return float4(bounded(v.x), bounded(v.y), bounded(v.z), bounded(v.w));
 }
 
 // In levels of 1/255 of full scale.
@@ -238,6 +238,11 @@ void show(int2 at, float4 held)
     if (Written == 3)
     {
         float4 v = IsFloat != 0 ? held : held / 255;
+        [branch]
+        if (IsFloat != 0 && IsLight != 0)
+        {
+            v = light_of4(v);
+        }
         uint4 h = uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w));
         Picture.Store2(place + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));
         return;

@@ -12,7 +12,7 @@ mod steps;
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use crate::gpu::compute::{Frame, Resting, View, Words, pictures, texture};
+use crate::gpu::compute::{Frame, Resting, Transfer, View, Words, pictures, texture};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
@@ -39,6 +39,7 @@ pub struct GpuExtractor {
     kernels: Kernels,
     layout: Layout,
     work: ID3D12Resource,
+    transfer: Transfer,
     size: [u32; 2],
 }
 
@@ -62,11 +63,18 @@ impl GpuExtractor {
             return Err(refuse(ErrorKind::Unsupported).remedy("Find motion at a smaller size"));
         }
         let work = buffer(gpu, Heap::Device, layout.bytes as usize)?;
-        Ok(Self { gpu: gpu.clone(), kernels: Kernels::new(gpu)?, layout, work, size: [width, height] })
+        let (kernels, transfer) = (Kernels::new(gpu)?, Transfer::Shown);
+        Ok(Self { gpu: gpu.clone(), kernels, layout, work, transfer, size: [width, height] })
     }
 
-    /// Records the step from `previous` to `current`, two anchors of the extractor's size in one format, R8G8B8A8, B8G8R8A8 or R10G10B10A2 (UNORM
-    /// or typeless) or R16G16B16A16 (FLOAT or typeless), into `motion`, R16G16 or R32G32 (FLOAT) of that size, and `depth`, R32 or R16
+    /// The same for anchors whose numbers stand for light in another way than [`Transfer::Shown`]. Numbers beyond [0, 1] of what is shown count
+    /// as its ends.
+    pub fn with_transfer(self, transfer: Transfer) -> Self {
+        Self { transfer, ..self }
+    }
+
+    /// Records the step from `previous` to `current`, two anchors of the extractor's size in one format, R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or
+    /// typeless), R10G10B10A2 (UNORM or typeless) or R16G16B16A16 (FLOAT or typeless), into `motion`, R16G16 or R32G32 (FLOAT) of that size, and `depth`, R32 or R16
     /// (FLOAT): a texel to each square of 1, 8 or 16 pixels to a side, all of them [`FLAT_DEPTH`](super::FLAT_DEPTH). Shaders must be able to
     /// write both.
     ///
@@ -83,8 +91,8 @@ impl GpuExtractor {
         motion: &Resting<'_>,
         depth: &Resting<'_>,
     ) -> Result<()> {
-        let format = pictures::anchor(&self.gpu, current, self.size, "current")?;
-        if pictures::anchor(&self.gpu, previous, self.size, "previous")?.viewed != format.viewed {
+        let format = pictures::anchor(&self.gpu, current, self.size, self.transfer, "current")?;
+        if pictures::anchor(&self.gpu, previous, self.size, self.transfer, "previous")?.viewed != format.viewed {
             return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
         }
         let refuse = |found: [u32; 2], field: &str| {
@@ -113,6 +121,7 @@ impl GpuExtractor {
             at_dense: self.layout.at_dense,
             at_trusted: self.layout.at_trusted,
             is_float: format.is_float.into(),
+            is_light: format.is_light.into(),
             ..Constants::default()
         };
         Steps { frame, table: &table, kernels: &self.kernels, layout: &self.layout, common }.run();

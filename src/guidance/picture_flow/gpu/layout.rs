@@ -44,10 +44,11 @@ pub(super) struct Constants {
     pub(super) halo: u32,
     pub(super) step: u32,
     pub(super) is_float: u32,
+    pub(super) is_light: u32,
 }
 
 /// How many words they are.
-pub(super) const WORDS: usize = 45;
+pub(super) const WORDS: usize = 46;
 
 impl Constants {
     /// As shaders read them.
@@ -84,6 +85,7 @@ impl Constants {
             self.halo,
             self.step,
             self.is_float,
+            self.is_light,
         ];
         let mut words = [0; WORDS];
         words.iter_mut().zip(pairs.into_iter().flatten().chain(singles)).for_each(|(to, word)| *to = word);
