@@ -310,6 +310,17 @@ fn frames_of_light_are_those_of_what_is_shown_for_it() {
     });
     assert!(1000 * far.count() <= wanted.pixels().len());
 
+    // A window in scRGB shows anchors in sRGB as they are.
+    let eight = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, |levels| bytes_of(levels.map(|v| v.clamp(0.0, 255.0))));
+    let single = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
+    let mut single = single.with_target_transfer(Transfer::Light);
+    let found = generated(&gpu, &mut single, &scene.pair(&eight), 0.4, &halves, 8);
+    let shown = generated(&gpu, &mut single, &scene.pair(&eight), 0.4, &bytes, 4);
+    for (light, shown) in found.chunks(2).zip(&shown).enumerate().filter(|(i, _)| i % 4 < 3).map(|(_, both)| both) {
+        let (found, wanted) = (f16::from_le_bytes([light[0], light[1]]), light_of(f64::from(*shown) / 255.0));
+        assert!((found.to_f64() - wanted).abs() <= 6e-4 * wanted, "{found} for {shown}");
+    }
+
     // What rests is as it was, to the bit.
     let still = TexturePair { previous: anchors[1].resting(), ..scene.pair(&anchors) };
     let resting = Guidance::new(SIZE.0, SIZE.1, cairn::guidance::paper::PROJECTION).expect("a guidance");
@@ -318,7 +329,6 @@ fn frames_of_light_are_those_of_what_is_shown_for_it() {
     let found = generated(&gpu, &mut generator, &still, 0.4, &halves, 8);
     assert!(found == read(&gpu, &anchors[1], SIZE.0 as usize * 8));
 
-    let eight = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
     let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     let mut frame = frames.begin().expect("a frame");
     let refused = generator.prepare(&mut frame, &scene.pair(&eight)).expect_err("bytes hold no light");

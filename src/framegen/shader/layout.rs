@@ -25,6 +25,7 @@ pub(super) struct Constants {
     pub(super) past_tile: u32,
     pub(super) is_float: u32,
     pub(super) is_light: u32,
+    pub(super) writes_light: u32,
     pub(super) is_stated: u32,
     pub(super) has_hud: u32,
     pub(super) phase: i32,
@@ -56,7 +57,7 @@ pub(super) struct Constants {
 }
 
 /// How many words they are.
-pub(super) const WORDS: usize = 41;
+pub(super) const WORDS: usize = 42;
 
 impl Constants {
     /// As shaders read them.
@@ -75,6 +76,7 @@ impl Constants {
             self.past_tile,
             self.is_float,
             self.is_light,
+            self.writes_light,
             self.is_stated,
             self.has_hud,
             self.phase as u32,

@@ -78,6 +78,8 @@ pub struct ShaderGenerator {
     layout: Layout,
     memory: Memory,
     transfer: Transfer,
+    /// Of targets in half floats, where it is another than that of anchors.
+    target_transfer: Option<Transfer>,
     /// The pair of which the memory knows all that does not depend on the phase.
     prepared: Option<Prepared>,
 }
@@ -117,13 +119,20 @@ impl ShaderGenerator {
             layout,
             memory,
             transfer: Transfer::Shown,
+            target_transfer: None,
             prepared: None,
         })
     }
 
-    /// The same for anchors whose numbers stand for light in another way than [`Transfer::Shown`].
+    /// The same for anchors whose numbers stand for light in another way than [`Transfer::Shown`], and for targets in half floats like them.
     pub fn with_transfer(self, transfer: Transfer) -> Self {
         Self { transfer, ..self }
+    }
+
+    /// The same for targets in half floats whose numbers stand for light in another way than those of anchors: anchors in sRGB and a window
+    /// in scRGB.
+    pub fn with_target_transfer(self, transfer: Transfer) -> Self {
+        Self { target_transfer: Some(transfer), ..self }
     }
 
     /// `shader`.
@@ -133,7 +142,7 @@ impl ShaderGenerator {
 
     /// Records the picture at phase `t` of `pair`, 0 being the previous anchor and 1 the current one, into `target`: a texture
     /// of the generator's size in a format of anchors; it need not be one that shaders write. Of light in anchors half floats get light,
-    /// and other formats what is shown for it in sRGB, up to white. Across a cut the nearer anchor is shown.
+    /// unless told otherwise, and other formats what is shown for it in sRGB, up to white. Across a cut the nearer anchor is shown.
     ///
     /// Of a pair that several pictures are made of, [`prepare`](Self::prepare) and [`interpolate`](Self::interpolate) do the same with
     /// less work.
@@ -225,7 +234,7 @@ impl ShaderGenerator {
             landing_phase: WHOLE + phase,
             mark: HOLE,
             at_tiles: self.layout.at_place_tiles,
-            ..seen.constants(&written)
+            ..self.constants(&seen, &written)
         };
         let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
         // It may be one of the inputs, and must rest in one state then.
@@ -344,7 +353,7 @@ impl ShaderGenerator {
             borrows: 1,
             mark: HOLE,
             at_tiles: self.layout.at_place_tiles,
-            ..seen.constants(&written)
+            ..self.constants(seen, &written)
         };
         let mut steps = self.steps(frame, table);
         steps.land(between);
@@ -352,6 +361,17 @@ impl ShaderGenerator {
         steps.by_tiles(&self.kernels.render, between);
         steps.paint(between);
         self.copy(frame, &written, target)
+    }
+
+    /// The constants of a frame that is written in a format.
+    fn constants(&self, seen: &Seen<'_>, written: &Format) -> Constants {
+        let transfer = self.target_transfer.unwrap_or(self.transfer);
+        Constants {
+            written: written.written,
+            pitch: memory::pitch(seen.constants.size[0], written.bytes),
+            writes_light: (transfer == Transfer::Light && written.holds_light()).into(),
+            ..seen.constants
+        }
     }
 
     fn steps<'f, 'g>(&'f self, frame: &'f mut Frame<'g>, table: &'f Table) -> Steps<'f, 'g> {
@@ -398,11 +418,5 @@ struct Seen<'t> {
 impl Seen<'_> {
     fn prepared(&self) -> Prepared {
         (self.inputs.each_ref().map(View::address), self.constants)
-    }
-
-    /// The constants of a frame that is written in a format.
-    fn constants(&self, written: &Format) -> Constants {
-        let pitch = memory::pitch(self.constants.size[0], written.bytes);
-        Constants { written: written.written, pitch, ..self.constants }
     }
 }

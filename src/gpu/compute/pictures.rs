@@ -37,6 +37,11 @@ pub(crate) struct Format {
 }
 
 impl Format {
+    /// Whether its numbers may stand for light.
+    pub(crate) fn holds_light(&self) -> bool {
+        self.viewed == DXGI_FORMAT_R16G16B16A16_FLOAT
+    }
+
     /// That of a texture, if frames can be made in it.
     fn of(format: DXGI_FORMAT) -> Option<Self> {
         let (viewed, written, is_float, bytes) = match format {
@@ -72,7 +77,7 @@ pub(crate) fn anchor(
 ) -> Result<Format> {
     let found = checked(gpu, given, size, field)?;
     let Some(mut format) = Format::of(found.Format) else { return Err(refused(&found, field)) };
-    if transfer == Transfer::Light && format.viewed != DXGI_FORMAT_R16G16B16A16_FLOAT {
+    if transfer == Transfer::Light && !format.holds_light() {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("DXGI format {} holds no light", found.Format.0))
             .field(field)
             .remedy("Use R16G16B16A16_FLOAT, or Transfer::Shown"));

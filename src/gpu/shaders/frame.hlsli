@@ -12,6 +12,7 @@ cbuffer Constants : register(b0)
     uint PastTile;      // the same for the depth of the previous anchor; 0: that is not known
     uint IsFloat;       // 1: pixels are floats; 0: bytes
     uint IsLight;       // 1: what is read is light
+    uint WritesLight;   // 1: what is written is light
     uint IsStated;      // 1: a cut lies between the anchors, as the caller states
     uint HasHud;        // 1: it is known what lies over the current anchor
     int Phase;          // of the picture, in 1/4096 of the way from the previous to the current anchor

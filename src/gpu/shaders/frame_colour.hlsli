@@ -239,7 +239,7 @@ void show(int2 at, float4 held)
     {
         float4 v = IsFloat != 0 ? held : held / 255;
         [branch]
-        if (IsFloat != 0 && IsLight != 0)
+        if (WritesLight != 0)
         {
             v = light_of4(v);
         }
