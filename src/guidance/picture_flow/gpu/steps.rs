@@ -31,8 +31,8 @@ impl Steps<'_, '_> {
     pub(super) fn run(&mut self) {
         let Layout { first, finest, checked, ref levels, .. } = *self.layout;
         self.dispatch(&self.kernels.luma, self.of(first), levels[first].size, GROUP, BOTH);
-        for level in first + 1..levels.len() {
-            self.dispatch(&self.kernels.halve, self.of(level), levels[level].size, GROUP, BOTH);
+        for (number, level) in levels.iter().enumerate().skip(first + 1) {
+            self.dispatch(&self.kernels.halve, self.of(number), level.size, GROUP, BOTH);
         }
         for level in (finest..levels.len()).rev() {
             let directions = if level < checked { 1 } else { BOTH };
