@@ -1,11 +1,11 @@
 //! What a generated frame costs at 1920x1080, beside the plain average of two pictures and ffmpeg's `minterpolate`.
 //!
-//! What is timed is what is scored: the same generator, extractor and filter. Everything is measured in one run, our turns
-//! interleaved, so that ratios hold where times do not.
+//! What is timed is what is scored: the same generator, extractor and filter. Everything is measured in one run, all turns
+//! interleaved, the filter's too, so that ratios hold where times do not.
+
+mod filter;
 
 use std::fmt::Write as _;
-use std::path::Path;
-use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -19,19 +19,20 @@ use scenes::Family;
 
 use super::claims::Claim;
 use super::clips::{Clip, Scale, SceneClip};
-use super::rows::minterpolate::{self, Minterpolate};
-use super::rows::program::{Scratch, run};
+use super::rows::minterpolate::Minterpolate;
 use super::store::Store;
 use crate::machine::Versions;
 use crate::progress::Progress;
+use filter::{Filter, intervals};
 
 /// Turns of each of our lines, after one that warms up.
-const TURNS: usize = 11;
-/// Anchors that `minterpolate` is given in its shorter and its longer run: the difference has no start and no end.
-const SHORT: usize = 4;
-const LONG: usize = 7;
-/// How often that difference is taken; the least counts.
-const REPEATS: usize = 2;
+const TURNS: usize = 12;
+/// Of so many turns `minterpolate` has one: it takes the time of each of its intervals.
+const TURNS_TO_THEIRS: usize = 2;
+/// Anchors,
+const ANCHORS: usize = 7;
+/// and which of them is the current one where motion is given.
+const CURRENT: usize = 3;
 /// Threads of the measurement.
 const THREADS: usize = 2;
 /// The place: the scene and seed for work on the generator, in the middle of a walk with a turn.
@@ -73,8 +74,8 @@ struct Line {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Speed {
     lines: Vec<Line>,
-    /// Why there is no line of `minterpolate`.
-    left_out: Option<String>,
+    /// The least and the greatest of `minterpolate`'s times, in seconds, or why there are none.
+    theirs: std::result::Result<[f64; 2], String>,
     machine: String,
 }
 
@@ -86,25 +87,32 @@ pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> 
     progress.phase("drawing anchors of 1920x1080");
     let mut clip = SceneClip::new(PLACE.0, PLACE.1, Scale::Timed)?;
     let number = clip.targets().first().map_or(1, |target| target.anchor);
-    let anchors = (number + 1 - SHORT..number + 1 + LONG - SHORT).map(|n| clip.anchor(n, store));
-    let anchors = anchors.collect::<Result<Vec<Picture>>>()?;
+    // Those before the target's anchor may lie before the script's start: the first is number 0.
+    let first = number.saturating_sub(CURRENT);
+    let anchors = (first..first + ANCHORS).map(|n| clip.anchor(n, store)).collect::<Result<Vec<Picture>>>()?;
     let given = clip
         .guidance(number, store)?
         .ok_or_else(|| Error::new(ErrorKind::InvalidState, "a scene knows its motion").field("guidance"))?;
     let before = if number >= 2 { clip.guidance(number - 1, store)? } else { None };
-    let pair = [&anchors[SHORT - 2], &anchors[SHORT - 1]];
 
     progress.phase("timing");
-    let mut lines = ours(pair, &given, before.as_ref(), stop)?;
-    let mut left_out = None;
-    match Minterpolate::open(progress).and_then(|row| theirs(&row.program, &anchors)) {
-        Ok(seconds) => lines.push(Line { work: Work::Minterpolate, seconds, alone: None }),
-        Err(error) => left_out = Some(error.to_string()),
-    }
+    let filter = Minterpolate::open(progress).and_then(|row| Filter::new(&row.program, &anchors));
+    let timed = Timed { anchors: &anchors, current: number - first, given: &given, before: before.as_ref() };
+    let (lines, theirs) = take(&timed, filter, stop)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let Versions { cpu, optimised_build, .. } = Versions::of_this_program();
     let build = if optimised_build { "" } else { ", by a build with its checks on, which is slower" };
-    Ok(Speed { lines, left_out, machine: format!("{cpu}, {cores} logical cores{build}") })
+    Ok(Speed { lines, theirs, machine: format!("{cpu}, {cores} logical cores{build}") })
+}
+
+/// What the time is taken on.
+struct Timed<'a> {
+    anchors: &'a [Picture],
+    /// Number of the anchor whose motion and depth are given.
+    current: usize,
+    given: &'a Guidance,
+    /// The same for the anchor before it, where that is known.
+    before: Option<&'a Guidance>,
 }
 
 /// A piece of work and the threads it runs on.
@@ -121,8 +129,14 @@ impl<'a> Turn<'a> {
     }
 }
 
-/// Times what this program does, on two threads and on one, with the previous anchor's depth where that is known.
-fn ours(pair: [&Picture; 2], given: &Guidance, before: Option<&Guidance>, stop: &AtomicBool) -> Result<Vec<Line>> {
+/// What [`take`] found: a line for each piece of work, and what [`Speed::theirs`] holds.
+type Times = (Vec<Line>, std::result::Result<[f64; 2], String>);
+
+/// Times what this program does, on two threads and on one, with the previous anchor's depth where that is known; and
+/// what the filter does, in turns between these. With [`Work::Flow`] every turn is another of the filter's intervals.
+fn take(timed: &Timed<'_>, filter: Result<Filter>, stop: &AtomicBool) -> Result<Times> {
+    let &Timed { anchors, current, given, before } = timed;
+    let pair = [&anchors[current - 1], &anchors[current]];
     let pool = |threads| {
         let built = ThreadPoolBuilder::new().num_threads(threads).build();
         built.map_err(|e| Error::new(ErrorKind::OutOfMemory, format!("{threads} threads cannot be started: {e}")))
@@ -154,15 +168,19 @@ fn ours(pair: [&Picture; 2], given: &Guidance, before: Option<&Guidance>, stop: 
         let (mut extractor, mut generator) = (picture_flow::Extractor::new(), CpuGenerator::new());
         let mut guidance = Guidance::new(pair[0].width(), pair[0].height(), picture_flow::PROJECTION)?;
         let mut out = pair[1].clone();
+        let mut intervals = intervals(anchors.len()).cycle();
         turns.push(Turn::new(
             pool,
             Work::Flow,
             Box::new(move || {
-                extractor.extract(pair[0], pair[1], &mut guidance)?;
-                generator.generate(&AnchorPair::new(pair[0], pair[1], &guidance)?, 0.5, &mut out).map(drop)
+                let at = intervals.next().unwrap_or(0);
+                let [previous, current] = [&anchors[at], &anchors[at + 1]];
+                extractor.extract(previous, current, &mut guidance)?;
+                generator.generate(&AnchorPair::new(previous, current, &guidance)?, 0.5, &mut out).map(drop)
             }),
         ));
     }
+    let mut theirs = filter.map(|filter| (filter, Vec::new()));
     for turn in 0..=TURNS {
         for Turn { pool, run, times, .. } in &mut turns {
             if stop.load(Ordering::SeqCst) {
@@ -176,15 +194,31 @@ fn ours(pair: [&Picture; 2], given: &Guidance, before: Option<&Guidance>, stop: 
                 times.push(time);
             }
         }
+        if turn % TURNS_TO_THEIRS == 0 {
+            theirs = theirs.and_then(|(filter, mut times)| {
+                let taken = filter.times()?;
+                times.extend(taken.into_iter().filter(|_| turn > 0));
+                Ok((filter, times))
+            });
+        }
     }
     let half = turns.len() / 2;
     let (both, alone) = turns.split_at_mut(half);
-    let lines = both.iter_mut().zip(alone).map(|(both, alone)| Line {
-        work: both.work,
-        seconds: median(&mut both.times),
-        alone: Some(median(&mut alone.times)),
+    let mut lines: Vec<Line> = both
+        .iter_mut()
+        .zip(alone)
+        .map(|(both, alone)| Line {
+            work: both.work,
+            seconds: median(&mut both.times),
+            alone: Some(median(&mut alone.times)),
+        })
+        .collect();
+    let range = theirs.map_err(|error| error.to_string()).map(|(_, mut times)| {
+        lines.push(Line { work: Work::Minterpolate, seconds: median(&mut times), alone: None });
+        // In order since the median was taken.
+        [times.first(), times.last()].map(|time| time.map_or(f64::NAN, Duration::as_secs_f64))
     });
-    Ok(lines.collect())
+    Ok((lines, range))
 }
 
 fn median(times: &mut [Duration]) -> f64 {
@@ -221,39 +255,6 @@ fn in_tiles(given: &Guidance, tile: u32) -> Result<Guidance> {
         *value = given.depth().depth()[middle(i)];
     }
     Guidance::from_parts(motion, depth)
-}
-
-/// Seconds that `minterpolate` takes for a frame between two anchors, at its scored settings on YUV 4:2:0, without start,
-/// end and conversions.
-fn theirs(ffmpeg: &Path, anchors: &[Picture]) -> Result<f64> {
-    let scratch = Scratch::new()?;
-    let size = anchors.first().map_or_else(String::new, |p| format!("{}x{}", p.width(), p.height()));
-    let raw = |command: &mut Command, format: &str, path: &Path| {
-        command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y", "-threads", &THREADS.to_string()]);
-        command.args(["-f", "rawvideo", "-pix_fmt", format, "-s", &size, "-r", "15", "-i"]).arg(path);
-    };
-    let (rgb, yuv) = (scratch.pictures("anchors.rgb", anchors)?, scratch.path("anchors.yuv"));
-    let mut convert = Command::new(ffmpeg);
-    raw(&mut convert, "rgb24", &rgb);
-    run("ffmpeg", convert.args(["-pix_fmt", "yuv420p", "-f", "rawvideo"]).arg(&yuv))?;
-    let time = |count: usize| {
-        let mut command = Command::new(ffmpeg);
-        raw(&mut command, "yuv420p", &yuv);
-        // The filter ends with the last anchor it was given.
-        let filter = format!("trim=end_frame={count},minterpolate=fps=30:{}", minterpolate::SETTINGS);
-        command.args(["-filter_threads", &THREADS.to_string(), "-vf", &filter, "-f", "null", "-"]);
-        let start = Instant::now();
-        run("ffmpeg", &mut command).map(|_| start.elapsed().as_secs_f64())
-    };
-    let mut least = f64::INFINITY;
-    for _ in 0..REPEATS {
-        let short = time(SHORT)?;
-        least = least.min((time(LONG)? - short) / (LONG - SHORT) as f64);
-    }
-    if least > 0.0 {
-        return Ok(least);
-    }
-    Err(Error::new(ErrorKind::Unsupported, "more anchors took it no longer than fewer").field("ffmpeg"))
 }
 
 impl Speed {
@@ -302,8 +303,21 @@ impl Speed {
             let ratio = self.times_average(line.work).unwrap_or(f64::NAN);
             _ = writeln!(out, "| {} | {:.2} | {ratio:.1} | {gain} |", line.work.label(), line.seconds * 1e3);
         }
-        if let Some(why) = &self.left_out {
-            _ = writeln!(out, "\nLeft out: minterpolate: {}", why.replace('\n', " "));
+        match &self.theirs {
+            Ok([least, greatest]) => {
+                _ = writeln!(
+                    out,
+                    "\nAll turns are interleaved, and the middle one of each line is shown. `picture_flow` and generation, and \
+                     minterpolate, take turns over the same {} intervals. Minterpolate's time is that from the pictures of one \
+                     interval to those of the next within a run of the filter at its scored settings, on YUV 4:2:0: its start, \
+                     reading, conversions and writing are not in it, as they are not in ours. It may use {THREADS} threads; the \
+                     filter itself runs on one. Its times lie between {:.0} and {:.0} ms, and none of its pictures is a copy.",
+                    intervals(ANCHORS).len(),
+                    least * 1e3,
+                    greatest * 1e3
+                );
+            }
+            Err(why) => _ = writeln!(out, "\nLeft out: minterpolate: {}", why.replace('\n', " ")),
         }
         out
     }
@@ -325,7 +339,7 @@ mod tests {
             line(Work::Flow, 40.0, Some(60.0)),
             line(Work::Minterpolate, 900.0, None),
         ];
-        let slow = Speed { lines, left_out: None, machine: "a machine".into() };
+        let slow = Speed { lines, theirs: Ok([899.0, 901.0]), machine: "a machine".into() };
         let mut fast = slow.clone();
         for line in &mut fast.lines {
             line.seconds /= 1000.0;
