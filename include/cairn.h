@@ -361,6 +361,8 @@ CAIRN_API cairn_result cairn_device_destroy(cairn_device *device);
 #define CAIRN_REQUIREMENT_FSR_DIRECT3D 7
 /** The shader model of the first adapter, for FSR. */
 #define CAIRN_REQUIREMENT_FSR_SHADER_MODEL 8
+/** The library's own shaders on the first adapter, for frames between anchors. */
+#define CAIRN_REQUIREMENT_SHADERS 9
 /** It is there. */
 #define CAIRN_REQUIREMENT_MET 1
 /** It is missing, and the device cannot be made. */
@@ -1792,9 +1794,14 @@ CAIRN_API cairn_result cairn_anchor_get_d3d12(
     uint64_t *value);
 
 /**
- * Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory: it is made on the
- * processor, and the list copies it from memory of the presenter's. Leaves nothing of the list changed; target needs no view and no
- * access for shaders. Waits where three lists before it have not run yet.
+ * Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Compute shaders make it
+ * on the device unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does, and the list copies it from memory of
+ * the presenter's: cairn_presenter_get_statistics says which, and why. target needs no view and no access for shaders. Shaders leave
+ * another pipeline, compute root signature and descriptor heaps in the list. Waits where three lists before it have not run yet; work
+ * on anchors is waited for on the queue and not here.
+ *
+ * A cut that only the generator finds shows the nearer anchor as well, but frame says so only where the processor made it; the
+ * statistics count it once the list has run.
  *
  * device: the one on whose queue the list will run.
  * now_ns: when it will be shown, on the host's clock.
@@ -1805,16 +1812,46 @@ CAIRN_API cairn_result cairn_anchor_get_d3d12(
  * until the list has run.
  * frame: may be null.
  *
- * Ownership: list and target stay the caller's; frame is filled on success; on failure it is not written and nothing is recorded.
+ * Ownership: list and target stay the caller's, and the presenter may hold a reference to target until the frame after next but one is
+ * recorded or cairn_presenter_release_d3d12 is called; frame is filled on success; on failure it is not written and no frame is recorded.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
- * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU device; CAIRN_ERROR_OUT_OF_MEMORY;
+ * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
+ * when CAIRN_MOTION_PAPER meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
+ * a CPU device, and where options.shader is CAIRN_PREFER_REQUIRE and shaders cannot make it; CAIRN_ERROR_OUT_OF_MEMORY;
  * CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_record_d3d12(
     cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12GraphicsCommandList *list,
     struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame);
+
+/**
+ * Has the frame that is due written to a texture on the device's queue, as cairn_presenter_record_d3d12 records it, in a list of the
+ * presenter's own and behind all that the queue has been given.
+ *
+ * device, now_ns, target, before, after, frame: as for cairn_presenter_record_d3d12.
+ * fence, value: get what to wait for before the frame is read elsewhere than on the queue, and before target is freed.
+ *
+ * Ownership: target stays the caller's; on success *fence has a reference more, for the caller to release, and frame is filled; on
+ * failure nothing is written and the queue has been given no frame.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. The queue may be used by others at the same time.
+ * Results: as for cairn_presenter_record_d3d12.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_submit_d3d12(
+    cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12Resource *target,
+    uint32_t before, uint32_t after, cairn_frame *frame, struct ID3D12Fence **fence, uint64_t *value);
+
+/**
+ * Waits until all frames have run and lets go of their targets, as a swap chain wants it before its buffers are resized. Lists that were
+ * recorded must have been given to the queue, or never will be.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter);
 
 #ifdef __cplusplus
 } /* extern "C" */

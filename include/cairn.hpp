@@ -460,6 +460,12 @@ struct d3d12_objects {
     ID3D12CommandQueue *queue;
 };
 
+/** What to wait for until it has the value. A reference more to the fence, the caller's to release. */
+struct d3d12_guard {
+    ID3D12Fence *fence;
+    std::uint64_t value;
+};
+
 /** A picture of an anchor: RGBA8 in state COMMON, to be left in it. A reference more to each object, the caller's to release. */
 struct d3d12_picture {
     ID3D12Resource *texture;
@@ -827,6 +833,18 @@ public:
             return cairn_presenter_record_d3d12(get(), device.get(), now_ns, list, texture, before, after, to);
         });
     }
+
+    /** The same in a list of the presenter's own, given to the device's queue; `guard` gets what to wait for: cairn_presenter_submit_d3d12. */
+    result<std::optional<frame>> submit_d3d12(const cairn::device &device, std::uint64_t now_ns, ID3D12Resource *texture,
+                                              std::uint32_t before, std::uint32_t after, d3d12_guard &guard)
+    {
+        return detail::filled_or_none<frame>([&](frame *to) {
+            return cairn_presenter_submit_d3d12(get(), device.get(), now_ns, texture, before, after, to, &guard.fence, &guard.value);
+        });
+    }
+
+    /** Waits for its frames and lets go of their targets, before a swap chain is resized: cairn_presenter_release_d3d12. */
+    result<void> release_d3d12() { return detail::done(cairn_presenter_release_d3d12(get())); }
 #endif
 
     /** Forgets all anchors: cairn_presenter_reset. Not the reset() of every object, which ends it. */

@@ -5,12 +5,16 @@ use std::ptr::null_mut;
 
 use cairn::Picture;
 use cairn::abi::anchor::{cairn_anchor, cairn_anchor_create, cairn_anchor_destroy};
-use cairn::abi::d3d12::{cairn_device_create_d3d12, cairn_presenter_record_d3d12};
+use cairn::abi::d3d12::{
+    cairn_device_create_d3d12, cairn_presenter_record_d3d12, cairn_presenter_release_d3d12,
+    cairn_presenter_submit_d3d12,
+};
 use cairn::abi::device::{cairn_device, cairn_device_destroy};
 use cairn::abi::images::{cairn_picture, cairn_target};
 use cairn::abi::presenter::*;
 use cairn::abi::results::{
-    CAIRN_ERROR_DEVICE_REMOVED, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_NOT_READY, CAIRN_OK, cairn_result,
+    CAIRN_ERROR_DEVICE_REMOVED, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK,
+    cairn_result,
 };
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
@@ -61,19 +65,22 @@ fn anchor(number: u64, kind: u32) -> *mut cairn_anchor {
 }
 
 /// A presenter of two anchors, four frames to an anchor.
-fn presenter(colour_space: u32) -> *mut cairn_presenter {
+fn presenter(colour_space: u32, shader: u32) -> *mut cairn_presenter {
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
-    (options.multiplier, options.interval_ns, options.colour_space) = (4, INTERVAL, colour_space);
+    (options.multiplier, options.interval_ns) = (4, INTERVAL);
+    (options.colour_space, options.shader) = (colour_space, shader);
     // SAFETY: options of their size and a place for the handle.
     let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
-    for number in 0..2 {
-        let anchor = anchor(number, 1 + number as u32);
-        // SAFETY: live handles.
-        let pushed = unsafe { cairn_presenter_push(presenter, anchor, std::ptr::null(), number * INTERVAL) };
-        // SAFETY: a live handle.
-        assert_eq!([pushed, unsafe { cairn_anchor_destroy(anchor) }], [CAIRN_OK; 2]);
-    }
+    (0..2).for_each(|number| push(presenter, number, number * INTERVAL));
     presenter
+}
+
+fn push(presenter: *mut cairn_presenter, number: u64, now: u64) {
+    let anchor = anchor(number, 1 + number as u32 % 7);
+    // SAFETY: live handles.
+    let pushed = unsafe { cairn_presenter_push(presenter, anchor, std::ptr::null(), now) };
+    // SAFETY: a live handle.
+    assert_eq!([pushed, unsafe { cairn_anchor_destroy(anchor) }], [CAIRN_OK; 2]);
 }
 
 /// The frame at `now` as it is drawn into memory.
@@ -85,6 +92,18 @@ fn drawn(presenter: *mut cairn_presenter, now: u64) -> Picture {
     // SAFETY: a live handle and a target that lives during the call.
     assert_eq!(unsafe { cairn_presenter_draw(presenter, now, &target, null_mut()) }, CAIRN_OK);
     picture
+}
+
+/// The generator of the last frame, and why it is not another one.
+fn generator(presenter: *mut cairn_presenter) -> (String, String) {
+    let mut done: cairn_presenter_statistics = prepared(|done: &mut cairn_presenter_statistics| &mut done.struct_size);
+    // SAFETY: a live handle, and a place for the figures.
+    assert_eq!(unsafe { cairn_presenter_get_statistics(presenter, &mut done) }, CAIRN_OK);
+    let text = |text: &[std::ffi::c_char]| {
+        let bytes: Vec<u8> = text.iter().take_while(|c| **c != 0).map(|c| c.cast_unsigned()).collect();
+        String::from_utf8(bytes).expect("text")
+    };
+    (text(&done.generator), text(&done.preference))
 }
 
 /// What [`cairn_presenter_record_d3d12`] is given.
@@ -107,6 +126,23 @@ impl Call<'_> {
             cairn_presenter_record_d3d12(self.presenter, self.device, self.now, list, target, before, after, &mut frame)
         };
         (result, frame)
+    }
+
+    /// The same into another target and in a list of the presenter's.
+    fn submit(&self, target: &ID3D12Resource) -> (cairn_result, cairn_frame, Option<(ID3D12Fence, u64)>) {
+        let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
+        let [before, after] = self.states.map(|state| state.0.cast_unsigned());
+        let (target, mut fence, mut value) = (target.as_raw().cast(), null_mut(), 0);
+        let (presenter, device, now) = (self.presenter, self.device, self.now);
+        // SAFETY: live handles and objects, and places for what is made.
+        let result = unsafe {
+            cairn_presenter_submit_d3d12(
+                presenter, device, now, target, before, after, &mut frame, &mut fence, &mut value,
+            )
+        };
+        // SAFETY: what is not null is a fence with a reference for us.
+        let fence = (!fence.is_null()).then(|| unsafe { ID3D12Fence::from_raw(fence.cast()) });
+        (result, frame, fence.map(|fence| (fence, value)))
     }
 }
 
@@ -137,7 +173,7 @@ fn expected(picture: &Picture, format: DXGI_FORMAT, linear: bool) -> Vec<u8> {
 }
 
 #[test]
-fn frames_are_recorded_into_targets_of_every_format_and_state() {
+fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state() {
     let engine = engine::engine();
     let (direct, compute) = (device(&engine, &engine.direct), device(&engine, &engine.compute));
     let (rendered, written) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS);
@@ -155,7 +191,8 @@ fn frames_are_recorded_into_targets_of_every_format_and_state() {
         (compute, DXGI_FORMAT_R8G8B8A8_TYPELESS, written, [access, access], false),
     ] {
         let queue = if kind == direct { &engine.direct } else { &engine.compute };
-        let presenter = presenter(if linear { CAIRN_COLOUR_LINEAR } else { CAIRN_COLOUR_SRGB });
+        let colours = if linear { CAIRN_COLOUR_LINEAR } else { CAIRN_COLOUR_SRGB };
+        let presenter = presenter(colours, CAIRN_PREFER_NEVER);
         let texture = Wanted { size: SIZE, format, flags, state: states[0], ..Wanted::default() }.make(&engine.device);
         // More lists are under way than the presenter has memory for.
         let frames = [
@@ -181,7 +218,9 @@ fn frames_are_recorded_into_targets_of_every_format_and_state() {
             kept.push(recording);
         }
         let pixels = textures::read(&engine.device, queue, &texture, states[1]);
-        let memory = drawn(self::presenter(CAIRN_COLOUR_SRGB), INTERVAL * 9 / 4);
+        let (name, why) = generator(presenter);
+        assert!(name == "cpu" && why.contains("not to be used"), "{name}: {why}");
+        let memory = drawn(self::presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_NEVER), INTERVAL * 9 / 4);
         assert!(pixels == expected(&memory, format, linear), "{format:?}: what is drawn into memory");
         // SAFETY: a live handle; the queue was waited for.
         assert_eq!(unsafe { cairn_presenter_destroy(presenter) }, CAIRN_OK);
@@ -191,10 +230,156 @@ fn frames_are_recorded_into_targets_of_every_format_and_state() {
 }
 
 #[test]
+fn shaders_make_frames_unless_they_are_told_not_to() {
+    let engine = engine::engine();
+    let direct = device(&engine, &engine.direct);
+    let required = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_REQUIRE);
+    let rest = [D3D12_RESOURCE_STATE_COMMON; 2];
+    let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
+    for (preference, name) in [(CAIRN_PREFER_AUTO, "shader"), (CAIRN_PREFER_NEVER, "cpu")] {
+        let presenter = presenter(CAIRN_COLOUR_SRGB, preference);
+        let now = INTERVAL * 3 / 2;
+        let memory = drawn(presenter, now);
+        assert_eq!(generator(presenter).0, "cpu", "what is drawn into memory is the processor's");
+        let recording = Recording::on(&engine.device, &engine.direct);
+        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states: rest };
+        assert_eq!(call.record().0, CAIRN_OK);
+        recording.submit(&engine.direct);
+        assert_eq!(generator(presenter).0, name);
+        // In a list of the presenter's own, and behind the one before.
+        let own = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
+        let (result, frame, fence) = call.submit(&own);
+        assert_eq!((result, frame.source, frame.t), (CAIRN_OK, CAIRN_FRAME_GENERATED, 0.5));
+        let (fence, value) = fence.expect("a fence");
+        // SAFETY: a live fence.
+        while unsafe { fence.GetCompletedValue() } < value {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        for texture in [&texture, &own] {
+            let pixels = textures::read(&engine.device, &engine.direct, texture, rest[0]);
+            let apart = pixels.iter().zip(memory.rgba()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+            assert_eq!(apart, 0, "{name}: within a level of what is drawn into memory");
+        }
+        // A target is held until it is released, and then no more.
+        drop((recording, fence));
+        let alone = engine::references(&own);
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_presenter_release_d3d12(presenter) }, CAIRN_OK);
+        let held = u32::from(name == "shader");
+        engine::comes_back(|| [engine::references(&own)], [alone - held]);
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_presenter_destroy(presenter) }, CAIRN_OK);
+    }
+    // Light, which the processor makes of the same numbers; a level near white is more than two of those of light.
+    let bright = presenter(CAIRN_COLOUR_LINEAR, CAIRN_PREFER_AUTO);
+    let now = INTERVAL * 5 / 4;
+    let halves = DXGI_FORMAT_R16G16B16A16_FLOAT;
+    let texture = Wanted { size: SIZE, format: halves, ..Wanted::default() }.make(&engine.device);
+    let recording = Recording::on(&engine.device, &engine.direct);
+    let call = Call { presenter: bright, device: direct, now, list: recording.list(), target: &texture, states: rest };
+    assert_eq!(call.record().0, CAIRN_OK);
+    recording.submit(&engine.direct);
+    assert_eq!(generator(bright).0, "shader");
+    let found = textures::read(&engine.device, &engine.direct, &texture, rest[0]);
+    let shown = drawn(presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_NEVER), now);
+    let number = |bytes: &[u8; 2]| half::f16::from_le_bytes(*bytes).to_f32();
+    let wanted = expected(&shown, halves, true);
+    let pairs = found.as_chunks::<2>().0.iter().zip(wanted.as_chunks::<2>().0);
+    let apart = pairs.map(|(a, b)| (number(a) - number(b)).abs()).fold(0.0, f32::max);
+    assert!(found.len() == wanted.len() && apart <= 2.4 / 255.0, "{apart}");
+    // SAFETY: a live handle; the queue was waited for.
+    assert_eq!(unsafe { cairn_presenter_destroy(bright) }, CAIRN_OK);
+
+    // In memory there is nobody to make what only shaders may make.
+    let mut pixels = vec![0_u8; (4 * SIZE.0 * SIZE.1) as usize];
+    let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
+    (target.width, target.height) = SIZE;
+    (target.pixels, target.size) = (pixels.as_mut_ptr().cast(), pixels.len() as u64);
+    // SAFETY: a live handle and a target that lives during the call.
+    let refused = unsafe { cairn_presenter_draw(required, INTERVAL, &target, null_mut()) };
+    assert_eq!(refused, CAIRN_ERROR_UNSUPPORTED);
+    // SAFETY: live handles.
+    let ended = unsafe { [cairn_presenter_destroy(required), cairn_device_destroy(direct)] };
+    assert_eq!(ended, [CAIRN_OK; 2]);
+}
+
+#[test]
+fn a_window_that_is_made_anew_minimised_and_waits_for_anchors_goes_on() {
+    let engine = engine::engine();
+    let direct = device(&engine, &engine.direct);
+    let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
+    let (flags, states) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, [D3D12_RESOURCE_STATE_PRESENT; 2]);
+    let target = |size, format| Wanted { size, format, flags, ..Wanted::default() }.make(&engine.device);
+    // A swap chain that is made anew again and again, each time in another format; an engine may throw a list away then.
+    let formats = [DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_B8G8R8A8_UNORM, DXGI_FORMAT_R16G16B16A16_FLOAT];
+    let mut kept = Vec::new();
+    for i in 0..24_u32 {
+        let texture = target(SIZE, formats[i as usize % 3]);
+        let recording = Recording::on(&engine.device, &engine.direct);
+        let now = INTERVAL + u64::from(i) * INTERVAL / 24;
+        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+        assert_eq!(call.record().0, CAIRN_OK);
+        if i % 5 != 2 {
+            recording.submit(&engine.direct);
+        }
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_presenter_release_d3d12(presenter) }, CAIRN_OK);
+        assert_eq!(engine::references(&texture), 1, "nobody else holds what a swap chain wants to resize");
+        kept.push((recording, texture));
+    }
+    let frame_at = |presenter, now| {
+        let texture = target(SIZE, formats[0]);
+        let recording = Recording::on(&engine.device, &engine.direct);
+        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+        let (result, frame) = call.record();
+        assert_eq!(result, CAIRN_OK);
+        recording.submit(&engine.direct);
+        (frame, textures::read(&engine.device, &engine.direct, &texture, states[1]))
+    };
+    // Minimised: anchors come, and nobody asks for a frame. Then the one that is due is there, an interval after its anchors came.
+    (2..30).for_each(|number| push(presenter, number, number * INTERVAL));
+    let now = 29 * INTERVAL + INTERVAL / 2;
+    let (frame, pixels) = frame_at(presenter, now);
+    assert_eq!((frame.source, frame.previous, frame.t, frame.since_ns), (CAIRN_FRAME_GENERATED, 28, 0.5, now));
+    let memory = drawn(presenter, now);
+    assert!(pixels.iter().zip(memory.rgba()).all(|(a, b)| a.abs_diff(*b) <= 1), "what is drawn into memory");
+    // No anchor comes: motion goes on for an interval and stands then, or stands at once; no call waits.
+    for quarter in 0..12 {
+        let (frame, _) = frame_at(presenter, 30 * INTERVAL + quarter * INTERVAL / 4);
+        let source = match quarter {
+            0 => CAIRN_FRAME_ANCHOR,
+            1..=3 => CAIRN_FRAME_EXTRAPOLATED,
+            _ => frame.source,
+        };
+        assert_eq!((frame.source, frame.previous), (source, 29), "{frame:?}");
+        let stands = (CAIRN_FRAME_HELD, CAIRN_FRAME_REPEATED);
+        assert!(quarter < 6 || (frame.source, frame.flags) == stands, "{frame:?}");
+    }
+    let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
+    (options.multiplier, options.interval_ns, options.flags) = (4, INTERVAL, CAIRN_PRESENTER_HOLD_LATE);
+    // SAFETY: options of their size and a place for the handle.
+    let holding = made(|to| unsafe { cairn_presenter_create(&options, to) });
+    (0..2).for_each(|number| push(holding, number, number * INTERVAL));
+    let (anchor, shown) = frame_at(holding, 2 * INTERVAL);
+    let (late, held) = frame_at(holding, 2 * INTERVAL + INTERVAL / 2);
+    assert_eq!((anchor.source, late.source), (CAIRN_FRAME_ANCHOR, CAIRN_FRAME_HELD));
+    assert!(shown == held, "the last anchor");
+    // It comes after all, and is due when it comes.
+    push(presenter, 30, 33 * INTERVAL);
+    let (frame, _) = frame_at(presenter, 33 * INTERVAL);
+    assert_eq!((frame.source, frame.previous), (CAIRN_FRAME_ANCHOR, 30), "{frame:?}");
+    drop(kept);
+    // SAFETY: live handles.
+    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_presenter_destroy(holding)] };
+    // SAFETY: a live handle.
+    assert_eq!((ended, unsafe { cairn_device_destroy(direct) }), ([CAIRN_OK; 2], CAIRN_OK));
+}
+
+#[test]
 fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     let (engine, other) = (engine::engine(), engine::engine());
     let (direct, compute) = (device(&engine, &engine.direct), device(&engine, &engine.compute));
-    let presenter = presenter(CAIRN_COLOUR_SRGB);
+    let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let good = Wanted { size: SIZE, ..Wanted::default() };
     let texture = good.make(&engine.device);
     let list = |kind| Recording::new(&engine.device, kind);

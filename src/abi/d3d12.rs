@@ -32,6 +32,12 @@ pub struct ID3D12GraphicsCommandList(());
 /// A texture, and the fence with the value that guards it; both with a reference for whoever gets them.
 type Guarded = (*mut ID3D12Resource, *mut ID3D12Fence, u64);
 
+/// A fence with the value to wait for, which has a reference for whoever gets it.
+pub(super) struct Guard {
+    fence: *mut ID3D12Fence,
+    value: u64,
+}
+
 /// Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library
 /// has no Direct3D 12 part every function of it answers CAIRN_ERROR_UNSUPPORTED.
 ///
@@ -177,9 +183,14 @@ pub unsafe extern "C" fn cairn_anchor_get_d3d12(
     })
 }
 
-/// Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory: it is made on the
-/// processor, and the list copies it from memory of the presenter's. Leaves nothing of the list changed; target needs no view and no
-/// access for shaders. Waits where three lists before it have not run yet.
+/// Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Compute shaders make it
+/// on the device unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does, and the list copies it from memory of
+/// the presenter's: cairn_presenter_get_statistics says which, and why. target needs no view and no access for shaders. Shaders leave
+/// another pipeline, compute root signature and descriptor heaps in the list. Waits where three lists before it have not run yet; work
+/// on anchors is waited for on the queue and not here.
+///
+/// A cut that only the generator finds shows the nearer anchor as well, but frame says so only where the processor made it; the
+/// statistics count it once the list has run.
 ///
 /// device: the one on whose queue the list will run.
 /// now_ns: when it will be shown, on the host's clock.
@@ -190,10 +201,12 @@ pub unsafe extern "C" fn cairn_anchor_get_d3d12(
 /// until the list has run.
 /// frame: may be null.
 ///
-/// Ownership: list and target stay the caller's; frame is filled on success; on failure it is not written and nothing is recorded.
+/// Ownership: list and target stay the caller's, and the presenter may hold a reference to target until the frame after next but one is
+/// recorded or cairn_presenter_release_d3d12 is called; frame is filled on success; on failure it is not written and no frame is recorded.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
-/// CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU device; CAIRN_ERROR_OUT_OF_MEMORY;
+/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
+/// when CAIRN_MOTION_PAPER meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
+/// a CPU device, and where options.shader is CAIRN_PREFER_REQUIRE and shaders cannot make it; CAIRN_ERROR_OUT_OF_MEMORY;
 /// CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -216,9 +229,68 @@ pub unsafe extern "C" fn cairn_presenter_record_d3d12(
         let frame = unsafe { Out::optional(frame, "frame") }?;
         let target = To { list, target, before, after };
         // SAFETY: the host's promise about its objects.
-        let shown = unsafe { presenting.record(&device, now_ns, &target) }?;
-        let Some(shown) = shown else { return Ok(CAIRN_NOT_READY) };
+        let made = unsafe { presenting.record(&device, now_ns, &target) }?;
+        let Some((shown, _)) = made else { return Ok(CAIRN_NOT_READY) };
         frame.into_iter().for_each(|frame| frame.write(&to_header(&shown)));
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Has the frame that is due written to a texture on the device's queue, as cairn_presenter_record_d3d12 records it, in a list of the
+/// presenter's own and behind all that the queue has been given.
+///
+/// device, now_ns, target, before, after, frame: as for cairn_presenter_record_d3d12.
+/// fence, value: get what to wait for before the frame is read elsewhere than on the queue, and before target is freed.
+///
+/// Ownership: target stays the caller's; on success *fence has a reference more, for the caller to release, and frame is filled; on
+/// failure nothing is written and the queue has been given no frame.
+/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. The queue may be used by others at the same time.
+/// Results: as for cairn_presenter_record_d3d12.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
+    presenter: *mut cairn_presenter,
+    device: *const cairn_device,
+    now_ns: u64,
+    target: *mut ID3D12Resource,
+    before: u32,
+    after: u32,
+    frame: *mut cairn_frame,
+    fence: *mut *mut ID3D12Fence,
+    value: *mut u64,
+) -> cairn_result {
+    call("cairn_presenter_submit_d3d12", || {
+        let presenting = enter_alone(presenter)?;
+        let device = enter(device)?;
+        given(target, "target")?;
+        check_out(fence, "fence")?;
+        check_out(value, "value")?;
+        // SAFETY: the host's promise about `frame`.
+        let frame = unsafe { Out::optional(frame, "frame") }?;
+        let target = To { list: std::ptr::null_mut(), target, before, after };
+        // SAFETY: the host's promise about its objects.
+        let made = unsafe { presenting.record(&device, now_ns, &target) }?;
+        let Some((shown, Some(guard))) = made else { return Ok(CAIRN_NOT_READY) };
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { fence.write(guard.fence) };
+        // SAFETY: as above.
+        unsafe { value.write(guard.value) };
+        frame.into_iter().for_each(|frame| frame.write(&to_header(&shown)));
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Waits until all frames have run and lets go of their targets, as a swap chain wants it before its buffers are resized. Lists that were
+/// recorded must have been given to the queue, or never will be.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_DEVICE_REMOVED.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_presenter) -> cairn_result {
+    call("cairn_presenter_release_d3d12", || {
+        enter_alone(presenter)?.release()?;
         Ok(CAIRN_OK)
     })
 }

@@ -8,16 +8,18 @@ use parking_lot::Mutex;
 
 use super::anchor::cairn_anchor;
 use super::boundary::call;
-use super::d3d12::To;
-use super::d3d12::behind::Recording;
+use super::d3d12::behind::{HAS_SHADERS, Recording};
+use super::d3d12::{Guard, To};
 use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
 use super::images::{Target, cairn_target};
-use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
+use super::results::{
+    CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result,
+};
 use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::fixed_text;
-use crate::framegen::FrameGenerator;
 use crate::framegen::cpu::CpuGenerator;
+use crate::framegen::{FrameGenerator, Phases};
 use crate::present::pacing::Interval;
 use crate::present::presenter::{Presenter, PresenterOptions, Shown, ShownSource};
 use crate::runtime::Device;
@@ -73,6 +75,9 @@ pub struct cairn_presenter(());
 pub(super) struct Presenting {
     presenter: Presenter,
     linear: bool,
+    /// How the generator of shaders is preferred.
+    shader: u32,
+    /// The generator on the processor; empty where it is not used.
     generator: &'static str,
     /// Why a preference was not met.
     preference: String,
@@ -89,25 +94,40 @@ impl Handle for cairn_presenter {
 impl Object for Presenting {}
 
 impl Presenting {
-    /// Records the frame that is due at `now`.
+    /// Records the frame that is due at `now`; where no list is given also what guards the target.
     ///
     /// # Safety
     /// What `to` points to are objects of COM and live during the call.
-    pub(super) unsafe fn record(&self, device: &Device, now: u64, to: &To) -> Outcome<Option<Shown>> {
+    pub(super) unsafe fn record(&self, device: &Device, now: u64, to: &To) -> Outcome<Option<(Shown, Option<Guard>)>> {
         if !device.is_gpu() {
             return Err(Failure::no_d3d12());
         }
-        let Some(size) = self.presenter.size() else { return Ok(None) };
-        let mut recording = self.recording.lock();
+        let asked = Asked { presenter: &self.presenter, linear: self.linear, shader: self.shader };
         // SAFETY: the caller's promise.
-        let place = unsafe { recording.place(device, to, size, self.linear) }?;
-        let (mut place, mut recorded) = (Some(place), Ok(()));
-        let shown = self.presenter.draw(now, size, |picture| {
-            recorded = place.take().map_or(Ok(()), |place| place.fill(picture));
-        })?;
-        recorded?;
-        Ok(shown)
+        unsafe { self.recording.lock().record(&asked, device, now, to) }
     }
+
+    /// Waits until all frames have run, and lets go of their targets.
+    pub(super) fn release(&self) -> Outcome<()> {
+        self.recording.lock().release()
+    }
+
+    /// The generator of the frame that was made last, and why no other is used.
+    fn used(&self) -> (&'static str, String) {
+        match self.recording.lock().used(&self.presenter) {
+            None => (self.generator, self.preference.clone()),
+            Some((true, why)) => ("shader", why),
+            Some((false, why)) => (self.generator, why),
+        }
+    }
+}
+
+/// What frames for Direct3D 12 are recorded of, and how.
+#[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door reads it"))]
+pub(super) struct Asked<'a> {
+    pub(super) presenter: &'a Presenter,
+    pub(super) linear: bool,
+    pub(super) shader: u32,
 }
 
 /// How anchors are shown. All zero: two frames to an anchor, one interval after they come.
@@ -320,6 +340,11 @@ pub unsafe extern "C" fn cairn_presenter_draw(
         let presenting = enter_alone(presenter)?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
+        if presenting.shader == CAIRN_PREFER_REQUIRE {
+            let why = "the shader generator, which options.shader requires, makes no frames in memory";
+            return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why)
+                .remedy("Record frames for Direct3D 12, or do not require it"));
+        }
         let Some(size) = presenting.presenter.size() else { return Ok(CAIRN_NOT_READY) };
         // SAFETY: the host's promise about `target`.
         let target = unsafe { Target::new(target, size, "target") }?.in_linear_light(presenting.linear)?;
@@ -359,6 +384,8 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         let presenting = enter(presenter)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
+        // First, as it may find out more.
+        let (generator, preference) = presenting.used();
         let done = presenting.presenter.statistics();
         statistics.write(&cairn_presenter_statistics {
             struct_size: 0,
@@ -376,8 +403,8 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
             guidance_ns: nanoseconds(done.guidance),
             generate_ns: nanoseconds(done.generate),
             resize_ns: nanoseconds(done.resize),
-            generator: fixed_text(presenting.generator),
-            preference: fixed_text(&presenting.preference),
+            generator: fixed_text(generator),
+            preference: fixed_text(&preference),
         });
         Ok(CAIRN_OK)
     })
@@ -439,8 +466,18 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
         motion: motion_source(options.motion, "options.motion")?,
     };
     let name = if generator.is_some() { "cpu" } else { "" };
-    let (presenter, recording) = (Presenter::new(made, generator)?, Mutex::default());
-    Ok(Presenting { presenter, linear, generator: name, preference, recording })
+    let mut presenter = Presenter::new(made, generator)?;
+    if HAS_SHADERS && options.shader != CAIRN_PREFER_NEVER {
+        presenter = presenter.with_phases(Phases::Any);
+    }
+    Ok(Presenting {
+        presenter,
+        linear,
+        shader: options.shader,
+        generator: name,
+        preference,
+        recording: Mutex::default(),
+    })
 }
 
 /// The generator that the preferences lead to, and why others are not used.
@@ -456,24 +493,30 @@ fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<dyn FrameGen
     if required.count() > 1 {
         return Err(Failure::argument("options.cpu", "only one generator can be required"));
     }
-    let missing = Failure::no_d3d12().remedy("Use the cpu generator");
-    for (name, preference) in &preferences[..2] {
+    let missing = || {
+        let failure = if HAS_SHADERS { Failure::new(CAIRN_ERROR_UNSUPPORTED, ELSEWHERE) } else { Failure::no_d3d12() };
+        failure.remedy("Use the cpu generator")
+    };
+    for (name, preference) in &preferences[..if HAS_SHADERS { 1 } else { 2 }] {
         if *preference == CAIRN_PREFER_REQUIRE {
-            return Err(missing.field(format!("options.{name}")));
+            return Err(missing().field(format!("options.{name}")));
         }
     }
     let wanted: Vec<_> = preferences[..2].iter().filter(|(_, p)| *p == CAIRN_PREFER_AUTO).map(|(n, _)| *n).collect();
     let reason = if wanted.is_empty() || options.cpu == CAIRN_PREFER_REQUIRE {
         String::new()
     } else {
-        format!("{}: {}", wanted.join(", "), missing)
+        format!("{}: {}", wanted.join(", "), missing())
     };
-    let generator: Option<Box<dyn FrameGenerator>> = match options.cpu {
-        CAIRN_PREFER_NEVER => None,
+    let generator: Option<Box<dyn FrameGenerator>> = match (options.cpu, options.shader) {
+        (CAIRN_PREFER_NEVER, _) | (_, CAIRN_PREFER_REQUIRE) => None,
         _ => Some(Box::new(CpuGenerator::new())),
     };
     Ok((generator, reason))
 }
+
+/// Why what is in memory is not made by a device.
+const ELSEWHERE: &str = "frames are made with it where they are recorded for Direct3D 12";
 
 pub(super) fn to_header(shown: &Shown) -> cairn_frame {
     let source = match shown.source {

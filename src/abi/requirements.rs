@@ -29,6 +29,8 @@ pub const CAIRN_REQUIREMENT_FSR_SYSTEM: u32 = 6;
 pub const CAIRN_REQUIREMENT_FSR_DIRECT3D: u32 = 7;
 /// The shader model of the first adapter, for FSR.
 pub const CAIRN_REQUIREMENT_FSR_SHADER_MODEL: u32 = 8;
+/// The library's own shaders on the first adapter, for frames between anchors.
+pub const CAIRN_REQUIREMENT_SHADERS: u32 = 9;
 
 /// It is there.
 pub const CAIRN_REQUIREMENT_MET: u32 = 1;

@@ -82,10 +82,15 @@ impl Shared {
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.address.add(at), bytes.len()) };
     }
 
-    /// Reads what the device has written and will not write meanwhile.
+    /// Reads what the device has written and will not write meanwhile, from the start.
     pub(crate) fn read(&self, into: &mut [u8]) {
-        assert!(into.len() <= self.len, "inside the mapping");
+        self.read_at(0, into);
+    }
+
+    /// The same from byte `at` on.
+    pub(crate) fn read_at(&self, at: usize, into: &mut [u8]) {
+        assert!(at + into.len() <= self.len, "inside the mapping");
         // SAFETY: inside the mapping, and `into` is none of it.
-        unsafe { std::ptr::copy_nonoverlapping(self.address, into.as_mut_ptr(), into.len()) };
+        unsafe { std::ptr::copy_nonoverlapping(self.address.add(at), into.as_mut_ptr(), into.len()) };
     }
 }

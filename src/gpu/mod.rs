@@ -11,9 +11,11 @@ mod failure;
 mod memory;
 mod moment;
 mod pipeline;
+mod promise;
 mod queue;
 mod resize;
 mod shader;
+mod target;
 mod texture;
 mod uploads;
 
@@ -23,10 +25,13 @@ pub(crate) use failure::failed_on;
 pub(crate) use memory::{Heap, Shared, buffer};
 pub use moment::Moment;
 pub(crate) use pipeline::Pipeline;
+pub(crate) use promise::Promises;
 pub use queue::Queue;
 pub use resize::{Planes, Resize};
+pub use target::Target;
+pub(crate) use target::check_list;
 pub(crate) use texture::{blank_texture, read_buffer, written_texture};
 pub use texture::{read_texture, texture_of};
-pub use uploads::{Place, Target, Uploads};
+pub use uploads::{Place, Uploads};
 /// The bindings in which objects of Direct3D are handed over.
 pub use windows;

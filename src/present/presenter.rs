@@ -2,25 +2,19 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use parking_lot::Mutex;
 
+use super::motion::Extractors;
+pub use super::motion::{MotionSource, extract};
 use super::pacing::{Due, DueFrame, Interval, Pacer, Pacing};
+pub use super::statistics::PresenterStatistics;
 use super::upscale::{Filter, Upscaler};
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
-use crate::guidance::{Guidance, LatentView, paper, picture_flow};
+use crate::guidance::{Guidance, paper};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind, Picture, Result};
-
-/// Where motion comes from when an anchor is pushed without guidance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MotionSource {
-    /// Optical flow between the two pictures.
-    PictureFlow,
-    /// The paper's extractor, from the two latents.
-    Paper,
-}
 
 /// How a presenter works.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -79,37 +73,6 @@ pub enum ShownSource {
     Held,
 }
 
-/// What a presenter has done.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct PresenterStatistics {
-    /// Anchors pushed.
-    pub anchors: u64,
-    /// Those that came after they were due.
-    pub late: u64,
-    /// How long time has stood still for them, in nanoseconds.
-    pub slipped_ns: u64,
-    /// Frames drawn, by what they were made of; one drawn again counts once more, under `repeated` too.
-    pub shown_anchors: u64,
-    /// See `shown_anchors`.
-    pub decoded: u64,
-    /// See `shown_anchors`.
-    pub generated: u64,
-    /// See `shown_anchors`.
-    pub extrapolated: u64,
-    /// See `shown_anchors`.
-    pub held: u64,
-    /// See `shown_anchors`.
-    pub repeated: u64,
-    /// Held ones among them for which there was a cut.
-    pub cuts: u64,
-    /// Time spent on motion and depth.
-    pub guidance: Duration,
-    /// Time spent on generating.
-    pub generate: Duration,
-    /// Time spent on resizing.
-    pub resize: Duration,
-}
-
 /// Shows a stream of anchors at a steady rate. Pushing and asking never wait for a picture that is being drawn.
 pub struct Presenter {
     options: PresenterOptions,
@@ -130,28 +93,31 @@ struct Stream {
     statistics: PresenterStatistics,
 }
 
+/// An anchor, with the guidance that came with it.
 #[derive(Clone)]
-struct Slot {
-    anchor: Arc<KeptAnchor>,
-    guidance: Option<Arc<Guidance>>,
-    cut: bool,
+pub(super) struct Slot {
+    pub(super) anchor: Arc<KeptAnchor>,
+    pub(super) guidance: Option<Arc<Guidance>>,
+    pub(super) cut: bool,
 }
 
 /// How a frame comes about.
-enum Plan {
+pub(super) enum Plan {
     Copy { anchor: Arc<KeptAnchor>, picture: usize },
     Between { previous: Slot, current: Slot, index: u64, t: f32 },
     Beyond { previous: Option<Slot>, last: Slot, index: u64, t: f32 },
 }
 
 /// What a drawn picture shows: the resets before it, and the frame.
-type Drawn = (u64, DueFrame);
+pub(super) type Drawn = (u64, DueFrame);
 
-/// What finds motion and depth, with its working memory.
-#[derive(Default)]
-struct Extractors {
-    flow: picture_flow::Extractor,
-    paper: paper::Extractor,
+/// A frame that is due.
+pub(super) struct Taken {
+    pub(super) shown: Shown,
+    pub(super) plan: Plan,
+    /// Number of resets before it.
+    pub(super) epoch: u64,
+    pub(super) key: Drawn,
 }
 
 /// What draws, with its working memory.
@@ -263,12 +229,17 @@ impl Presenter {
     pub fn query(&self, now: u64) -> Option<Shown> {
         let mut stream = self.stream.lock();
         let due = stream.pacer.as_mut()?.due(now)?;
-        self.resolve(&stream, due).map(|(shown, _)| shown)
+        self.resolve(&stream, due, self.phases).map(|(shown, _)| shown)
     }
 
     /// `(width, height)` of the frames; none before the first anchor, where the options do not say.
     pub fn size(&self) -> Option<(u32, u32)> {
         self.options.size.or_else(|| self.stream.lock().size)
+    }
+
+    /// `(width, height)` of the anchors; none before the first.
+    pub fn anchor_size(&self) -> Option<(u32, u32)> {
+        self.stream.lock().size
     }
 
     /// Makes the frame that is due at `now` and hands it to `write`; none before the first anchor came. A frame that was
@@ -278,13 +249,8 @@ impl Presenter {
     /// `InvalidArgument` when frames have not `size`, or latents are needed and the anchors have none; `OutOfMemory`.
     pub fn draw(&self, now: u64, size: (u32, u32), write: impl FnOnce(&Picture)) -> Result<Option<Shown>> {
         let mut drawer = self.drawer.lock();
-        let (due, mut shown, plan, epoch) = {
-            let mut stream = self.stream.lock();
-            let Some(due) = stream.pacer.as_mut().and_then(|pacer| pacer.due(now)) else { return Ok(None) };
-            let Some((shown, plan)) = self.resolve(&stream, due) else { return Ok(None) };
-            (due, shown, plan, stream.epoch)
-        };
-        let key = (epoch, if self.options.extrapolate { due.frame } else { stands(due.frame) });
+        let phases = drawer.generator.as_ref().map(|generator| generator.phases());
+        let Some(Taken { mut shown, plan, epoch, key }) = self.take(now, phases) else { return Ok(None) };
         shown.repeated = drawer.drawn == Some(key);
         let mut figures = PresenterStatistics::default();
         let picture = drawer.make(&plan, epoch, &self.options, size, shown.repeated, &mut figures)?;
@@ -294,8 +260,42 @@ impl Presenter {
             shown.source = ShownSource::Held;
             shown.cut |= drawer.outcome == Outcome::CutFallback;
         }
-        self.stream.lock().statistics.count(&shown, &figures);
+        self.count(&shown, &figures);
         Ok(Some(shown))
+    }
+
+    /// The frame that is due at `now`, to be made by whoever does `phases`; none before the first anchor came.
+    pub(super) fn take(&self, now: u64, phases: Option<Phases>) -> Option<Taken> {
+        let mut stream = self.stream.lock();
+        let due = stream.pacer.as_mut()?.due(now)?;
+        let (shown, plan) = self.resolve(&stream, due, phases)?;
+        let frame = if self.options.extrapolate { due.frame } else { stands(due.frame) };
+        Some(Taken { shown, plan, epoch: stream.epoch, key: (stream.epoch, frame) })
+    }
+
+    /// Counts a frame that was made.
+    pub(super) fn count(&self, shown: &Shown, times: &PresenterStatistics) {
+        self.stream.lock().statistics.count(shown, times);
+    }
+
+    /// Counts frames again that were taken for generated, and are anchors after all: a cut was found once they were made.
+    #[cfg(windows)]
+    pub(super) fn count_cuts(&self, frames: u64) {
+        let figures = &mut self.stream.lock().statistics;
+        figures.generated = figures.generated.saturating_sub(frames);
+        figures.held += frames;
+        figures.cuts += frames;
+    }
+
+    /// How it works.
+    #[cfg(windows)]
+    pub(super) fn options(&self) -> &PresenterOptions {
+        &self.options
+    }
+
+    /// Frames of `phases` are generated also by who records them, so that [`query`](Self::query) says so.
+    pub fn with_phases(self, phases: Phases) -> Self {
+        Self { phases: Some(phases), ..self }
     }
 
     /// Forgets all anchors, as after a change of world; the next one is a first again. What was counted stays.
@@ -319,13 +319,13 @@ impl Presenter {
     }
 
     /// What to show and how it comes about.
-    fn resolve(&self, stream: &Stream, due: Due) -> Option<(Shown, Plan)> {
+    fn resolve(&self, stream: &Stream, due: Due, phases: Option<Phases>) -> Option<(Shown, Plan)> {
         let slot = |index: u64| {
             let at = usize::try_from(index.checked_sub(stream.first)?).ok()?;
             stream.slots.get(at)
         };
         let t = |step: u32| step as f32 / self.options.multiplier as f32;
-        let generates = |t: f32| self.phases.is_some_and(|phases| phases.contains(t));
+        let generates = |t: f32| phases.is_some_and(|phases| phases.contains(t));
         let shown = |source, previous: u64, current: u64, t, cut| Shown {
             due,
             source,
@@ -364,7 +364,7 @@ impl Presenter {
                 let last = slot(index)?;
                 let previous = index.checked_sub(1).and_then(slot);
                 let motion = last.guidance.is_some() || previous.is_some();
-                if !self.options.extrapolate || last.cut || !motion || self.phases.is_none() {
+                if !self.options.extrapolate || last.cut || !motion || phases.is_none() {
                     return Some(held(last, last.cut));
                 }
                 let (step, source) = match due.frame {
@@ -391,24 +391,6 @@ impl PresenterOptions {
     fn pacer(&self, interval: Interval) -> Result<Pacer> {
         let delay_ns = self.delay_ns.unwrap_or(interval.ns());
         Pacer::new(interval, Pacing { multiplier: self.multiplier, delay_ns, catch_up: self.catch_up })
-    }
-}
-
-impl PresenterStatistics {
-    fn count(&mut self, shown: &Shown, times: &Self) {
-        let of = match shown.source {
-            ShownSource::Anchor => &mut self.shown_anchors,
-            ShownSource::Decoded => &mut self.decoded,
-            ShownSource::Generated => &mut self.generated,
-            ShownSource::Extrapolated => &mut self.extrapolated,
-            ShownSource::Held => &mut self.held,
-        };
-        *of += 1;
-        self.repeated += u64::from(shown.repeated);
-        self.cuts += u64::from(shown.cut);
-        self.guidance += times.guidance;
-        self.generate += times.generate;
-        self.resize += times.resize;
     }
 }
 
@@ -511,45 +493,6 @@ impl Drawer {
         self.guidance = Some((key, guidance));
         Ok(())
     }
-}
-
-/// Motion and depth of a pair of anchors, in one go.
-///
-/// # Errors
-/// `InvalidArgument` when the pictures differ in size, or latents are needed and are missing or differ in shape;
-/// `OutOfMemory`.
-pub fn extract(source: MotionSource, previous: &KeptAnchor, current: &KeptAnchor) -> Result<Guidance> {
-    let (width, height) = current.size();
-    let mut guidance = Guidance::new(width, height, paper::PROJECTION)?;
-    Extractors::default().fill(source, previous, current, &mut guidance)?;
-    Ok(guidance)
-}
-
-impl Extractors {
-    fn fill(
-        &mut self,
-        source: MotionSource,
-        previous: &KeptAnchor,
-        current: &KeptAnchor,
-        out: &mut Guidance,
-    ) -> Result<()> {
-        match source {
-            MotionSource::PictureFlow => self.flow.extract(previous.picture()?, current.picture()?, out),
-            MotionSource::Paper => self.paper.extract(view(previous)?, view(current)?, current.size(), out),
-        }
-    }
-}
-
-fn view(anchor: &KeptAnchor) -> Result<LatentView<'_>> {
-    let [channels, height, width] = anchor.latent_shape().map(|n| n as usize);
-    LatentView::new(channels, height, width, anchor.latent()?).map_err(|_| {
-        Error::new(
-            ErrorKind::InvalidArgument,
-            "a picture that no world made has no latent, and its motion is asked of it",
-        )
-        .field("anchor")
-        .remedy("Use motion from pictures")
-    })
 }
 
 /// The buffer, which becomes one of `size` if it is another.

@@ -210,6 +210,15 @@ impl KeptAnchor {
         self.on_device.as_ref()?.texture(i)
     }
 
+    /// Its latent where it was made, when it is there, and whether its numbers are halves and not floats. None as for
+    /// [`texture`](Self::texture).
+    #[cfg(windows)]
+    pub(crate) fn latent_buffer(
+        &self,
+    ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::Moment, bool)> {
+        self.on_device.as_ref()?.latent()
+    }
+
     #[cfg(windows)]
     fn read_from_device(&self, i: usize) -> Result<Picture> {
         self.on_device.as_ref().ok_or_else(nowhere)?.read_picture(i)

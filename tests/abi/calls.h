@@ -45,7 +45,7 @@ struct argument {
     float real;
 };
 
-enum { MOST_ARGUMENTS = 8, ROOM = 1 << 17 };
+enum { MOST_ARGUMENTS = 9, ROOM = 1 << 17 };
 
 struct row {
     const char *name;
@@ -101,7 +101,7 @@ struct row {
 #define FLOATING(a) (a).real
 #define NOTHING(a) NULL
 
-#define CALLS(C1, C2, C3, C4, C5, C6, C8)                                                                             \
+#define CALLS(C1, C2, C3, C4, C5, C6, C8, C9)                                                                         \
     C3(cairn_last_error, ROOM, NUMBER(64), RESULT_OR_NULL(size_t))                                                    \
     C4(cairn_last_error_part, CHOICE(1, 4), ROOM, NUMBER(64), RESULT_OR_NULL(size_t))                                 \
     C3(cairn_set_log_callback, CHOICE(0, 5), NONE, NONE)                                                              \
@@ -173,7 +173,10 @@ struct row {
     C4(cairn_rollout_append_d3d12, ALONE(ROLLOUT), GIVEN, NUMBER(0), FILLED_OR_NULL(cairn_step_info))                 \
     C5(cairn_anchor_get_d3d12, SHARED(ANCHOR), CHOICE(0, 0), RESULT(void *), RESULT(void *), RESULT(uint64_t))        \
     C8(cairn_presenter_record_d3d12, ALONE(PRESENTER), SHARED(DEVICE), NUMBER(100000000), GIVEN, GIVEN, NUMBER(0), NUMBER(0), \
-       FILLED_OR_NULL(cairn_frame))
+       FILLED_OR_NULL(cairn_frame))                                                                                   \
+    C9(cairn_presenter_submit_d3d12, ALONE(PRESENTER), SHARED(DEVICE), NUMBER(100000000), GIVEN, NUMBER(0), NUMBER(0), \
+       FILLED_OR_NULL(cairn_frame), RESULT(void *), RESULT(uint64_t))                                                 \
+    C1(cairn_presenter_release_d3d12, ALONE(PRESENTER))
 
 /* What only Windows can do is refused elsewhere, whatever it is given. */
 __attribute__((unused)) static int is_for_windows(const char *name)
@@ -209,7 +212,13 @@ enum { WIDTH = 128, HEIGHT = 72 };
         return f(AS_##a0(a[0]), AS_##a1(a[1]), AS_##a2(a[2]), AS_##a3(a[3]), AS_##a4(a[4]), AS_##a5(a[5]), AS_##a6(a[6]), \
                  AS_##a7(a[7]));                              \
     }
-CALLS(CALL1, CALL2, CALL3, CALL4, CALL5, CALL6, CALL8)
+#define CALL9(f, a0, a1, a2, a3, a4, a5, a6, a7, a8)          \
+    static cairn_result call_##f(const struct argument *a)    \
+    {                                                         \
+        return f(AS_##a0(a[0]), AS_##a1(a[1]), AS_##a2(a[2]), AS_##a3(a[3]), AS_##a4(a[4]), AS_##a5(a[5]), AS_##a6(a[6]), \
+                 AS_##a7(a[7]), AS_##a8(a[8]));               \
+    }
+CALLS(CALL1, CALL2, CALL3, CALL4, CALL5, CALL6, CALL8, CALL9)
 
 #define ROW1(f, a0) {#f, call_##f, 1, {SHAPE_##a0}},
 #define ROW2(f, a0, a1) {#f, call_##f, 2, {SHAPE_##a0, SHAPE_##a1}},
@@ -220,7 +229,9 @@ CALLS(CALL1, CALL2, CALL3, CALL4, CALL5, CALL6, CALL8)
     {#f, call_##f, 6, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4, SHAPE_##a5}},
 #define ROW8(f, a0, a1, a2, a3, a4, a5, a6, a7) \
     {#f, call_##f, 8, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4, SHAPE_##a5, SHAPE_##a6, SHAPE_##a7}},
-static const struct row rows[] = {CALLS(ROW1, ROW2, ROW3, ROW4, ROW5, ROW6, ROW8)};
+#define ROW9(f, a0, a1, a2, a3, a4, a5, a6, a7, a8) \
+    {#f, call_##f, 9, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4, SHAPE_##a5, SHAPE_##a6, SHAPE_##a7, SHAPE_##a8}},
+static const struct row rows[] = {CALLS(ROW1, ROW2, ROW3, ROW4, ROW5, ROW6, ROW8, ROW9)};
 enum { ROWS = sizeof rows / sizeof rows[0] };
 
 /* A row that ends a handle. */

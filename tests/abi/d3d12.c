@@ -34,6 +34,10 @@ static void every_door_says_that_it_is_not_there(void)
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_record_d3d12(presenter, cpu, 0, NULL, texture, 0, 0, NULL));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_record_d3d12(presenter, cpu, 0, UNTOUCHED, NULL, 0, 0, NULL));
     ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_presenter_record_d3d12(presenter, NULL, 0, UNTOUCHED, texture, 0, 0, NULL));
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_presenter_submit_d3d12(presenter, cpu, 0, texture, 0, 0, NULL, &fence, &value));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_submit_d3d12(presenter, cpu, 0, NULL, 0, 0, NULL, &fence, &value));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_submit_d3d12(presenter, cpu, 0, texture, 0, 0, NULL, NULL, &value));
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_presenter_release_d3d12(presenter));
     ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_rollout_append_d3d12(NULL, texture, 0, NULL));
     OK(cairn_presenter_destroy(presenter));
     OK(cairn_anchor_destroy(anchor));

@@ -73,6 +73,7 @@ def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | Non
         c.REQUIREMENT_FSR_SYSTEM: "fsr-system",
         c.REQUIREMENT_FSR_DIRECT3D: "fsr-direct3d",
         c.REQUIREMENT_FSR_SHADER_MODEL: "fsr-shaders",
+        c.REQUIREMENT_SHADERS: "shaders",
     }
     met = {c.REQUIREMENT_MET: True, c.REQUIREMENT_NOT_MET: False}
     return [

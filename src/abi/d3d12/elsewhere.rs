@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use super::super::presenter::Asked;
 use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
 };
 use super::super::results::{Failure, Outcome};
-use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
+use super::{Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
 use crate::Picture;
+use crate::present::presenter::{Presenter, Shown};
 use crate::runtime::Device;
 use crate::world::KeptAnchor;
 
@@ -39,24 +41,32 @@ pub(in crate::abi) fn texture(_: &KeptAnchor, _: u32) -> Outcome<Guarded> {
     Err(Failure::no_d3d12())
 }
 
+/// Whether frames can be made by shaders.
+pub(in crate::abi) const HAS_SHADERS: bool = false;
+
 /// What frames are recorded with: nothing.
 #[derive(Default)]
 pub(in crate::abi) struct Recording;
 
-/// A place for a frame, which there never is.
-pub(in crate::abi) enum Place {}
-
 impl Recording {
     /// # Safety
     /// Nothing is asked for.
-    pub(in crate::abi) unsafe fn place(&mut self, _: &Device, _: &To, _: (u32, u32), _: bool) -> Outcome<Place> {
+    pub(in crate::abi) unsafe fn record(
+        &mut self,
+        _: &Asked<'_>,
+        _: &Device,
+        _: u64,
+        _: &To,
+    ) -> Outcome<Option<(Shown, Option<Guard>)>> {
         Err(Failure::no_d3d12())
     }
-}
 
-impl Place {
-    pub(in crate::abi) fn fill(self, _: &Picture) -> Outcome<()> {
-        match self {}
+    pub(in crate::abi) fn release(&mut self) -> Outcome<()> {
+        Err(Failure::no_d3d12())
+    }
+
+    pub(in crate::abi) fn used(&mut self, _: &Presenter) -> Option<(bool, String)> {
+        None
     }
 }
 

@@ -7,15 +7,20 @@ use windows::Win32::Graphics::Direct3D12 as direct3d;
 use windows::core::{IUnknown, Interface};
 
 use super::super::device::CAIRN_DEVICE_D3D12;
+use super::super::presenter::{Asked, CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE};
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
-use super::{Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
-use crate::Picture;
+use super::{Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
 use crate::ffx::{self, Needed};
-use crate::gpu::{self, Gpu, Uploads, adapters, read_texture};
+use crate::framegen::shader::ShaderGenerator;
+use crate::gpu::compute::Frames;
+use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, read_texture};
+use crate::present::device::DeviceDrawer;
+use crate::present::presenter::{Presenter, Shown};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::KeptAnchor;
+use crate::{Error, ErrorKind, Picture};
 
 /// A device of an engine's objects.
 ///
@@ -71,36 +76,160 @@ pub(in crate::abi) fn texture(anchor: &KeptAnchor, index: u32) -> Outcome<Guarde
     Ok((texture.clone().into_raw().cast(), moment.fence().clone().into_raw().cast(), moment.value()))
 }
 
+/// Whether frames can be made by shaders.
+pub(in crate::abi) const HAS_SHADERS: bool = true;
+
 /// What frames are recorded with, once one is.
 #[derive(Default)]
-pub(in crate::abi) struct Recording(Option<Uploads>);
+pub(in crate::abi) struct Recording {
+    uploads: Option<Uploads>,
+    /// Lists of our own for what is uploaded.
+    lists: Option<Frames>,
+    drawer: Option<DeviceDrawer>,
+    /// Why frames of a size are not made by shaders, for lists of a queue.
+    failed: Option<(Gpu, (u32, u32), Error)>,
+    /// Whether the last frame was made by shaders, and why not.
+    used: Option<(bool, String)>,
+}
 
 impl Recording {
-    /// A place for a frame of `size` in an engine's list.
+    /// Records the frame that is due at `now`: by shaders where they are preferred and can, else by the processor. Without a list of
+    /// an engine's the queue is given one of ours; then also what guards the target.
     ///
     /// # Safety
     /// What `to` points to are objects of COM and live during the call.
-    pub(in crate::abi) unsafe fn place(
+    pub(in crate::abi) unsafe fn record(
         &mut self,
+        asked: &Asked<'_>,
         device: &Device,
+        now: u64,
         to: &To,
-        size: (u32, u32),
-        linear: bool,
-    ) -> Outcome<gpu::Place<'_>> {
+    ) -> Outcome<Option<(Shown, Option<Guard>)>> {
+        let presenter = asked.presenter;
+        let Some((size, anchors)) = presenter.size().zip(presenter.anchor_size()) else { return Ok(None) };
         let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
-        // SAFETY: the caller's promise.
-        let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(to.list.cast(), "list") }?;
+        let list: Option<direct3d::ID3D12GraphicsCommandList> = match to.list.is_null() {
+            true => None,
+            // SAFETY: the caller's promise.
+            false => Some(unsafe { object(to.list.cast(), "list") }?),
+        };
         // SAFETY: the caller's promise.
         let texture: direct3d::ID3D12Resource = unsafe { object(to.target.cast(), "target") }?;
         let [before, after] = [to.before, to.after].map(|state| direct3d::D3D12_RESOURCE_STATES(state.cast_signed()));
-        // Lists of another queue than before need a ring of their own.
-        let same = |uploads: &Uploads| uploads.gpu().frames().d3d12() == gpu.frames().d3d12();
-        if !self.0.as_ref().is_some_and(same) {
-            self.0 = None;
-        }
-        let uploads = self.0.get_or_insert_with(|| Uploads::new(gpu));
-        Ok(uploads.place(list, gpu::Target { texture, before, after }, size, linear)?)
+        let target = Target { texture, before, after };
+        let why = if asked.shader == CAIRN_PREFER_NEVER {
+            "shader: it is not to be used".to_owned()
+        } else {
+            match self.drawer(gpu, asked, size, anchors) {
+                Ok(drawer) => {
+                    let made = match &list {
+                        Some(list) => presenter.record(now, drawer, list, &target)?.map(|shown| (shown, None)),
+                        None => presenter.submit(now, drawer, &target)?.map(|(shown, at)| (shown, Some(guard(&at)))),
+                    };
+                    self.used = Some((true, "fsr: frames are not recorded with it".to_owned()));
+                    return Ok(made);
+                }
+                Err(why) if asked.shader == CAIRN_PREFER_REQUIRE || why.kind() == ErrorKind::DeviceRemoved => {
+                    return Err(why.into());
+                }
+                Err(why) => format!("shader: {why}"),
+            }
+        };
+        let made = self.upload(asked, gpu, now, list, target, size)?;
+        self.used = Some((false, why));
+        Ok(made)
     }
+
+    /// The frame that is due at `now`, made by the processor.
+    fn upload(
+        &mut self,
+        asked: &Asked<'_>,
+        gpu: &Gpu,
+        now: u64,
+        list: Option<direct3d::ID3D12GraphicsCommandList>,
+        target: Target,
+        size: (u32, u32),
+    ) -> Outcome<Option<(Shown, Option<Guard>)>> {
+        // Lists of another queue than before need rings of their own.
+        let same = |uploads: &Uploads| uploads.gpu().frames().d3d12() == gpu.frames().d3d12();
+        if !self.uploads.as_ref().is_some_and(same) {
+            (self.uploads, self.lists) = (None, None);
+        }
+        let uploads = self.uploads.get_or_insert_with(|| Uploads::new(gpu));
+        let own = match list {
+            Some(_) => None,
+            None => {
+                let lists = match &mut self.lists {
+                    Some(lists) => lists,
+                    none => none.insert(Frames::new(gpu, gpu.frames(), 1)?),
+                };
+                Some(lists.begin()?)
+            }
+        };
+        let Some(list) = list.or_else(|| own.as_ref().map(|frame| frame.list().clone())) else { return Ok(None) };
+        let (mut place, mut recorded) = (Some(uploads.place(list, target, size, asked.linear)?), Ok(()));
+        let shown = asked.presenter.draw(now, size, |picture| {
+            recorded = place.take().map_or(Ok(()), |place| place.fill(picture));
+        })?;
+        recorded?;
+        let Some(shown) = shown else { return Ok(None) };
+        let at = own.map(|frame| frame.submit(gpu.frames())).transpose()?;
+        Ok(Some((shown, at.as_ref().map(guard))))
+    }
+
+    /// What makes frames by shaders; why that cannot be.
+    fn drawer(
+        &mut self,
+        gpu: &Gpu,
+        asked: &Asked<'_>,
+        size: (u32, u32),
+        anchors: (u32, u32),
+    ) -> crate::Result<&mut DeviceDrawer> {
+        let cannot = |why: String| Err(Error::new(ErrorKind::Unsupported, why).remedy("Use the cpu generator"));
+        if size != anchors {
+            let (of, to) = (format!("{} x {}", anchors.0, anchors.1), format!("{} x {}", size.0, size.1));
+            return cannot(format!("it does not scale anchors of {of} pixels to frames of {to}"));
+        }
+        if let Some((of, at, why)) = &self.failed
+            && of.frames().d3d12() == gpu.frames().d3d12()
+            && *at == size
+        {
+            return Err(why.clone());
+        }
+        if !self.drawer.as_ref().is_some_and(|drawer| drawer.fits(gpu, size)) {
+            // First, as there may not be room for both.
+            self.drawer = None;
+            match DeviceDrawer::new(gpu, size, asked.linear) {
+                Ok(made) => self.drawer = Some(made),
+                Err(why) => {
+                    // Memory may be there the next time.
+                    if matches!(why.kind(), ErrorKind::Unsupported | ErrorKind::Device) {
+                        self.failed = Some((gpu.clone(), size, why.clone()));
+                    }
+                    return Err(why);
+                }
+            }
+        }
+        self.drawer.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))
+    }
+
+    /// Waits until all frames have run, and lets go of their targets.
+    pub(in crate::abi) fn release(&mut self) -> Outcome<()> {
+        Ok(self.drawer.as_mut().map_or(Ok(()), DeviceDrawer::finish)?)
+    }
+
+    /// Whether the last frame was made by shaders, and why no other generator made it; none before the first.
+    pub(in crate::abi) fn used(&mut self, presenter: &Presenter) -> Option<(bool, String)> {
+        if let Some(drawer) = &mut self.drawer {
+            presenter.look(drawer);
+        }
+        self.used.clone()
+    }
+}
+
+/// A moment as an engine waits for it, with a reference.
+fn guard(moment: &Moment) -> Guard {
+    Guard { fence: moment.fence().clone().into_raw().cast(), value: moment.value() }
 }
 
 /// The adapters, in the system's order.
@@ -136,6 +265,13 @@ pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_r
         Ort::find(onnxruntime_at).and_then(|ort| Device::directml(&ort, &gpu, DirectMlOptions::default()).map(|_| ort));
     let mut rows =
         vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, needed, &found), onnxruntime(tried), memory()];
+    // Of a small size: what may be refused does not depend on it.
+    let (status, found) = match ShaderGenerator::new(&gpu, (64, 64)) {
+        Ok(_) => (CAIRN_REQUIREMENT_MET, "they run".to_owned()),
+        Err(why) => (CAIRN_REQUIREMENT_OPTIONAL, why.to_string()),
+    };
+    let needed = "compute shaders, for frames that the device makes; else the processor makes them";
+    rows.push(row(CAIRN_REQUIREMENT_SHADERS, status, needed, &found));
     rows.extend(ffx::requirements(&ffx::LoadOptions::from_environment(), &gpu).iter().map(|of_amd| {
         let what = match of_amd.what {
             Needed::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,

@@ -11,7 +11,7 @@ mod layout;
 mod memory;
 mod steps;
 
-use windows::Win32::Graphics::Direct3D12::D3D12_SUBRESOURCE_FOOTPRINT;
+use windows::Win32::Graphics::Direct3D12::{D3D12_PLACED_SUBRESOURCE_FOOTPRINT, D3D12_SUBRESOURCE_FOOTPRINT};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use crate::gpu::Gpu;
@@ -82,6 +82,8 @@ pub struct ShaderGenerator {
     target_transfer: Option<Transfer>,
     /// The pair of which the memory knows all that does not depend on the phase.
     prepared: Option<Prepared>,
+    /// How the finished picture is held that was made last.
+    last: Option<Format>,
 }
 
 /// What tells one pair from another: its textures, and what is said of them.
@@ -121,6 +123,7 @@ impl ShaderGenerator {
             transfer: Transfer::Shown,
             target_transfer: None,
             prepared: None,
+            last: None,
         })
     }
 
@@ -253,6 +256,59 @@ impl ShaderGenerator {
         self.copy(frame, &written, target)
     }
 
+    /// Records `picture` as it is, of the generator's size in a format of anchors, into `target`, as for
+    /// [`generate`](Self::generate): what is shown at an anchor's own time.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a texture of another size, format or device; as for any frame. Nothing is recorded then.
+    pub fn show_anchor(&mut self, frame: &mut Frame<'_>, picture: &Resting<'_>, target: &Resting<'_>) -> Result<()> {
+        let anchor = pictures::anchor(&self.gpu, picture, self.layout.constants.size, self.transfer, "picture")?;
+        let written = self.target(frame, target)?;
+        let inputs = [View::Texture(*picture, anchor.viewed); INPUTS];
+        let table = frame.bind(&inputs, &self.memory.views(false))?;
+        // It may be the anchor, and must rest in one state then.
+        frame.takes(target)?;
+        self.prepared = None;
+        // As the later one of two with a cut between them, of which nothing else is read.
+        let seen = Seen { constants: self.layout.constants, inputs, anchor };
+        let shown = Constants {
+            is_pair: 1,
+            is_stated: 1,
+            cut_shows_current: 1,
+            is_float: anchor.is_float.into(),
+            is_light: anchor.is_light.into(),
+            mark: HOLE,
+            at_tiles: self.layout.at_place_tiles,
+            ..self.constants(&seen, &written)
+        };
+        let mut steps = self.steps(frame, &table);
+        steps.begin(shown);
+        steps.by_tiles(&self.kernels.render, shown);
+        self.copy(frame, &written, target)
+    }
+
+    /// Whether frames of `pair` can be made without preparing it.
+    ///
+    /// # Errors
+    /// As for [`generate`](Self::generate).
+    pub fn is_prepared(&self, pair: &TexturePair<'_>) -> Result<bool> {
+        Ok(self.prepared == Some(self.look_at_pair(pair)?.prepared()))
+    }
+
+    /// Records the picture that was made last once more, into `target`; whether that is possible: where the target's format is that of the
+    /// last one, in which the finished picture is held.
+    ///
+    /// # Errors
+    /// As for [`show_anchor`](Self::show_anchor).
+    pub fn again(&mut self, frame: &mut Frame<'_>, target: &Resting<'_>) -> Result<bool> {
+        let written = self.target(frame, target)?;
+        if self.last != Some(written) {
+            return Ok(false);
+        }
+        self.copy(frame, &written, target)?;
+        Ok(true)
+    }
+
     /// A buffer in which the device leaves what happened in the frame that was made last, for whoever wants to copy it from there:
     /// [`WORD_OF_CUT`], [`WORD_OF_UNCOVERED`] and [`WORD_OF_UNEXPLAINED`] say in which words of four bytes. The next frame overwrites it.
     pub fn report(&self) -> Resting<'_> {
@@ -337,7 +393,7 @@ impl ShaderGenerator {
 
     /// Records a frame between two anchors that were explored.
     fn show(
-        &self,
+        &mut self,
         frame: &mut Frame<'_>,
         table: &Table,
         seen: &Seen<'_>,
@@ -379,7 +435,7 @@ impl ShaderGenerator {
     }
 
     /// Copies the finished picture into its target.
-    fn copy(&self, frame: &mut Frame<'_>, written: &Format, target: &Resting<'_>) -> Result<()> {
+    fn copy(&mut self, frame: &mut Frame<'_>, written: &Format, target: &Resting<'_>) -> Result<()> {
         let [width, height] = self.layout.constants.size;
         let rows = D3D12_SUBRESOURCE_FOOTPRINT {
             Format: written.viewed,
@@ -388,7 +444,11 @@ impl ShaderGenerator {
             Depth: 1,
             RowPitch: memory::pitch(width, written.bytes),
         };
-        frame.copy_rows(&self.memory.picture(), rows, target)
+        let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows };
+        self.last = None;
+        frame.copy_rows(&self.memory.picture(), rows, target)?;
+        self.last = Some(*written);
+        Ok(())
     }
 }
 

@@ -1,14 +1,19 @@
 //! One frame's commands.
 
+use std::ffi::CStr;
+
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
 use super::barrier::{all_written, borrowed, transition, written};
 use super::frames::Slot;
+use super::timing::Timing;
 use super::{Kernel, Resting, View};
 use crate::gpu::{Gpu, Moment, Queue, failed_on};
 use crate::{Error, ErrorKind, Result};
 
+/// How PIX's events say that their name is a text of bytes with a zero at its end.
+const EVENT_OF_BYTES: u32 = 1;
 /// What a shader may read a resource in.
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 /// What a shader writes a resource in.
@@ -26,6 +31,8 @@ pub struct Frame<'a> {
     /// The next descriptor.
     next: u32,
     kind: D3D12_COMMAND_LIST_TYPE,
+    /// The ring's clock, and the frame's place in it.
+    timing: Option<(&'a Timing, usize)>,
     slot: &'a mut Slot,
     list: ID3D12GraphicsCommandList,
     own: bool,
@@ -49,17 +56,23 @@ pub(super) struct Tracked {
 }
 
 impl<'a> Frame<'a> {
+    #[expect(clippy::too_many_arguments, reason = "the parts of the ring that a frame has")]
     pub(super) fn new(
         gpu: &'a Gpu,
         heap: &'a ID3D12DescriptorHeap,
         (step, room): (u32, u32),
         kind: D3D12_COMMAND_LIST_TYPE,
+        timing: Option<(&'a Timing, usize)>,
         slot: &'a mut Slot,
         list: ID3D12GraphicsCommandList,
         own: bool,
     ) -> Self {
-        let frame =
-            Self { gpu, heap, step, room, next: slot.first, kind, slot, list, own, open: true, is_written: false };
+        let next = slot.first;
+        let (open, is_written) = (true, false);
+        let frame = Self { gpu, heap, step, room, next, kind, timing, slot, list, own, open, is_written };
+        if let Some((timing, slot)) = frame.timing {
+            timing.start(&frame.list, slot);
+        }
         frame.resume();
         frame
     }
@@ -157,14 +170,14 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Copies a buffer that holds a picture's rows as `footprint` says over all of a texture.
+    /// Copies a picture's rows, which lie in a buffer as `rows` says, over all of a texture.
     ///
     /// # Errors
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states. Nothing is recorded then.
     pub(crate) fn copy_rows(
         &mut self,
         from: &Resting<'_>,
-        footprint: D3D12_SUBRESOURCE_FOOTPRINT,
+        rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,
         to: &Resting<'_>,
     ) -> Result<()> {
         self.takes(from)?;
@@ -172,7 +185,6 @@ impl<'a> Frame<'a> {
         self.becomes(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
         self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
         self.flush();
-        let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: footprint };
         let from = D3D12_TEXTURE_COPY_LOCATION {
             pResource: borrowed(from.resource),
             Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
@@ -186,6 +198,41 @@ impl<'a> Frame<'a> {
         // SAFETY: an open list, and live resources of its device in the states for it, which the ring holds.
         unsafe { self.list.CopyTextureRegion(&to, 0, 0, 0, &from, None) };
         Ok(())
+    }
+
+    /// Copies the first `bytes` bytes of a buffer to byte `at` of another.
+    ///
+    /// # Errors
+    /// As for [`copy_rows`](Self::copy_rows).
+    pub(crate) fn copy_bytes(&mut self, from: &Resting<'_>, bytes: u64, to: &Resting<'_>, at: u64) -> Result<()> {
+        self.takes(from)?;
+        self.takes(to)?;
+        self.becomes(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
+        self.flush();
+        // SAFETY: an open list, and live buffers of its device in the states for it, which the ring holds.
+        unsafe { self.list.CopyBufferRegion(to.resource, at, from.resource, 0, bytes) };
+        Ok(())
+    }
+
+    /// Has a resource of the frame left in `state` in the end, and not in the one that it came in.
+    pub(crate) fn leave(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
+        if let Some(at) = self.tracked(resource) {
+            self.slot.tracked[at].resting = state;
+        }
+    }
+
+    /// Names what is recorded from now on until [`end_stage`](Self::end_stage), for tools that show the device's work.
+    pub(crate) fn stage(&self, name: &CStr) {
+        let bytes = name.to_bytes_with_nul();
+        // SAFETY: an open list, and a text of so many bytes that is copied.
+        unsafe { self.list.BeginEvent(EVENT_OF_BYTES, Some(bytes.as_ptr().cast()), bytes.len() as u32) };
+    }
+
+    /// Ends the stage that was named last.
+    pub(crate) fn end_stage(&self) {
+        // SAFETY: an open list, in which a stage was begun.
+        unsafe { self.list.EndEvent() };
     }
 
     /// Brings a resource into `state`, and holds it, for what somebody else records into [`list`](Self::list), who leaves it so.
@@ -244,9 +291,11 @@ impl<'a> Frame<'a> {
         });
         let Slot { tracked, barriers, .. } = &mut *self.slot;
         let known = &mut tracked[at];
+        // What may be read in several ways at once needs no change: the memory that the processor writes for the device, above all.
+        let is_read = needed == READ || needed == D3D12_RESOURCE_STATE_COPY_SOURCE;
         if known.current == WRITTEN && needed == WRITTEN {
             barriers.push(written(&known.resource));
-        } else if !(needed == READ && known.current.contains(READ)) && known.current != needed {
+        } else if !(is_read && known.current.contains(needed)) && known.current != needed {
             barriers.push(transition(&known.resource, known.current, needed));
             known.current = needed;
         }
@@ -290,6 +339,10 @@ impl<'a> Frame<'a> {
             }
         }
         self.flush();
+        if let Some((timing, slot)) = self.timing {
+            timing.end(&self.list, slot);
+            self.slot.is_timed = true;
+        }
     }
 }
 

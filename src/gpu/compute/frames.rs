@@ -5,6 +5,7 @@ use windows::core::Interface;
 
 use super::Frame;
 use super::frame::Tracked;
+use super::timing::{Spent, Timing};
 use crate::gpu::{Gpu, Moment, Queue, failed_on};
 use crate::{Error, ErrorKind, Result};
 
@@ -28,6 +29,7 @@ pub struct Frames {
     pub(super) room: u32,
     slots: Vec<Slot>,
     next: usize,
+    timing: Option<Timing>,
 }
 
 /// One frame's part.
@@ -36,6 +38,8 @@ pub(super) struct Slot {
     pub(super) first: u32,
     allocator: ID3D12CommandAllocator,
     list: ID3D12GraphicsCommandList,
+    /// Whether its time on the device is still to be looked at.
+    pub(super) is_timed: bool,
     /// Until when the device may use it.
     pub(super) busy: Option<Moment>,
     /// What it uses, held until then.
@@ -76,7 +80,8 @@ impl Frames {
         let step = unsafe { device.GetDescriptorHandleIncrementSize(D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV) };
         let slots =
             (0..FRAMES_IN_FLIGHT as u32).map(|i| Slot::new(gpu, kind, i * descriptors)).collect::<Result<_>>()?;
-        Ok(Self { gpu: gpu.clone(), kind, heap, step, room: descriptors, slots, next: 0 })
+        let timing = Timing::new(gpu, queue)?;
+        Ok(Self { gpu: gpu.clone(), kind, heap, step, room: descriptors, slots, next: 0, timing })
     }
 
     /// Starts a frame in a command list of the ring's, for [`Frame::submit`]. Waits where [`FRAMES_IN_FLIGHT`] frames are under way.
@@ -125,6 +130,16 @@ impl Frames {
         }
     }
 
+    /// Waits for all frames, and lets go of their resources.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`.
+    pub fn finish(&mut self) -> Result<()> {
+        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).try_for_each(Moment::wait)?;
+        self.let_go();
+        Ok(())
+    }
+
     /// Waits until the next slot can be used.
     fn free_next(&mut self) -> Result<()> {
         if let Some(gone) = self.gpu.removed() {
@@ -138,13 +153,45 @@ impl Frames {
         slot.tracked.clear();
         slot.kernels.clear();
         slot.barriers.clear();
+        self.look(self.next);
         Ok(())
+    }
+
+    /// Time on the device of the frames that have run.
+    pub fn spent(&mut self) -> Spent {
+        for slot in 0..self.slots.len() {
+            if self.slots[slot].busy.as_ref().is_none_or(Moment::reached) {
+                self.look(slot);
+            }
+        }
+        self.timing.as_ref().map(|timing| timing.spent).unwrap_or_default()
+    }
+
+    /// Looks at the time of a frame that has run.
+    fn look(&mut self, slot: usize) {
+        if std::mem::take(&mut self.slots[slot].is_timed)
+            && let Some(timing) = &mut self.timing
+        {
+            timing.look(slot);
+        }
+    }
+
+    /// Which place of the ring, from 0 to [`FRAMES_IN_FLIGHT`], the next frame takes: what belongs to the frame before it in that place can be
+    /// used again once it is begun.
+    pub(crate) fn place(&self) -> usize {
+        self.next
+    }
+
+    /// How many frames are under way.
+    pub fn under_way(&self) -> usize {
+        self.slots.iter().filter(|slot| slot.busy.as_ref().is_some_and(|moment| !moment.reached())).count()
     }
 
     fn start(&mut self, list: ID3D12GraphicsCommandList, own: bool) -> Frame<'_> {
         let slot = self.next;
         self.next = (slot + 1) % FRAMES_IN_FLIGHT;
-        Frame::new(&self.gpu, &self.heap, (self.step, self.room), self.kind, &mut self.slots[slot], list, own)
+        let timing = self.timing.as_ref().map(|timing| (timing, slot));
+        Frame::new(&self.gpu, &self.heap, (self.step, self.room), self.kind, timing, &mut self.slots[slot], list, own)
     }
 }
 
@@ -157,7 +204,7 @@ impl Drop for Frames {
 
 impl std::fmt::Debug for Frames {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let busy = self.slots.iter().filter(|slot| slot.busy.as_ref().is_some_and(|moment| !moment.reached())).count();
+        let busy = self.under_way();
         write!(f, "Frames({busy} of {FRAMES_IN_FLIGHT} under way)")
     }
 }
@@ -175,7 +222,7 @@ impl Slot {
         unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
         let (tracked, barriers) = (Vec::with_capacity(RESOURCES), Vec::with_capacity(RESOURCES));
         let kernels = Vec::with_capacity(RESOURCES);
-        Ok(Self { first, allocator, list, busy: None, tracked, kernels, barriers })
+        Ok(Self { first, allocator, list, is_timed: false, busy: None, tracked, kernels, barriers })
     }
 
     /// The closed list as a queue takes it.

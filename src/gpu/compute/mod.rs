@@ -9,6 +9,7 @@ mod frame;
 mod frames;
 mod kernel;
 pub(crate) mod pictures;
+mod timing;
 mod view;
 
 pub use frame::Frame;
@@ -16,5 +17,6 @@ pub(crate) use frame::Table;
 pub use frames::{FRAMES_IN_FLIGHT, Frames};
 pub(crate) use kernel::{Kernel, Shape};
 pub use pictures::Transfer;
+pub use timing::Spent;
 pub use view::Resting;
 pub(crate) use view::{Texture, View, Words, texture, untyped};

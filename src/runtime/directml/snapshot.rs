@@ -51,6 +51,11 @@ impl Snapshot {
         self.textures.get(i).zip(self.moment.as_ref())
     }
 
+    /// The latent in a buffer that rests in the state COMMON, and when it is there.
+    pub(crate) fn latent_buffer(&self) -> Option<(&ID3D12Resource, &Moment)> {
+        Some((&self.latent, self.moment.as_ref()?))
+    }
+
     /// Waits for picture `i`, then brings it down.
     pub(crate) fn read_picture(&self, i: usize) -> Result<Picture> {
         let (texture, moment) = self.texture(i).ok_or_else(nothing_there)?;

@@ -48,6 +48,11 @@ impl OnDevice {
         self.snapshot.texture(i)
     }
 
+    pub(super) fn latent(&self) -> Option<(&ID3D12Resource, &Moment, bool)> {
+        let (latent, moment) = self.snapshot.latent_buffer()?;
+        Some((latent, moment, self.precision == Precision::F16))
+    }
+
     pub(super) fn read_picture(&self, i: usize) -> Result<Picture> {
         self.snapshot.read_picture(i)
     }

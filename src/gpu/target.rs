@@ -1,0 +1,135 @@
+//! An engine's textures that frames are written to, and its lists.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use super::Gpu;
+use super::texture::names_state;
+use crate::texels::Texel;
+use crate::{Error, ErrorKind, Result};
+
+/// An engine's texture, the state it is in when a list comes to it, and the one it is left in.
+#[derive(Debug, Clone)]
+pub struct Target {
+    /// Of two dimensions with one level, slice and sample: R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or typeless), R10G10B10A2 (UNORM
+    /// or typeless) or R16G16B16A16 (FLOAT or typeless).
+    pub texture: ID3D12Resource,
+    /// On entry.
+    pub before: D3D12_RESOURCE_STATES,
+    /// On exit.
+    pub after: D3D12_RESOURCE_STATES,
+}
+
+impl Target {
+    /// Looks whether a frame of `size`, in `linear` light if so, can be written to it by a list of `kind`; what it is.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a texture of another kind, size, format or device, and for states that the texture cannot be in or the
+    /// list cannot name.
+    pub(crate) fn check(
+        &self,
+        gpu: &Gpu,
+        kind: D3D12_COMMAND_LIST_TYPE,
+        size: (u32, u32),
+        linear: bool,
+    ) -> Result<(D3D12_RESOURCE_DESC, Texel)> {
+        gpu.owns(&self.texture, "target")?;
+        // SAFETY: a live resource.
+        let desc = unsafe { self.texture.GetDesc() };
+        let texel = check(&desc, size)?;
+        if linear && texel != Texel::Rgba16F {
+            return Err(refuse("target", "linear light needs more bits").remedy("Use R16G16B16A16_FLOAT"));
+        }
+        for (field, state) in [("before", self.before), ("after", self.after)] {
+            check_state(field, state, &desc, kind)?;
+        }
+        Ok((desc, texel))
+    }
+}
+
+/// The type of an engine's list, which must be that of the queue for frames.
+///
+/// # Errors
+/// `InvalidArgument` for a list of another type or of another device.
+pub(crate) fn check_list(gpu: &Gpu, list: &ID3D12GraphicsCommandList) -> Result<D3D12_COMMAND_LIST_TYPE> {
+    gpu.owns(list, "list")?;
+    // SAFETY: a live list.
+    let kind = unsafe { list.GetType() };
+    if kind != gpu.frames().kind() {
+        let why = "the list is of another type than the device's queue";
+        return Err(refuse("list", why).remedy("Record into a list of the queue's type"));
+    }
+    Ok(kind)
+}
+
+pub(super) fn refuse(field: &str, why: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidArgument, why.into()).field(field)
+}
+
+/// What a texture's pixels are; refuses one that a frame of `size` cannot be copied into.
+fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<Texel> {
+    let one = desc.DepthOrArraySize == 1 && desc.MipLevels == 1 && desc.SampleDesc.Count == 1;
+    if desc.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || !one {
+        return Err(refuse("target", "it is no texture of two dimensions with one level, slice and sample"));
+    }
+    if (desc.Width, desc.Height) != (u64::from(width), height) {
+        let why = format!("{} x {} pixels where frames have {width} x {height}", desc.Width, desc.Height);
+        return Err(refuse("target", why).remedy("Set the size of the frames in the presenter's options"));
+    }
+    match desc.Format {
+        DXGI_FORMAT_R8G8B8A8_UNORM | DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_R8G8B8A8_TYPELESS => {
+            Ok(Texel::Rgba8)
+        }
+        DXGI_FORMAT_B8G8R8A8_UNORM | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_TYPELESS => {
+            Ok(Texel::Bgra8)
+        }
+        DXGI_FORMAT_R10G10B10A2_UNORM | DXGI_FORMAT_R10G10B10A2_TYPELESS => Ok(Texel::Rgb10A2),
+        DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R16G16B16A16_TYPELESS => Ok(Texel::Rgba16F),
+        other => Err(refuse("target", format!("frames are not written in DXGI_FORMAT {}", other.0))
+            .remedy("Use RGBA8, BGRA8, RGB10A2 or RGBA16F")),
+    }
+}
+
+/// Refuses a state that a texture cannot be in, or that a list of the type cannot name: a barrier with one removes the device.
+fn check_state(
+    field: &str,
+    state: D3D12_RESOURCE_STATES,
+    desc: &D3D12_RESOURCE_DESC,
+    kind: D3D12_COMMAND_LIST_TYPE,
+) -> Result<()> {
+    const READS: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATES(
+        D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE.0
+            | D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE.0
+            | D3D12_RESOURCE_STATE_COPY_SOURCE.0
+            | D3D12_RESOURCE_STATE_RESOLVE_SOURCE.0,
+    );
+    let shaders = D3D12_RESOURCE_STATE_ALL_SHADER_RESOURCE;
+    let has = |flag| desc.Flags & flag != D3D12_RESOURCE_FLAG_NONE;
+    let name = state.0.cast_unsigned();
+    let cannot = |why: &str| Err(refuse(field, format!("D3D12_RESOURCE_STATES {name:#x}: {why}")));
+    match state {
+        D3D12_RESOURCE_STATE_COMMON | D3D12_RESOURCE_STATE_COPY_DEST => {}
+        D3D12_RESOURCE_STATE_RENDER_TARGET => {
+            if !has(D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET) {
+                return cannot("the texture was not made to be a render target");
+            }
+        }
+        D3D12_RESOURCE_STATE_UNORDERED_ACCESS => {
+            if !has(D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS) {
+                return cannot("the texture was not made to be written by shaders");
+            }
+        }
+        D3D12_RESOURCE_STATE_RESOLVE_DEST => {}
+        reads if reads & READS == reads => {
+            let shown = reads & shaders != D3D12_RESOURCE_STATE_COMMON;
+            if shown && has(D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE) {
+                return cannot("the texture was made not to be read by shaders");
+            }
+        }
+        _ => return cannot("no texture of colours can be in it"),
+    }
+    if !names_state(kind, state) {
+        return cannot("a compute list cannot name it");
+    }
+    Ok(())
+}

@@ -1,0 +1,408 @@
+//! What frames are made of, on the device.
+
+use std::sync::{Arc, Weak};
+
+use half::f16;
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use super::super::motion::{Extractors, MotionSource};
+use super::super::presenter::{Plan, Slot};
+use super::{nothing_brought, resting};
+use crate::framegen::shader;
+use crate::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting, Spent};
+use crate::gpu::{Gpu, Heap, Shared, written_texture};
+use crate::guidance::paper::LatentBuffer;
+use crate::guidance::{Guidance, paper, picture_flow};
+use crate::world::KeptAnchor;
+use crate::{Error, ErrorKind, Result};
+
+/// Anchors' pictures that are kept: of a pair, and of those beside it.
+const PICTURES: usize = 4;
+/// Pairs' motion and depth that are kept.
+const PAIRS: usize = 3;
+/// Descriptors of a list: the generator takes the most.
+const DESCRIPTORS: u32 = shader::DESCRIPTORS;
+/// Pixels to a side for which there is one depth, where it is the same everywhere.
+const EVEN: u32 = 16;
+/// Between pictures in memory that is copied from.
+const ALIGNMENT: usize = D3D12_TEXTURE_DATA_PLACEMENT_ALIGNMENT as usize;
+const PITCH: usize = D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize;
+
+/// Brings pictures, motion and depth to the device where they are not there, on the queue for frames and in lists of its own: an
+/// engine's list that is never run leaves nothing half done.
+pub(super) struct Supply {
+    gpu: Gpu,
+    size: (u32, u32),
+    ring: Frames,
+    /// What lists of the ring copy from, by their places in it.
+    staging: [Option<(Shared, usize)>; FRAMES_IN_FLIGHT],
+    pictures: Vec<PictureTexture>,
+    pairs: Vec<PairTextures>,
+    extractors: Extractors,
+    /// Memory for what they find.
+    found: Option<Guidance>,
+    /// The paper's extractor, for latents of a shape, of halves if so.
+    from_latents: Option<(paper::GpuExtractor, [u32; 3], bool)>,
+    from_pictures: Option<picture_flow::GpuExtractor>,
+    /// Counts what is asked for.
+    clock: u64,
+}
+
+/// A picture of an anchor that was not made on the device.
+struct PictureTexture {
+    of: Option<(Weak<KeptAnchor>, usize)>,
+    texture: ID3D12Resource,
+    used: u64,
+}
+
+/// Motion and depth of a pair.
+struct PairTextures {
+    of: Option<Pair>,
+    textures: Textures,
+    used: u64,
+}
+
+/// Whose motion and depth it is: what came with an anchor, or what was found for the one of an index, after so many resets.
+#[derive(Clone)]
+enum Pair {
+    Given(Weak<Guidance>),
+    Found(u64, u64),
+}
+
+#[derive(Clone)]
+pub(super) struct Textures {
+    pub(super) motion: ID3D12Resource,
+    pub(super) motion_tile: u32,
+    pub(super) depth: ID3D12Resource,
+    pub(super) depth_tile: u32,
+}
+
+/// What a frame is made of. All of it rests in the state COMMON.
+pub(super) struct Supplied {
+    pub(super) previous: Option<ID3D12Resource>,
+    /// The later anchor, the last one, or the picture that is shown as it is.
+    pub(super) current: ID3D12Resource,
+    pub(super) guidance: Option<Textures>,
+    pub(super) previous_depth: Option<(ID3D12Resource, u32)>,
+}
+
+/// What is to be copied into a texture: rows without a gap.
+struct Upload<'a> {
+    bytes: &'a [u8],
+    size: (u32, u32),
+    format: DXGI_FORMAT,
+    to: ID3D12Resource,
+}
+
+impl Supply {
+    pub(super) fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
+        let format = DXGI_FORMAT_R8G8B8A8_UNORM;
+        let state = D3D12_RESOURCE_STATE_COMMON;
+        let picture = || Ok(PictureTexture { of: None, texture: written_texture(gpu, size, format, state)?, used: 0 });
+        let pair = || Ok(PairTextures { of: None, textures: Textures::new(gpu, size, [1, 1])?, used: 0 });
+        Ok(Self {
+            gpu: gpu.clone(),
+            size,
+            ring: Frames::new(gpu, gpu.frames(), DESCRIPTORS)?,
+            staging: std::array::from_fn(|_| None),
+            pictures: (0..PICTURES).map(|_| picture()).collect::<Result<_>>()?,
+            pairs: (0..PAIRS).map(|_| pair()).collect::<Result<_>>()?,
+            extractors: Extractors::default(),
+            found: None,
+            from_latents: None,
+            from_pictures: None,
+            clock: 0,
+        })
+    }
+
+    /// What `plan` needs, after `epoch` resets; where anchors came without guidance it is found from `motion`.
+    pub(super) fn bring(&mut self, plan: &Plan, epoch: u64, motion: MotionSource) -> Result<Supplied> {
+        self.clock += 1;
+        let (previous, current, index) = match plan {
+            Plan::Copy { anchor, picture } => {
+                let current = self.bring_picture(anchor, *picture)?;
+                return Ok(Supplied { previous: None, current, guidance: None, previous_depth: None });
+            }
+            Plan::Between { previous, current, index, .. } => (Some(previous), current, *index),
+            Plan::Beyond { previous, last, index, .. } => (previous.as_ref(), last, *index),
+        };
+        let guidance = match &current.guidance {
+            Some(given) => self.bring_given(given)?,
+            None => {
+                let previous = &previous.ok_or_else(nothing_brought)?.anchor;
+                self.bring_found(motion, previous, &current.anchor, (epoch, index))?
+            }
+        };
+        let last = |slot: &Slot| slot.anchor.count() - 1;
+        let picture = self.bring_picture(&current.anchor, last(current))?;
+        let mut supplied =
+            Supplied { previous: None, current: picture, guidance: Some(guidance), previous_depth: None };
+        if let (Plan::Between { .. }, Some(previous)) = (plan, previous) {
+            supplied.previous = Some(self.bring_picture(&previous.anchor, last(previous))?);
+            if let Some(given) = &previous.guidance {
+                let textures = self.bring_given(given)?;
+                supplied.previous_depth = Some((textures.depth, textures.depth_tile));
+            }
+        }
+        Ok(supplied)
+    }
+
+    /// A list for what a pair needs besides.
+    pub(super) fn begin(&mut self) -> Result<Frame<'_>> {
+        self.ring.begin()
+    }
+
+    /// Time on the device of its lists that have run.
+    pub(super) fn spent(&mut self) -> Spent {
+        self.ring.spent()
+    }
+
+    /// A picture of an anchor: where it was made, or a copy.
+    fn bring_picture(&mut self, anchor: &Arc<KeptAnchor>, picture: usize) -> Result<ID3D12Resource> {
+        if let Some((texture, moment)) =
+            anchor.texture(picture).filter(|(texture, _)| self.gpu.owns(*texture, "").is_ok())
+        {
+            // Only work on the queue waits, and only for a copy that is on its way.
+            if !moment.reached() {
+                self.gpu.frames().wait(moment)?;
+            }
+            return Ok(texture.clone());
+        }
+        let is = |kept: &PictureTexture| {
+            kept.of.as_ref().is_some_and(|(of, i)| of.as_ptr() == Arc::as_ptr(anchor) && *i == picture)
+        };
+        let at = match self.pictures.iter().position(is) {
+            Some(at) => {
+                self.pictures[at].used = self.clock;
+                return Ok(self.pictures[at].texture.clone());
+            }
+            None => oldest(self.pictures.iter().map(|kept| kept.used)),
+        };
+        let found = anchor.read(picture)?;
+        let to = self.pictures[at].texture.clone();
+        self.pictures[at].of = None;
+        let upload =
+            Upload { bytes: found.rgba(), size: self.size, format: DXGI_FORMAT_R8G8B8A8_UNORM, to: to.clone() };
+        self.submit(&[upload])?;
+        let kept = &mut self.pictures[at];
+        (kept.of, kept.used) = (Some((Arc::downgrade(anchor), picture)), self.clock);
+        Ok(to)
+    }
+
+    /// Guidance that came with an anchor.
+    fn bring_given(&mut self, given: &Arc<Guidance>) -> Result<Textures> {
+        let is = |of: &Pair| matches!(of, Pair::Given(of) if of.as_ptr() == Arc::as_ptr(given));
+        match self.pair(is) {
+            Ok(there) => Ok(there),
+            Err(at) => self.upload_pair(at, given, Pair::Given(Arc::downgrade(given))),
+        }
+    }
+
+    /// Motion and depth of a pair that came without: from latents on the device there, else by the processor.
+    fn bring_found(
+        &mut self,
+        source: MotionSource,
+        previous: &Arc<KeptAnchor>,
+        current: &Arc<KeptAnchor>,
+        (epoch, index): (u64, u64),
+    ) -> Result<Textures> {
+        let is = |of: &Pair| matches!(of, Pair::Found(e, i) if (*e, *i) == (epoch, index));
+        let at = match self.pair(is) {
+            Ok(there) => return Ok(there),
+            Err(at) => at,
+        };
+        let key = Pair::Found(epoch, index);
+        let is_found = match source {
+            MotionSource::PictureFlow => self.find_from_pictures(at, previous, current)?,
+            MotionSource::Paper => self.find_from_latents(at, previous, current)?,
+        };
+        if is_found {
+            let kept = &mut self.pairs[at];
+            (kept.of, kept.used) = (Some(key), self.clock);
+            return Ok(kept.textures.clone());
+        }
+        let mut found = match self.found.take() {
+            Some(found) => found,
+            None => Guidance::new(self.size.0, self.size.1, paper::PROJECTION)?,
+        };
+        self.extractors.fill(source, previous, current, &mut found)?;
+        let brought = self.upload_pair(at, &found, key);
+        self.found = Some(found);
+        brought
+    }
+
+    /// Motion from the two pictures; `false` where they are too large for that.
+    fn find_from_pictures(&mut self, at: usize, previous: &Arc<KeptAnchor>, current: &Arc<KeptAnchor>) -> Result<bool> {
+        if self.from_pictures.is_none() {
+            match picture_flow::GpuExtractor::new(&self.gpu, self.size) {
+                Ok(made) => self.from_pictures = Some(made),
+                Err(why) if why.kind() == ErrorKind::Unsupported => return Ok(false),
+                Err(why) => return Err(why),
+            }
+        }
+        let previous = self.bring_picture(previous, previous.count() - 1)?;
+        let current = self.bring_picture(current, current.count() - 1)?;
+        let kept = &mut self.pairs[at];
+        kept.of = None;
+        kept.textures.make(&self.gpu, self.size, [1, EVEN])?;
+        let textures = kept.textures.clone();
+        let mut frame = self.ring.begin()?;
+        frame.stage(c"Cairn: motion from pictures");
+        let (motion, depth) = (resting(&textures.motion), resting(&textures.depth));
+        let Some(extractor) = &self.from_pictures else { return Ok(false) };
+        extractor.record(&mut frame, &resting(&previous), &resting(&current), &motion, &depth)?;
+        frame.end_stage();
+        frame.submit(self.gpu.frames())?;
+        Ok(true)
+    }
+
+    /// The paper's motion and depth; `false` where the latents are not on the device.
+    fn find_from_latents(&mut self, at: usize, previous: &KeptAnchor, current: &KeptAnchor) -> Result<bool> {
+        let (Some(z0), Some(z1)) = (previous.latent_buffer(), current.latent_buffer()) else { return Ok(false) };
+        let here = [z0.0, z1.0].iter().all(|buffer| self.gpu.owns(*buffer, "").is_ok());
+        let (shape, half) = (current.latent_shape(), z1.2);
+        if !here || previous.latent_shape() != shape || z0.2 != half {
+            return Ok(false);
+        }
+        for (_, moment, _) in [&z0, &z1] {
+            if !moment.reached() {
+                self.gpu.frames().wait(moment)?;
+            }
+        }
+        if self.from_latents.as_ref().is_none_or(|(_, of, h)| (*of, *h) != (shape, half)) {
+            let made = paper::GpuExtractor::new(&self.gpu, shape.map(|n| n as usize), half)?;
+            self.from_latents = Some((made, shape, half));
+        }
+        let kept = &mut self.pairs[at];
+        kept.of = None;
+        kept.textures.make(&self.gpu, self.size, [1, 1])?;
+        let textures = kept.textures.clone();
+        let mut frame = self.ring.begin()?;
+        frame.stage(c"Cairn: motion from latents");
+        let latent = |buffer| LatentBuffer { buffer: resting(buffer), first: 0 };
+        let (motion, depth) = (resting(&textures.motion), resting(&textures.depth));
+        let Some((extractor, _, _)) = &self.from_latents else { return Ok(false) };
+        extractor.record(&mut frame, &latent(z0.0), &latent(z1.0), &motion, &depth)?;
+        frame.end_stage();
+        frame.submit(self.gpu.frames())?;
+        Ok(true)
+    }
+
+    /// The textures of a pair, or else the place that is to take it.
+    fn pair(&mut self, is: impl Fn(&Pair) -> bool) -> std::result::Result<Textures, usize> {
+        let at = self.pairs.iter().position(|kept| kept.of.as_ref().is_some_and(&is));
+        let at = at.ok_or_else(|| oldest(self.pairs.iter().map(|kept| kept.used)))?;
+        self.pairs[at].used = self.clock;
+        Ok(self.pairs[at].textures.clone())
+    }
+
+    fn upload_pair(&mut self, at: usize, guidance: &Guidance, key: Pair) -> Result<Textures> {
+        let (motion, depth) = (guidance.motion(), guidance.depth());
+        let kept = &mut self.pairs[at];
+        kept.of = None;
+        kept.textures.make(&self.gpu, self.size, [motion.tile(), depth.tile()])?;
+        let textures = kept.textures.clone();
+        let uploads = [
+            Upload {
+                bytes: bytemuck::must_cast_slice::<[f16; 2], u8>(motion.vectors()),
+                size: (motion.columns(), motion.rows()),
+                format: MOTION,
+                to: textures.motion.clone(),
+            },
+            Upload {
+                bytes: bytemuck::must_cast_slice::<f32, u8>(depth.depth()),
+                size: (depth.columns(), depth.rows()),
+                format: DEPTH,
+                to: textures.depth.clone(),
+            },
+        ];
+        self.submit(&uploads)?;
+        let kept = &mut self.pairs[at];
+        (kept.of, kept.used) = (Some(key), self.clock);
+        Ok(textures)
+    }
+
+    /// Gives the queue a list that copies.
+    fn submit(&mut self, uploads: &[Upload<'_>]) -> Result<()> {
+        let slot = self.ring.place();
+        let mut frame = self.ring.begin()?;
+        let total = uploads.iter().map(|upload| upload.bytes_in_memory()).sum();
+        let staging = &mut self.staging[slot];
+        if staging.as_ref().is_none_or(|(_, len)| *len < total) {
+            *staging = None;
+            *staging = Some((Shared::new(&self.gpu, Heap::Upload, total)?, total));
+        }
+        let (memory, _) = staging.as_mut().ok_or_else(nothing_brought)?;
+        frame.stage(c"Cairn: an anchor from memory");
+        let mut at = 0;
+        for upload in uploads {
+            upload.record(&mut frame, memory, at)?;
+            at += upload.bytes_in_memory();
+        }
+        frame.end_stage();
+        frame.submit(self.gpu.frames())?;
+        Ok(())
+    }
+}
+
+const MOTION: DXGI_FORMAT = DXGI_FORMAT_R16G16_FLOAT;
+const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
+
+impl Textures {
+    /// For pictures of `size`, of motion and of depth in tiles of so many pixels to a side.
+    fn new(gpu: &Gpu, size: (u32, u32), tiles: [u32; 2]) -> Result<Self> {
+        let texture = |tile: u32, format| {
+            let size = (size.0.div_ceil(tile), size.1.div_ceil(tile));
+            written_texture(gpu, size, format, D3D12_RESOURCE_STATE_COMMON)
+        };
+        let [motion_tile, depth_tile] = tiles;
+        let (motion, depth) = (texture(motion_tile, MOTION)?, texture(depth_tile, DEPTH)?);
+        Ok(Self { motion, motion_tile, depth, depth_tile })
+    }
+
+    /// Others where the tiles are others.
+    fn make(&mut self, gpu: &Gpu, size: (u32, u32), tiles: [u32; 2]) -> Result<()> {
+        if [self.motion_tile, self.depth_tile] != tiles {
+            *self = Self::new(gpu, size, tiles)?;
+        }
+        Ok(())
+    }
+}
+
+impl Upload<'_> {
+    fn row(&self) -> usize {
+        self.bytes.len() / self.size.1 as usize
+    }
+
+    fn bytes_in_memory(&self) -> usize {
+        (self.row().next_multiple_of(PITCH) * self.size.1 as usize).next_multiple_of(ALIGNMENT)
+    }
+
+    /// Writes it to byte `at` of `memory`, and records that it is copied from there.
+    fn record(&self, frame: &mut Frame<'_>, memory: &mut Shared, at: usize) -> Result<()> {
+        let pitch = self.row().next_multiple_of(PITCH);
+        for (y, row) in self.bytes.chunks_exact(self.row()).enumerate() {
+            memory.write(at + y * pitch, row);
+        }
+        let rows = D3D12_SUBRESOURCE_FOOTPRINT {
+            Format: self.format,
+            Width: self.size.0,
+            Height: self.size.1,
+            Depth: 1,
+            RowPitch: u32::try_from(pitch).map_err(|_| too_wide(pitch))?,
+        };
+        let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: at as u64, Footprint: rows };
+        let from = Resting { resource: memory.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
+        frame.copy_rows(&from, rows, &resting(&self.to))
+    }
+}
+
+/// Which has not been used for longest.
+fn oldest(used: impl Iterator<Item = u64>) -> usize {
+    used.enumerate().min_by_key(|(_, used)| *used).map_or(0, |(at, _)| at)
+}
+
+fn too_wide(pitch: usize) -> Error {
+    Error::new(ErrorKind::InvalidArgument, format!("a row of {pitch} bytes cannot be copied"))
+}

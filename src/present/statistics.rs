@@ -1,0 +1,54 @@
+//! What a presenter has done.
+
+use std::time::Duration;
+
+use super::presenter::{Shown, ShownSource};
+
+/// What a presenter has done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PresenterStatistics {
+    /// Anchors pushed.
+    pub anchors: u64,
+    /// Those that came after they were due.
+    pub late: u64,
+    /// How long time has stood still for them, in nanoseconds.
+    pub slipped_ns: u64,
+    /// Frames drawn, by what they were made of; one drawn again counts once more, under `repeated` too.
+    pub shown_anchors: u64,
+    /// See `shown_anchors`.
+    pub decoded: u64,
+    /// See `shown_anchors`.
+    pub generated: u64,
+    /// See `shown_anchors`.
+    pub extrapolated: u64,
+    /// See `shown_anchors`.
+    pub held: u64,
+    /// See `shown_anchors`.
+    pub repeated: u64,
+    /// Held ones among them for which there was a cut.
+    pub cuts: u64,
+    /// Time spent on motion and depth.
+    pub guidance: Duration,
+    /// Time spent on generating.
+    pub generate: Duration,
+    /// Time spent on resizing.
+    pub resize: Duration,
+}
+
+impl PresenterStatistics {
+    pub(super) fn count(&mut self, shown: &Shown, times: &Self) {
+        let of = match shown.source {
+            ShownSource::Anchor => &mut self.shown_anchors,
+            ShownSource::Decoded => &mut self.decoded,
+            ShownSource::Generated => &mut self.generated,
+            ShownSource::Extrapolated => &mut self.extrapolated,
+            ShownSource::Held => &mut self.held,
+        };
+        *of += 1;
+        self.repeated += u64::from(shown.repeated);
+        self.cuts += u64::from(shown.cut);
+        self.guidance += times.guidance;
+        self.generate += times.generate;
+        self.resize += times.resize;
+    }
+}

@@ -1,0 +1,300 @@
+//! A presenter's frames as a device makes them, beside those that the processor makes. On Windows, or in the lab.
+#![cfg(windows)]
+
+use std::sync::Arc;
+
+use cairn::Picture;
+use cairn::bundle::Precision;
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
+use cairn::gpu::{Gpu, Target};
+use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
+use cairn::present::device::DeviceDrawer;
+use cairn::present::pacing::Interval;
+use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, Shown, ShownSource, extract};
+use cairn::runtime::{Device, DirectMlOptions};
+use cairn::world::{KeptAnchor, World, WorldOptions};
+use half::f16;
+
+mod common;
+#[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+#[path = "d3d12/textures.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod textures;
+use engine::Engine;
+use textures::{Recording, Wanted};
+
+/// Nanoseconds between anchors.
+const INTERVAL: u64 = 80_000_000;
+
+fn options(motion: MotionSource) -> PresenterOptions {
+    PresenterOptions {
+        interval: Some(Interval::of_ns(INTERVAL).expect("an interval")),
+        multiplier: 4,
+        delay_ns: None,
+        catch_up: false,
+        extrapolate: true,
+        decoded: true,
+        size: None,
+        capacity: 4,
+        motion,
+    }
+}
+
+fn device_of(engine: &Engine, queue: &ID3D12CommandQueue) -> Gpu {
+    Gpu::of_engine(&engine.device, queue, None).expect("the engine's device")
+}
+
+/// What frames are written to.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    format: DXGI_FORMAT,
+    flags: D3D12_RESOURCE_FLAGS,
+    states: [D3D12_RESOURCE_STATES; 2],
+}
+
+const RENDERED: D3D12_RESOURCE_FLAGS = D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
+const PRESENT: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PRESENT;
+const DRAWN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_RENDER_TARGET;
+const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+
+/// Of swap chains, and of an engine's own.
+const KINDS: [Kind; 5] = [
+    Kind { format: DXGI_FORMAT_R8G8B8A8_UNORM, flags: RENDERED, states: [PRESENT, PRESENT] },
+    Kind { format: DXGI_FORMAT_B8G8R8A8_UNORM, flags: RENDERED, states: [DRAWN, PRESENT] },
+    Kind { format: DXGI_FORMAT_R10G10B10A2_UNORM, flags: D3D12_RESOURCE_FLAG_NONE, states: [READ, READ] },
+    Kind { format: DXGI_FORMAT_R16G16B16A16_FLOAT, flags: RENDERED, states: [DRAWN, DRAWN] },
+    Kind { format: DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, flags: RENDERED, states: [PRESENT, DRAWN] },
+];
+
+/// A presenter whose frames the processor makes, and one whose frames the device makes; both are given the same.
+struct Both {
+    host: Presenter,
+    device: Presenter,
+    drawer: DeviceDrawer,
+    pixels: usize,
+    far: usize,
+}
+
+impl Both {
+    fn new(gpu: &Gpu, size: (u32, u32), options: &PresenterOptions) -> Self {
+        Self {
+            host: Presenter::new(options.clone(), Some(Box::new(CpuGenerator::new()))).expect("a presenter"),
+            device: Presenter::new(options.clone(), None).expect("a presenter"),
+            drawer: DeviceDrawer::new(gpu, size, false).expect("a drawer"),
+            pixels: 0,
+            far: 0,
+        }
+    }
+
+    fn push(&self, anchor: &Arc<KeptAnchor>, guidance: Option<&Arc<Guidance>>, now: u64) {
+        for presenter in [&self.host, &self.device] {
+            assert!(presenter.push(anchor.clone(), guidance.cloned(), now).expect("it is taken"));
+        }
+    }
+
+    /// The frame at `now` as both have it, compared pixel by pixel.
+    fn compare(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool) -> Shown {
+        self.compare_after(engine, now, kind, own, || ())
+    }
+
+    /// The same; calls `made` once the device has made it, and before the processor does.
+    fn compare_after(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool, made: impl FnOnce()) -> Shown {
+        let size = self.host.size().expect("a size");
+        let Kind { format, flags, states: [before, after] } = kind;
+        let texture = Wanted { size, format, flags, state: before, ..Wanted::default() }.make(&engine.device);
+        let target = Target { texture: texture.clone(), before, after };
+        let found = if own {
+            let (shown, moment) =
+                self.device.submit(now, &mut self.drawer, &target).expect("it is made").expect("a frame");
+            moment.wait().expect("it is there");
+            Some(shown)
+        } else {
+            let recording = Recording::on(&engine.device, &engine.direct);
+            let shown = self.device.record(now, &mut self.drawer, recording.list(), &target).expect("it is recorded");
+            recording.submit(&engine.direct);
+            textures::wait(&engine.device, &engine.direct);
+            shown
+        };
+        made();
+        let mut expected = None;
+        let shown = self.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("it is drawn");
+        let expected = expected.expect("a picture");
+        assert_eq!(found, shown, "both show the same");
+        let held = textures::read(&engine.device, &engine.direct, &texture, after);
+        let far = far(&held, &expected, format);
+        self.pixels += (size.0 * size.1) as usize;
+        self.far += far;
+        let shown = shown.expect("a frame");
+        if far > 0 {
+            println!("{far} pixels of {size:?} are more than a level off: {shown:?} {kind:?}");
+        }
+        shown
+    }
+
+    fn check(&self) {
+        println!("{} of {} pixels are more than a level off", self.far, self.pixels);
+        assert!(self.far * 1000 <= self.pixels, "{} of {} pixels", self.far, self.pixels);
+    }
+}
+
+/// Pixels of a texture's that are more than a level of 255 from the picture.
+fn far(held: &[u8], picture: &Picture, format: DXGI_FORMAT) -> usize {
+    let levels: Vec<[f32; 4]> = match format {
+        DXGI_FORMAT_B8G8R8A8_UNORM => {
+            held.as_chunks::<4>().0.iter().map(|&[b, g, r, a]| [r, g, b, a].map(f32::from)).collect()
+        }
+        DXGI_FORMAT_R10G10B10A2_UNORM => {
+            let words = held.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
+            let ten = |word: u32, at: u32| (word >> at & 1023) as f32 * 255.0 / 1023.0;
+            words.map(|w| [ten(w, 0), ten(w, 10), ten(w, 20), (w >> 30) as f32 * 85.0]).collect()
+        }
+        DXGI_FORMAT_R16G16B16A16_FLOAT => {
+            let level = |bytes: &[u8]| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32() * 255.0;
+            held.chunks(8).map(|p| std::array::from_fn(|c| level(&p[2 * c..2 * c + 2]))).collect()
+        }
+        _ => held.as_chunks::<4>().0.iter().map(|pixel| pixel.map(f32::from)).collect(),
+    };
+    assert_eq!(levels.len(), picture.pixels().len(), "a pixel each");
+    // Half a step of ten bits, and of halves, beside the one of 255.
+    let near = |(found, wanted): (&[f32; 4], &[u8; 4])| {
+        found.iter().zip(wanted).all(|(a, b)| (a - f32::from(*b)).abs() <= 1.0 + 0.13)
+    };
+    levels.iter().zip(picture.pixels()).filter(|pair| !near(*pair)).count()
+}
+
+#[test]
+fn anchors_of_a_rollout_are_presented_as_the_processor_presents_them() {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let options_of_device = DirectMlOptions { deterministic: true, profile: None };
+    let device = Device::directml(&common::ort(), &gpu, options_of_device).expect("DirectML");
+    let precision = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+    let world = World::load(&device, &common::bundle("tiny"), precision).expect("a world");
+    let mut rollout = common::seeded(&world, &common::point(&world), 7);
+    let anchors: Vec<_> = (0..3)
+        .map(|i| {
+            rollout.step(&common::controls(i)).expect("a step");
+            Arc::new(KeptAnchor::of(&mut rollout, false).expect("an anchor"))
+        })
+        .collect();
+    let size = anchors[0].size();
+    let down = || rollout.statistics().bytes.read;
+    // Motion that the device finds in latents, and motion that came with the anchors.
+    let given: Vec<_> = anchors
+        .windows(2)
+        .map(|pair| Arc::new(extract(MotionSource::PictureFlow, &pair[0], &pair[1]).expect("guidance")))
+        .collect();
+    for is_given in [false, true] {
+        let mut both = Both::new(&gpu, size, &options(MotionSource::Paper));
+        both.push(&anchors[0], None, 0);
+        for (frame, kind) in (0..12).zip(KINDS.iter().cycle()) {
+            let now = INTERVAL + frame * INTERVAL / 4;
+            let next = 1 + frame as usize / 4;
+            if let Some(anchor) = anchors.get(next).filter(|_| frame % 4 == 0) {
+                both.push(anchor, is_given.then_some(&given[next - 1]), now);
+            }
+            let before = down();
+            let shown = both.compare_after(&engine, now, *kind, frame % 2 == 1, || {
+                let read = down() - before;
+                assert_eq!(read, 0, "bytes that came down for a frame");
+            });
+            // Content: what is shown is what came an interval ago, and as far between as the time is. Photons: it is due now.
+            let content =
+                (shown.previous - anchors[0].number()) * INTERVAL + (f64::from(shown.t) * INTERVAL as f64) as u64;
+            assert_eq!((content, shown.due.since_ns), (now - INTERVAL, now), "an interval of latency: {shown:?}");
+            let source = match frame % 4 {
+                0 => ShownSource::Anchor,
+                _ if frame > 8 => ShownSource::Extrapolated,
+                _ => ShownSource::Generated,
+            };
+            assert_eq!(shown.source, source, "{shown:?}");
+        }
+        both.check();
+    }
+}
+
+/// A picture that goes by `step` pixels from one number to the next.
+fn moving(size: (u32, u32), number: u64, step: u64) -> Picture {
+    let mut picture = Picture::new(size.0, size.1).expect("a picture");
+    for (i, pixel) in (0u64..).zip(picture.pixels_mut()) {
+        let (x, y) = (i % u64::from(size.0) + step * number, i / u64::from(size.0));
+        *pixel = [(x * 9 % 200) as u8, (y * 7 % 251) as u8, ((x / 4 + y / 4) % 2 * 90) as u8, 255];
+    }
+    picture
+}
+
+#[test]
+fn motion_is_found_on_the_device_in_pictures() {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (96, 64);
+    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+    for number in 0..4 {
+        let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + number), number, false));
+        both.push(&anchor, None, number * INTERVAL);
+        for quarter in 0..if number > 0 { 4 } else { 0 } {
+            let now = number * INTERVAL + quarter * INTERVAL / 4;
+            both.compare(&engine, now, KINDS[quarter as usize], false);
+        }
+    }
+    both.check();
+}
+
+#[test]
+fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (75, 46);
+    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+    for number in 0..5 {
+        let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
+        // In tiles and per pixel in turn, so that textures change.
+        let mut motion = MotionField::tiled(size.0, size.1, if number % 2 == 0 { 8 } else { 1 }).expect("a field");
+        motion.vectors_mut().fill([f16::from_f32(3.0), f16::ZERO]);
+        let mut depth = DepthMap::new(size.0, size.1, paper::PROJECTION).expect("a depth map");
+        depth.fill(0.5);
+        let guidance = Arc::new(Guidance::from_parts(motion, depth).expect("guidance"));
+        both.push(&anchor, (number > 0).then_some(&guidance), number * INTERVAL);
+        for quarter in 0..if number > 0 { 4 } else { 0 } {
+            let now = number * INTERVAL + quarter * INTERVAL / 4;
+            let shown = both.compare(&engine, now, KINDS[(number + quarter) as usize % KINDS.len()], quarter == 2);
+            assert_eq!((shown.previous, shown.repeated), (number - 1, false), "{shown:?}");
+        }
+    }
+    // The same frame again, in the same format and in another.
+    let again = 4 * INTERVAL + INTERVAL * 3 / 4;
+    for (kind, own) in [(KINDS[0], false), (KINDS[0], true), (KINDS[3], false)] {
+        assert!(both.compare(&engine, again, kind, own).repeated);
+    }
+    both.check();
+
+    // Nothing of this picture is in the one before it, and nobody says so: only the generator finds that it is a cut.
+    let mut other = common::picture(size.0, size.1, 3);
+    other.pixels_mut().reverse();
+    both.push(&Arc::new(KeptAnchor::of_picture(other, 5, false)), None, 5 * INTERVAL);
+    let before = both.device.statistics();
+    let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
+    let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
+    let now = 5 * INTERVAL + INTERVAL / 2;
+    let (shown, moment) = both.device.submit(now, &mut both.drawer, &target).expect("it is made").expect("a frame");
+    assert_eq!(shown.source, ShownSource::Generated, "nobody knows yet");
+    moment.wait().expect("it has run");
+    both.device.look(&mut both.drawer);
+    let after = both.device.statistics();
+    let counts = (after.generated - before.generated, after.held - before.held, after.cuts - before.cuts);
+    assert_eq!(counts, (0, 1, 1), "a copy is no generated frame");
+    let mut expected = None;
+    let times = [both.drawer.spent(), both.drawer.spent_on_anchors()];
+    // Every frame; a list for each of the six pictures and the five pairs that were brought, and for each pair of frames.
+    assert_eq!(times.map(|spent| spent.frames), [20, 16], "each has its time: {times:?}");
+    assert!(times.iter().all(|spent| !spent.total.is_zero() && spent.longest <= spent.total), "{times:?}");
+    assert_eq!(both.drawer.under_way(), 0);
+    let shown = both.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("drawn").expect("a frame");
+    assert_eq!((shown.source, shown.cut), (ShownSource::Held, true), "the processor finds it as well");
+    let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
+    assert!(held == expected.expect("a picture").rgba(), "and shows the same anchor");
+}
