@@ -4,10 +4,10 @@
 use std::path::PathBuf;
 
 use cairn::ErrorKind;
-use cairn::ffx::bindings::{CreateFlags, CreateFrameGeneration, Dimensions, SurfaceFormat};
+use cairn::ffx::bindings::{CreateFlags, CreateFrameGeneration, Dimensions, Rect, SurfaceFormat, TransferFunction};
 use cairn::ffx::{
-    Choice, Context, Effect, Family, FileVersion, Generator, Library, LoadOptions, Part, Pictures, Seen, Shot,
-    TextureGenerator, TextureOptions, versions,
+    Choice, Context, Effect, Family, FileVersion, FourfoldGenerator, Generator, Library, LoadOptions, Part, Pictures,
+    Seen, Shot, TextureGenerator, TextureOptions, memory_needed, versions,
 };
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
@@ -221,4 +221,196 @@ fn it_stands_the_test_and_generates_on_both_kinds_of_queue() {
         drop(generator);
         assert!(gpu.removed().is_none());
     }
+}
+
+/// Frames through AMD's own, of a world that pans by 16 pixels, as `shot` says; what is between the last two. `sign` stands before
+/// the world, and the world alone is told where `hudless` is set.
+fn panned(
+    gpu: &Gpu,
+    generator: &mut TextureGenerator,
+    shot: &Shot,
+    sign: Option<[u8; 4]>,
+    hudless: bool,
+) -> Vec<[u8; 4]> {
+    const STEP: f32 = 16.0;
+    let size = head().display_size;
+    let textures = Textures::new(gpu, size);
+    let world = Textures::new(gpu, size).color;
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    for number in 1_u8..=3 {
+        let now = moved(STEP * f32::from(number));
+        textures.fill(&world, &now);
+        textures.fill(&textures.color, |x, y| sign.filter(|_| in_sign(x, y)).unwrap_or_else(|| now(x, y)));
+        let pictures = Pictures {
+            color: textures.color.resting(),
+            output: textures.output.resting(),
+            depth: textures.depth.resting(),
+            motion: textures.motion.resting(),
+            hudless: hudless.then(|| world.resting()),
+            distortion: None,
+        };
+        let shot = Shot { reset: number == 1, ..*shot };
+        generator.generate(&pictures, &shot).expect("generated").wait().expect("it has run");
+    }
+    textures.generated()
+}
+
+/// Where the interface is.
+fn in_sign(x: u32, y: u32) -> bool {
+    (280..360).contains(&x) && (150..210).contains(&y)
+}
+
+/// The largest difference of a channel, over the places that `part` has.
+fn off(found: &[[u8; 4]], part: impl Fn(u32, u32) -> bool, expected: impl Fn(u32, u32) -> [u8; 4]) -> u8 {
+    let Dimensions { width, height } = head().display_size;
+    let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|(x, y)| part(*x, *y));
+    let differences = places.flat_map(|(x, y)| {
+        let (a, b) = (found[(y * width + x) as usize], expected(x, y));
+        a.into_iter().zip(b).take(3).map(|(a, b)| a.abs_diff(b))
+    });
+    differences.max().unwrap_or(0)
+}
+
+#[test]
+#[ignore = "needs amd-dlls"]
+fn interface_letterbox_and_light_change_what_amd_s_makes() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let made = |flags| {
+        let mut options = TextureOptions {
+            choice: Choice::Prefer(Family::Analytic),
+            self_test: false,
+            ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
+        };
+        options.head.flags = flags;
+        // SAFETY: a live device.
+        let needed = unsafe { memory_needed(api, gpu.device().as_raw(), &options.head, None) }.expect("an answer");
+        let mut generator = TextureGenerator::new(&gpu, api, &options).expect("a generator");
+        let memory = generator.memory().expect("an answer");
+        println!("{} x {}: {memory:?}, {needed:?} before", size.width, size.height);
+        generator
+    };
+    let half = moved(40.0);
+    let inner = |x: u32, y: u32| (60..size.width - 60).contains(&x) && (60..size.height - 60).contains(&y);
+
+    let mut generator = made(CreateFlags::empty());
+    let whole = panned(&gpu, &mut generator, &Shot::of(size), None, false);
+    let rect = Rect { left: 0, top: 40, width: size.width.cast_signed(), height: size.height.cast_signed() - 80 };
+    let barred = panned(&gpu, &mut generator, &Shot { rect, ..Shot::of(size) }, None, false);
+    let bars = |_: u32, y: u32| y < 40 || y >= size.height - 40;
+    println!(
+        "letterbox: bars {} off the frame with it, {} without; the world {} off the half step",
+        off(&barred, bars, moved(48.0)),
+        off(&whole, bars, moved(48.0)),
+        off(&barred, inner, &half)
+    );
+    assert!(off(&barred, bars, moved(48.0)) <= 1 && off(&whole, bars, moved(48.0)) > 20);
+    assert!(off(&barred, inner, &half) <= 2);
+
+    let sign = [250, 10, 240, 255];
+    let without = panned(&gpu, &mut generator, &Shot::of(size), Some(sign), false);
+    let with = panned(&gpu, &mut generator, &Shot::of(size), Some(sign), true);
+    let around = |x: u32, y: u32| inner(x, y) && !in_sign(x, y);
+    println!(
+        "interface: {} off the sign with the world alone, {} without; around it {} and {} off the half step",
+        off(&with, in_sign, |_, _| sign),
+        off(&without, in_sign, |_, _| sign),
+        off(&with, around, &half),
+        off(&without, around, &half)
+    );
+    assert!(off(&with, in_sign, |_, _| sign) <= 2, "it stands");
+    assert!(off(&with, around, &half) < off(&without, around, &half), "and leaves less of a trail");
+    drop(generator);
+
+    // Frames of high dynamic range, in which the same numbers are other light. It counts where a provider finds motion itself: of a
+    // world that nobody tells it the motion of, after the frames in which it does not look for any.
+    let mut generator = made(CreateFlags::HIGH_DYNAMIC_RANGE);
+    let [srgb, pq, scrgb] = [TransferFunction::SRGB, TransferFunction::PQ, TransferFunction::SCRGB].map(|transfer| {
+        let textures = Textures::new(&gpu, size);
+        textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+        textures.fill(&textures.motion, |_, _| [0; 4]);
+        for number in 0_u8..16 {
+            textures.fill(&textures.color, moved(6.0 * f32::from(number)));
+            let pictures = Pictures {
+                color: textures.color.resting(),
+                output: textures.output.resting(),
+                depth: textures.depth.resting(),
+                motion: textures.motion.resting(),
+                hudless: None,
+                distortion: None,
+            };
+            let shot = Shot { reset: number == 0, transfer, luminance: [0.0, 1000.0], ..Shot::of(size) };
+            generator.generate(&pictures, &shot).expect("generated").wait().expect("it has run");
+        }
+        textures.generated()
+    });
+    let [pq, scrgb] = [pq, scrgb].map(|found| found.iter().zip(&srgb).filter(|(a, b)| a != b).count());
+    println!("of {} pixels, {pq} are others in PQ than in sRGB, and {scrgb} in scRGB", srgb.len());
+    assert!(pq > 0);
+    assert!(gpu.removed().is_none());
+}
+
+#[test]
+#[ignore = "needs amd-dlls"]
+fn memory_of_each_size_is_reported() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    for (width, height) in [(640, 360), (1280, 720), (1920, 1080)] {
+        let size = Dimensions { width, height };
+        let made = CreateFrameGeneration { display_size: size, max_render_size: size, ..head() };
+        // SAFETY: a live device, which outlives the generator.
+        let (needed, generator) = unsafe {
+            let device = gpu.device().as_raw();
+            let needed = memory_needed(api, device, &made, None).expect("an answer");
+            (needed, Generator::create(api, device, Choice::Prefer(Family::Analytic), made, None))
+        };
+        let told = generator.expect("a generator").memory().expect("an answer");
+        println!("{width} x {height}: {told:?}; before it was made: {needed:?}");
+        assert!(told.is_some_and(|told| told.total > u64::from(4 * width * height)));
+    }
+}
+
+#[test]
+#[ignore = "needs amd-dlls"]
+fn three_frames_between_two_come_from_two_of_their_generators() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let options = TextureOptions {
+        choice: Choice::Prefer(Family::Analytic),
+        self_test: false,
+        ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
+    };
+    let mut generator = FourfoldGenerator::new(&gpu, api, &options).expect("two generators");
+    println!("{:?}", generator.memory().expect("an answer"));
+    let textures = Textures::new(&gpu, size);
+    let [first, last] = [(); 2].map(|()| Textures::new(&gpu, size).output);
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    for number in 1_u8..=3 {
+        let now = STEP * f32::from(number);
+        textures.fill(&textures.color, moved(now));
+        let pictures = Pictures {
+            color: textures.color.resting(),
+            output: textures.output.resting(),
+            depth: textures.depth.resting(),
+            motion: textures.motion.resting(),
+            hudless: None,
+            distortion: None,
+        };
+        let quarters = [first.resting(), last.resting()];
+        generator.generate(&pictures, quarters, &Shot::of(size)).expect("generated").wait().expect("it has run");
+        for (found, part) in [(&first, 0.25), (&textures.output, 0.5), (&last, 0.75)] {
+            let found = psnr(&textures.pixels(found), moved(now - STEP + part * STEP), size);
+            println!("frame {number}, at {part}: {found:.1} dB to the truth");
+            assert!(number == 1 || found > 45.0, "frame {number} at {part}: {found} dB");
+        }
+    }
+    assert!(gpu.removed().is_none());
 }

@@ -9,11 +9,15 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{Gpu, Moment};
 
+#[path = "ffx/costs.rs"]
+mod costs;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
 #[path = "ffx/faults.rs"]
 mod faults;
+#[path = "ffx/fourfold.rs"]
+mod fourfold;
 #[path = "ffx/pictures.rs"]
 mod pictures;
 #[path = "ffx/stage.rs"]

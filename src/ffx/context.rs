@@ -173,6 +173,15 @@ impl<Head: Creates> Context<Head> {
         unsafe { self.api.query(self.raw, chain) }.map_err(|failure| failure.error(None))
     }
 
+    /// As [`Self::query`], with what went wrong as it was answered.
+    ///
+    /// # Safety
+    /// As of [`Self::query`].
+    pub(super) unsafe fn ask<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<(), Failure> {
+        // SAFETY: our own context, and the caller's promise.
+        unsafe { self.api.query(self.raw, chain) }
+    }
+
     /// Records work into the command list that the chain names.
     ///
     /// # Errors

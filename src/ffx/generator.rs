@@ -5,7 +5,7 @@ use std::ffi::c_void;
 use super::bindings::{
     ConfigureDistortion, ConfigureFrameGeneration, Coordinates, CreateFlags, CreateFrameGeneration,
     CreateFrameGenerationHudless, Dimensions, DispatchCamera, DispatchFrameGeneration, DispatchPrepare,
-    DispatchPrepareV2, FrameFlags, Rect, Resource, SurfaceFormat, TransferFunction,
+    DispatchPrepareV2, FrameFlags, MemoryUsage, Rect, Resource, SurfaceFormat, TransferFunction,
 };
 use super::{Api, Chain, Choice, Context, Dialect, Provider};
 use crate::{Error, ErrorKind, Result};
@@ -48,7 +48,7 @@ impl Default for Camera {
 }
 
 impl Camera {
-    fn fault(&self, depth_is_infinite: bool) -> Option<(&'static str, &'static str)> {
+    pub(super) fn fault(&self, depth_is_infinite: bool) -> Option<(&'static str, &'static str)> {
         let is_positive = |value: f32| value.is_finite() && value > 0.0;
         let is_unit = |v: [f32; 3]| (v.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-2;
         let far_counts = !depth_is_infinite;
@@ -192,6 +192,14 @@ impl Generator {
     /// What runs.
     pub fn provider(&self) -> &Provider {
         self.context.provider()
+    }
+
+    /// What the provider keeps on the device, as it reports it; None where it cannot say.
+    ///
+    /// # Errors
+    /// What the library answers.
+    pub fn memory(&mut self) -> Result<Option<MemoryUsage>> {
+        self.context.memory()
     }
 
     /// Records the frame between `frame` and the one before into its list: settings, then motion and depth, then the picture, under

@@ -9,8 +9,11 @@ mod api;
 pub mod bindings;
 mod chain;
 mod context;
+#[cfg(windows)]
+mod fourfold;
 mod generator;
 mod library;
+mod memory;
 mod message;
 #[cfg(test)]
 mod played;
@@ -23,20 +26,25 @@ mod resource;
 mod self_test;
 #[cfg(windows)]
 mod textures;
+mod upscaler;
 #[cfg(windows)]
 mod watch;
 
 pub use api::{Api, Effect};
 pub use chain::{Chain, Described, Extends, Header};
 pub use context::{Context, Provider};
+#[cfg(windows)]
+pub use fourfold::FourfoldGenerator;
 pub use generator::{Camera, Frame, Generator, Shot};
 pub use library::Part;
 #[cfg(windows)]
 pub use library::{File, FileVersion, Library, LoadOptions};
+pub use memory::{Reports, memory_needed};
 pub use provider::{Choice, Dialect, Family, Version, choose, versions};
 #[cfg(windows)]
 pub use requirements::{Needed, Requirement, requirements};
 #[cfg(windows)]
-pub use textures::{Pictures, TextureGenerator, TextureOptions};
+pub use textures::{Memory, Pictures, TextureGenerator, TextureOptions};
+pub use upscaler::{UpscaleFrame, UpscaleShot, Upscaler};
 #[cfg(windows)]
 pub use watch::Seen;

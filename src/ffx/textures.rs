@@ -5,7 +5,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::Interface;
 
 use super::bindings::{
-    Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, Resource, ResourceState, SurfaceFormat,
+    Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, MemoryUsage, Resource, ResourceState, SurfaceFormat,
 };
 use super::watch::Watch;
 use super::{Api, Choice, Frame, Generator, Provider, Seen, Shot, Version, self_test};
@@ -81,6 +81,15 @@ pub struct TextureGenerator {
     between: Option<ID3D12Resource>,
     watch: Option<Watch>,
     refused: Vec<(Version, Error)>,
+}
+
+/// What a [`TextureGenerator`] keeps on the device, in bytes.
+#[derive(Debug, Clone, Copy)]
+pub struct Memory {
+    /// Its own textures: motion as a provider is given it, and frames for targets that shaders may not write.
+    pub own: u64,
+    /// What the provider reports of itself; None where it cannot say.
+    pub provider: Option<MemoryUsage>,
 }
 
 /// What shaders read and write.
@@ -161,6 +170,18 @@ impl TextureGenerator {
         self.generator.provider()
     }
 
+    /// What it keeps on the device.
+    ///
+    /// # Errors
+    /// What the library answers.
+    pub fn memory(&mut self) -> Result<Memory> {
+        let own = [Some(&self.clean), self.between.as_ref()].into_iter().flatten().map(|texture| {
+            // SAFETY: a live device and resource.
+            unsafe { self.gpu.device().GetResourceAllocationInfo(0, &[texture.GetDesc()]) }.SizeInBytes
+        });
+        Ok(Memory { own: own.sum(), provider: self.generator.memory()? })
+    }
+
     /// The providers that failed the test, with what was wrong with them.
     pub fn refused(&self) -> &[(Version, Error)] {
         &self.refused
@@ -221,6 +242,11 @@ impl TextureGenerator {
     /// Starts anew with the next frame, as after a cut.
     pub fn forget(&mut self) {
         self.generator.forget();
+    }
+
+    /// Whether the next frame goes on from the one before.
+    pub(super) fn follows(&self) -> bool {
+        self.generator.follows()
     }
 
     pub(super) fn gpu(&self) -> &Gpu {
@@ -355,7 +381,7 @@ fn motion_size(made: &CreateFrameGeneration) -> Dimensions {
     motion_size_at(made, made.max_render_size)
 }
 
-fn motion_size_at(made: &CreateFrameGeneration, rendered: Dimensions) -> Dimensions {
+pub(super) fn motion_size_at(made: &CreateFrameGeneration, rendered: Dimensions) -> Dimensions {
     if made.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) { made.display_size } else { rendered }
 }
 

@@ -45,6 +45,14 @@ pub(crate) struct Made {
     pub(crate) hudless: u32,
 }
 
+impl Made {
+    /// Bytes of what it would keep: a picture, and what a pixel of motion and depth needs.
+    pub(crate) fn memory(&self) -> u64 {
+        let pixels = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
+        4 * pixels(self.shown) + 8 * pixels(self.render)
+    }
+}
+
 /// Where in a frame a context is, and what it was told of it.
 #[derive(Debug)]
 pub(crate) struct Frames {
@@ -98,6 +106,10 @@ impl Frames {
             prepared: None,
             last: None,
         }
+    }
+
+    pub(crate) fn memory(&self) -> u64 {
+        self.made.memory()
     }
 
     /// Judges one call; faults go to `fault`. Gives what is to be recorded for a picture.
@@ -318,14 +330,10 @@ impl Frames {
         // SAFETY: pictures stand there.
         let (shown, output) = unsafe { (told(head, 24)?, told(head, 72)?) };
         let seen = self.seen?;
-        let pictures = Pictures {
-            shown,
-            output,
-            hudless: self.hudless,
-            motion: seen.motion,
-            depth: seen.depth,
-            distortion: self.distortion,
-        };
+        // What is not there is not read.
+        let source = self.hudless.unwrap_or(shown);
+        let inputs = [shown, source, shown, seen.motion, seen.depth, self.distortion.unwrap_or(seen.motion), shown];
+        let pictures = Pictures { inputs, motion: 3, output, kept: Some(1) };
         let [left, top, width, height] = rect;
         let [columns, rows] = self.made.shown.map(u32::cast_signed);
         let (right, bottom) = (left.saturating_add(width), top.saturating_add(height));
@@ -350,14 +358,14 @@ impl Frames {
 }
 
 /// The picture that stands at an offset, with its state; None for none.
-unsafe fn told(head: *const u8, at: usize) -> Option<Told> {
+pub(crate) unsafe fn told(head: *const u8, at: usize) -> Option<Told> {
     // SAFETY: the fields of a resource stand there, by the caller's promise.
     let (place, state) = unsafe { (get::<*mut c_void>(head, at), get::<u32>(head, at + 40)) };
     (!place.is_null()).then_some(Told { place, state })
 }
 
 /// A list that generation can be recorded into.
-unsafe fn judge_list(list: *mut c_void, is_async: bool, fault: &mut dyn FnMut(String)) {
+pub(crate) unsafe fn judge_list(list: *mut c_void, is_async: bool, fault: &mut dyn FnMut(String)) {
     // SAFETY: null or an object of COM, by the caller's promise.
     let object = unsafe { IUnknown::from_raw_borrowed(&list) };
     let Some(list) = object.and_then(|object| object.cast::<ID3D12GraphicsCommandList>().ok()) else {
@@ -374,7 +382,7 @@ unsafe fn judge_list(list: *mut c_void, is_async: bool, fault: &mut dyn FnMut(St
 }
 
 /// A picture: an object that is what its description says, in a state that there is.
-unsafe fn judge_resource(
+pub(crate) unsafe fn judge_resource(
     head: *const u8,
     at: usize,
     size: [u32; 2],

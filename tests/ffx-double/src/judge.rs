@@ -1,7 +1,7 @@
 //! The play itself: answers as AMD's libraries give them, and a verdict on every call.
 
 use std::collections::HashMap;
-use std::ffi::{CString, c_char, c_void};
+use std::ffi::{CString, c_void};
 use std::io::Write;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -10,27 +10,36 @@ use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryA};
 use windows::core::{IUnknown, Interface, PCSTR, s};
 
 use crate::frames::{CONFIGURE, Frames, Made, PICTURE, PREPARE, PREPARE_V2};
-use crate::memory::{get, links, put};
+use crate::memory::{get, links};
 use crate::role::{Role, Sdk};
+use crate::upscale::{Larger, UPSCALE};
 use crate::work::{CONSTANTS, Work};
 use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, UNKNOWN_STRUCT};
 
 /// Ids of structs, with their effects above.
-mod id {
-    pub(super) const GLOBAL_DEBUG_1: u64 = 1;
-    pub(super) const BACKEND: u64 = 2;
-    pub(super) const GET_VERSIONS: u64 = 4;
-    pub(super) const OVERRIDE: u64 = 5;
-    pub(super) const PROVIDER_VERSION: u64 = 6;
-    pub(super) const GLOBAL_DEBUG: u64 = 7;
-    pub(super) const UPSCALE: u64 = 0x1_0000;
-    pub(super) const UPSCALE_VERSION: u64 = 0x1_000b;
-    pub(super) const GENERATION: u64 = 0x2_0001;
-    pub(super) const HUDLESS: u64 = 0x2_0009;
-    pub(super) const GENERATION_VERSION: u64 = 0x2_000e;
+pub(crate) mod id {
+    pub(crate) const GLOBAL_DEBUG_1: u64 = 1;
+    pub(crate) const BACKEND: u64 = 2;
+    pub(crate) const GET_VERSIONS: u64 = 4;
+    pub(crate) const OVERRIDE: u64 = 5;
+    pub(crate) const PROVIDER_VERSION: u64 = 6;
+    pub(crate) const GLOBAL_DEBUG: u64 = 7;
+    pub(crate) const UPSCALE: u64 = 0x1_0000;
+    pub(crate) const RENDER_SIZE: u64 = 0x1_0003;
+    pub(crate) const JITTER_PHASES: u64 = 0x1_0004;
+    pub(crate) const JITTER: u64 = 0x1_0005;
+    pub(crate) const UPSCALE_MEMORY: u64 = 0x1_0008;
+    pub(crate) const UPSCALE_MEMORY_V2: u64 = 0x1_0009;
+    pub(crate) const RESOURCES: u64 = 0x1_000a;
+    pub(crate) const UPSCALE_VERSION: u64 = 0x1_000b;
+    pub(crate) const GENERATION: u64 = 0x2_0001;
+    pub(crate) const MEMORY: u64 = 0x2_0007;
+    pub(crate) const HUDLESS: u64 = 0x2_0009;
+    pub(crate) const MEMORY_V2: u64 = 0x2_000b;
+    pub(crate) const GENERATION_VERSION: u64 = 0x2_000e;
 }
 
-const EFFECT: u64 = 0x00ff_0000;
+pub(crate) const EFFECT: u64 = 0x00ff_0000;
 
 /// Gets a message: what it is, and text in UTF-16.
 type Message = unsafe extern "C" fn(u32, *const u16);
@@ -38,28 +47,34 @@ type Message = unsafe extern "C" fn(u32, *const u16);
 /// What is known between calls.
 #[derive(Default)]
 pub(crate) struct Judge {
-    role: Role,
+    pub(crate) role: Role,
     /// Live contexts, by their addresses, with the provider of each.
-    contexts: HashMap<usize, (u64, CString)>,
-    /// Of those that generate frames, where they are, and what they have on the device.
-    frames: HashMap<usize, Generator>,
+    pub(crate) contexts: HashMap<usize, (u64, CString)>,
+    /// Of these, where they are, and what they have on the device.
+    pub(crate) frames: HashMap<usize, Worker>,
     /// Pictures that were asked for.
     pictures: u64,
     /// Ids that were handed out.
-    offered: Vec<u64>,
+    pub(crate) offered: Vec<u64>,
     message: Option<Message>,
     /// Of a loader: the libraries of effects.
     behind: HashMap<u64, Behind>,
     /// Of a loader: the effect of each context.
-    owners: HashMap<usize, u64>,
+    pub(crate) owners: HashMap<usize, u64>,
 }
 
-/// A context that generates frames.
-struct Generator {
-    frames: Frames,
+/// A context that works.
+pub(crate) struct Worker {
+    pub(crate) does: Does,
     device: ID3D12Device,
     /// Made for its first picture: shaders take a driver long.
     work: Option<Work>,
+}
+
+/// What it does.
+pub(crate) enum Does {
+    Generates(Frames),
+    Enlarges(Larger),
 }
 
 /// An exported function, before it is known which.
@@ -72,11 +87,11 @@ type Send = unsafe extern "C" fn(*mut *mut c_void, *const u8) -> u32;
 
 /// The functions of a library that a loader hands calls to.
 #[derive(Clone, Copy)]
-struct Behind {
+pub(crate) struct Behind {
     create: Create,
     destroy: Destroy,
     configure: Send,
-    query: Query,
+    pub(crate) query: Query,
     dispatch: Send,
 }
 
@@ -119,7 +134,7 @@ impl Judge {
     }
 
     /// Writes down a call.
-    fn note(&self, call: &str, links: &[(u64, *const u8)], code: u32) -> u32 {
+    pub(crate) fn note(&self, call: &str, links: &[(u64, *const u8)], code: u32) -> u32 {
         if self.role.quiet {
             return code;
         }
@@ -129,7 +144,7 @@ impl Judge {
     }
 
     /// Writes down what was wrong; the code to answer with.
-    fn fault(&self, call: &str, why: &str, code: u32) -> u32 {
+    pub(crate) fn fault(&self, call: &str, why: &str, code: u32) -> u32 {
         self.append("judgement.txt", &format!("{call}: {why}"));
         code
     }
@@ -232,7 +247,7 @@ impl Judge {
         }
         let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
         let made = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
-        if let Some(format) = format {
+        {
             // SAFETY: judged to be a device; the reference stays the caller's.
             let device = unsafe { get::<*mut c_void>(backend, 16) };
             // SAFETY: as above.
@@ -240,10 +255,16 @@ impl Judge {
             let Some(Ok(device)) = device else { return self.fault("create", "the device is none", PARAMETER) };
             // SAFETY: the flags stand at 16.
             let flags = unsafe { get::<u32>(head, 16) };
-            let (shown, render) = ([sides[0], sides[1]], [sides[2], sides[3]]);
-            let made_for = Made { flags, shown, render, format, hudless: hudless.unwrap_or(format) };
-            let generator = Generator { frames: Frames::new(made_for), device, work: None };
-            self.frames.insert(made as usize, generator);
+            let (one, other) = ([sides[0], sides[1]], [sides[2], sides[3]]);
+            let does = match format {
+                Some(format) => {
+                    let made_for =
+                        Made { flags, shown: one, render: other, format, hudless: hudless.unwrap_or(format) };
+                    Does::Generates(Frames::new(made_for))
+                }
+                None => Does::Enlarges(Larger { flags, render: one, shown: other, follows: false }),
+            };
+            self.frames.insert(made as usize, Worker { does, device, work: None });
         }
         self.contexts.insert(made as usize, provider);
         // SAFETY: the caller's place.
@@ -263,7 +284,7 @@ impl Judge {
             let code = unsafe { (behind.destroy)(context, callbacks) };
             return self.note("destroy", &[], code);
         }
-        if let Some(Generator { work: Some(work), .. }) = self.frames.remove(&known)
+        if let Some(Worker { work: Some(work), .. }) = self.frames.remove(&known)
             && work.under_way() > 0
         {
             self.fault("destroy", &format!("{} frames are under way", work.under_way()), OK);
@@ -323,25 +344,26 @@ impl Judge {
 
     /// One call of a frame.
     unsafe fn frame(&mut self, call: &str, context: usize, chain: &[(u64, *const u8)]) -> u32 {
-        let Some(mut generator) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
+        let Some(mut worker) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
         // SAFETY: as the caller promises.
-        let code = unsafe { self.frame_of(call, context, &mut generator, chain) };
-        self.frames.insert(context, generator);
+        let code = unsafe { self.frame_of(call, context, &mut worker, chain) };
+        self.frames.insert(context, worker);
         code
     }
 
-    unsafe fn frame_of(
-        &mut self,
-        call: &str,
-        context: usize,
-        generator: &mut Generator,
-        chain: &[(u64, *const u8)],
-    ) -> u32 {
+    unsafe fn frame_of(&mut self, call: &str, context: usize, worker: &mut Worker, chain: &[(u64, *const u8)]) -> u32 {
         let mut faults = Vec::new();
+        let mut fault = |why| faults.push(why);
         // SAFETY: as the caller promises.
-        let asked = unsafe { generator.frames.judge(self.role.sdk, chain, &mut |why| faults.push(why)) };
-        let under_way = generator.work.as_ref().map_or(0, Work::under_way);
-        if chain[0].0 == PICTURE && under_way >= 4 {
+        let asked = unsafe {
+            match (&mut worker.does, chain) {
+                (Does::Generates(frames), _) if chain[0].0 != UPSCALE => frames.judge(self.role.sdk, chain, &mut fault),
+                (Does::Enlarges(larger), [(UPSCALE, head)]) => larger.judge(*head, &mut fault),
+                _ => return UNKNOWN_STRUCT,
+            }
+        };
+        let under_way = worker.work.as_ref().map_or(0, Work::under_way);
+        if [PICTURE, UPSCALE].contains(&chain[0].0) && under_way >= 4 {
             faults.push(format!("{under_way} frames are under way"));
         }
         for why in &faults {
@@ -351,100 +373,29 @@ impl Judge {
             return PARAMETER;
         }
         let Some(mut asked) = asked else { return OK };
-        let runs = self.contexts.get(&context).map(|(_, name)| name);
-        if self.role.only.is_none() || self.role.only.as_ref() == runs {
-            asked.constants[CONSTANTS - 2] |= self.role.plays;
+        let code = match &mut worker.does {
+            Does::Generates(_) => {
+                let runs = self.contexts.get(&context).map(|(_, name)| name);
+                if self.role.only.is_none() || self.role.only.as_ref() == runs {
+                    asked.constants[CONSTANTS - 2] |= self.role.plays;
+                }
+                asked.constants[CONSTANTS - 1] = self.role.slow;
+                &include_bytes!("interpolate.dxbc")[..]
+            }
+            Does::Enlarges(larger) => {
+                larger.follows = true;
+                include_bytes!("upscale.dxbc")
+            }
+        };
+        if worker.work.is_none() {
+            worker.work = Work::new(&worker.device, code).ok();
         }
-        asked.constants[CONSTANTS - 1] = self.role.slow;
-        if generator.work.is_none() {
-            generator.work = Work::new(&generator.device).ok();
-        }
-        let Some(work) = &mut generator.work else { return RUNTIME };
+        let Some(work) = &mut worker.work else { return RUNTIME };
         // SAFETY: list and resources were judged.
         let recorded = unsafe { work.record(asked.list, &asked.pictures, asked.constants) };
         self.pictures += 1;
         let removed = if self.role.removes == Some(self.pictures) { work.remove_device() } else { Ok(()) };
         if recorded.and(removed).is_err() { RUNTIME } else { OK }
-    }
-
-    pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {
-        // SAFETY: the caller's chain.
-        let chain = match unsafe { links(head) } {
-            Ok(chain) if !chain.is_empty() => chain,
-            Ok(_) => return self.fault("query", "a pointer is null", PARAMETER),
-            Err(why) => return self.fault("query", why, PARAMETER),
-        };
-        // SAFETY: the caller's place.
-        let known = (!context.is_null()).then(|| unsafe { *context } as usize);
-        if self.role.is_loader {
-            let effect = match known {
-                Some(known) => self.owners.get(&known).copied(),
-                // SAFETY: the struct that a context would be made with stands at 16.
-                None if chain[0].0 == id::GET_VERSIONS => Some(unsafe { get::<u64>(head, 16) } & EFFECT),
-                None => Some(chain[0].0 & EFFECT),
-            };
-            let behind = effect.and_then(|effect| self.behind(effect));
-            // SAFETY: handed on as it came.
-            let code = behind.map_or(NO_PROVIDER, |behind| unsafe { (behind.query)(context, head) });
-            return self.note("query", &chain, code);
-        }
-        let code = match (chain[0].0, known) {
-            // SAFETY: as the id says.
-            (id::GET_VERSIONS, None) => unsafe { self.versions(head) },
-            (id::PROVIDER_VERSION, Some(_)) if self.role.sdk == Sdk::V110 => UNKNOWN_STRUCT,
-            (id::PROVIDER_VERSION, Some(known)) => match self.contexts.get(&known) {
-                Some((id, name)) => {
-                    // SAFETY: the id stands at 16, the name at 24, and both may be written.
-                    unsafe {
-                        put(head, 16, *id);
-                        put(head, 24, name.as_ptr());
-                    }
-                    OK
-                }
-                None => self.fault("query", "there is no such context", PARAMETER),
-            },
-            _ => UNKNOWN_STRUCT,
-        };
-        self.note("query", &chain, code)
-    }
-
-    unsafe fn versions(&mut self, head: *mut u8) -> u32 {
-        // SAFETY: fields of the struct that asks.
-        let (create, device, count) =
-            unsafe { (get::<u64>(head, 16), get::<*mut c_void>(head, 24), get::<*mut u64>(head, 32)) };
-        // SAFETY: as above.
-        let (ids, names) = unsafe { (get::<*mut u64>(head, 40), get::<*mut *const c_char>(head, 48)) };
-        if ![id::GENERATION, id::UPSCALE, 0x3_0001, 0x3_0005, 0x3_0006].contains(&create) {
-            return self.fault("query", &format!("{create:x} makes no context"), PARAMETER);
-        }
-        // SAFETY: the caller's device.
-        if !unsafe { is_device(device) } {
-            return self.fault("query", "the device is none", PARAMETER);
-        }
-        if count.is_null() || ids.is_null() || names.is_null() {
-            return self.fault("query", "there is no room for the answer", PARAMETER);
-        }
-        // SAFETY: the caller's place.
-        let room = usize::try_from(unsafe { *count }).unwrap_or(0);
-        if room == 0 {
-            // AMD's says so whatever it has.
-            return self.fault("query", "the number alone is asked for, which no release tells", OK);
-        }
-        let fits = self.role.effects.contains(&(create & EFFECT));
-        let offers = self.role.offers.iter().filter(|_| fits).take(room);
-        let mut written = 0;
-        for (id, name) in offers {
-            // SAFETY: there is room for so many.
-            unsafe {
-                *ids.add(written) = *id;
-                *names.add(written) = name.as_ptr();
-            }
-            self.offered.push(*id);
-            written += 1;
-        }
-        // SAFETY: the caller's place.
-        unsafe { *count = written as u64 };
-        OK
     }
 
     pub(crate) unsafe fn dispatch(&mut self, context: *mut *mut c_void, head: *const u8) -> u32 {
@@ -469,14 +420,14 @@ impl Judge {
             // As AMD's of 2.0 answers a struct that it does not know.
             PREPARE_V2 if self.role.sdk < Sdk::V21 => PARAMETER,
             // SAFETY: the chain's links, of the kinds their ids say.
-            PREPARE | PREPARE_V2 | PICTURE => unsafe { self.frame("dispatch", known, &chain) },
+            PREPARE | PREPARE_V2 | PICTURE | UPSCALE => unsafe { self.frame("dispatch", known, &chain) },
             _ => UNKNOWN_STRUCT,
         };
         self.note("dispatch", &chain, code)
     }
 
     /// The library of an effect, loaded by its bare name, as AMD's loader does.
-    fn behind(&mut self, effect: u64) -> Option<Behind> {
+    pub(crate) fn behind(&mut self, effect: u64) -> Option<Behind> {
         if let Some(behind) = self.behind.get(&effect) {
             return Some(*behind);
         }
@@ -509,7 +460,7 @@ impl Judge {
 ///
 /// # Safety
 /// Null, or an object of COM.
-unsafe fn is_device(object: *mut c_void) -> bool {
+pub(crate) unsafe fn is_device(object: *mut c_void) -> bool {
     // SAFETY: the caller's promise; the reference stays the caller's.
     unsafe { IUnknown::from_raw_borrowed(&object) }.is_some_and(|object| object.cast::<ID3D12Device>().is_ok())
 }

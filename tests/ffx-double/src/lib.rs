@@ -4,7 +4,7 @@
 //! (`role`). What it was asked is appended to `calls.txt` in the same folder, and what was wrong with it to
 //! `judgement.txt`.
 //!
-//! It generates frames with a shader of its own (`interpolate.hlsl`), so that pixels show whether what it was told of motion, depth,
+//! It generates frames and larger ones with shaders of its own (`interpolate.hlsl`, `upscale.hlsl`), so that pixels show whether what it was told of motion, depth,
 //! states and all else is right.
 //!
 //! It shares nothing with the bindings under test: what it knows of structs are offsets, in `memory` and where they are read.
@@ -13,7 +13,9 @@
 mod frames;
 mod judge;
 mod memory;
+mod queries;
 mod role;
+mod upscale;
 mod work;
 
 use std::ffi::c_void;

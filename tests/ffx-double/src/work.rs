@@ -13,8 +13,8 @@ use windows::core::{Interface, Result};
 const SLOTS: u64 = 4;
 
 /// What the shader reads, and the one that it writes.
-const INPUTS: u32 = 6;
-const DESCRIPTORS: u32 = INPUTS + 1;
+pub(crate) const INPUTS: usize = 7;
+const DESCRIPTORS: u32 = INPUTS as u32 + 1;
 
 /// Words of its constants; the last two are its flags and how often it does all over.
 pub(crate) const CONSTANTS: usize = 19;
@@ -30,6 +30,7 @@ pub(crate) const BLACK: u32 = 32;
 pub(crate) const WRONG_SIGN: u32 = 64;
 
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
 /// States of ffx-api, with Direct3D's.
 const STATES: [(u32, i32); 12] = [
@@ -54,16 +55,21 @@ pub(crate) struct Told {
     pub(crate) state: u32,
 }
 
-/// The pictures of a frame; those that may be missing are null.
+/// The pictures of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pictures {
-    pub(crate) shown: Told,
-    pub(crate) hudless: Option<Told>,
-    pub(crate) motion: Told,
-    pub(crate) depth: Told,
-    pub(crate) distortion: Option<Told>,
+    /// What the shader reads, in the order of its registers, and what was there before in the third of them; where there is none
+    /// of a kind another stands in its place, which is not read.
+    pub(crate) inputs: [Told; INPUTS],
+    /// Of these, motion, whose size the shader is told.
+    pub(crate) motion: usize,
     pub(crate) output: Told,
+    /// What the next frame finds as what was there before: one of the inputs; without a number, what comes out.
+    pub(crate) kept: Option<usize>,
 }
+
+/// The place of what was there before.
+pub(crate) const BEFORE: usize = 2;
 
 /// What a context has on the device.
 pub(crate) struct Work {
@@ -83,9 +89,9 @@ pub(crate) struct Work {
 unsafe impl Send for Work {}
 
 impl Work {
-    pub(crate) fn new(device: &ID3D12Device) -> Result<Self> {
+    /// With the shader that generates frames, or another.
+    pub(crate) fn new(device: &ID3D12Device, code: &[u8]) -> Result<Self> {
         let root = root_signature(device)?;
-        let code = include_bytes!("interpolate.dxbc");
         let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
             pRootSignature: borrowed(&root),
             CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
@@ -145,47 +151,38 @@ impl Work {
         };
         // SAFETY: judged to be a list.
         let list = unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&list) }.cloned();
-        let (Some(list), Some(shown), Some(motion)) = (list, object(&pictures.shown), object(&pictures.motion)) else {
+        let motion = object(&pictures.inputs[pictures.motion]);
+        let kept = pictures.kept.map_or(pictures.output, |kept| pictures.inputs[kept]);
+        let (Some(list), Some(motion), Some(output), Some(source)) =
+            (list, motion, object(&pictures.output), object(&kept))
+        else {
             return Ok(());
         };
         // SAFETY: live resources.
-        let (of_motion, of_frame) = unsafe { (motion.GetDesc(), shown.GetDesc()) };
+        let (of_motion, of_frame) = unsafe { (motion.GetDesc(), output.GetDesc()) };
         (constants[4], constants[5]) = (of_motion.Width as u32, of_motion.Height);
-        let hudless = pictures.hudless.as_ref().and_then(object);
-        let source = hudless.as_ref().unwrap_or(&shown);
-        let before = self.before_of(source)?;
-        let distortion = pictures.distortion.as_ref().and_then(object);
-        let depth = object(&pictures.depth);
-        let output = object(&pictures.output);
-        let inputs = [
-            Some(&shown),
-            Some(source),
-            Some(&before),
-            Some(&motion),
-            depth.as_ref(),
-            // Read only where there is one.
-            Some(distortion.as_ref().unwrap_or(&motion)),
-        ];
+        let before = self.before_of(&source)?;
+        let mut inputs = pictures.inputs.map(|told| object(&told));
+        inputs[BEFORE] = Some(before.clone());
         let slot = (self.recorded % SLOTS) as u32;
-        let table = self.describe(slot, &inputs, output.as_ref());
-        let all = [
-            Some((&pictures.shown, READ)),
-            pictures.hudless.as_ref().map(|told| (told, READ)),
-            Some((&pictures.motion, READ)),
-            Some((&pictures.depth, READ)),
-            pictures.distortion.as_ref().map(|told| (told, READ)),
-            Some((&pictures.output, D3D12_RESOURCE_STATE_UNORDERED_ACCESS)),
-        ];
+        let table = self.describe(slot, &inputs, Some(&output));
+        let mut all = vec![(pictures.output, WRITTEN)];
+        for (index, told) in pictures.inputs.iter().enumerate() {
+            if index != BEFORE && all.iter().all(|(known, _)| known.place != told.place) {
+                all.push((*told, READ));
+            }
+        }
         let barriers = |back: bool| -> Vec<D3D12_RESOURCE_BARRIER> {
-            let change = |(told, then): &(&Told, D3D12_RESOURCE_STATES)| {
+            let change = |(told, then): &(Told, D3D12_RESOURCE_STATES)| {
                 let (resource, now) = (object(told)?, state(told.state));
                 (now != *then).then(|| match back {
                     false => transition(&resource, now, *then),
                     true => transition(&resource, *then, now),
                 })
             };
-            all.iter().flatten().filter_map(change).collect()
+            all.iter().filter_map(change).collect()
         };
+        let kept_in = if pictures.kept.is_some() { READ } else { WRITTEN };
         self.recorded += 1;
         let recorded = self.recorded;
         self.mapped(&self.asked, |numbers| numbers[slot as usize] = recorded);
@@ -200,13 +197,13 @@ impl Work {
             list.SetComputeRootDescriptorTable(1, table);
             list.Dispatch(groups(of_frame.Width as u32), groups(of_frame.Height), 1);
             let copying = [
-                transition(source, READ, D3D12_RESOURCE_STATE_COPY_SOURCE),
+                transition(&source, kept_in, D3D12_RESOURCE_STATE_COPY_SOURCE),
                 transition(&before, READ, D3D12_RESOURCE_STATE_COPY_DEST),
             ];
             list.ResourceBarrier(&copying);
-            list.CopyResource(&before, source);
+            list.CopyResource(&before, &source);
             let copied = [
-                transition(source, D3D12_RESOURCE_STATE_COPY_SOURCE, READ),
+                transition(&source, D3D12_RESOURCE_STATE_COPY_SOURCE, kept_in),
                 transition(&before, D3D12_RESOURCE_STATE_COPY_DEST, READ),
             ];
             list.ResourceBarrier(&copied);
@@ -236,7 +233,7 @@ impl Work {
     fn describe(
         &self,
         slot: u32,
-        inputs: &[Option<&ID3D12Resource>; INPUTS as usize],
+        inputs: &[Option<ID3D12Resource>; INPUTS],
         output: Option<&ID3D12Resource>,
     ) -> D3D12_GPU_DESCRIPTOR_HANDLE {
         // SAFETY: a live device and heap; places inside it.
@@ -246,7 +243,7 @@ impl Work {
             let start = self.heap.GetCPUDescriptorHandleForHeapStart().ptr + first as usize;
             let at = |index: usize| D3D12_CPU_DESCRIPTOR_HANDLE { ptr: start + index * step as usize };
             for (index, input) in inputs.iter().enumerate() {
-                self.device.CreateShaderResourceView(*input, None, at(index));
+                self.device.CreateShaderResourceView(input.as_ref(), None, at(index));
             }
             self.device.CreateUnorderedAccessView(output, None, None, at(inputs.len()));
             D3D12_GPU_DESCRIPTOR_HANDLE { ptr: self.heap.GetGPUDescriptorHandleForHeapStart().ptr + u64::from(first) }
@@ -300,7 +297,7 @@ fn root_signature(device: &ID3D12Device) -> Result<ID3D12RootSignature> {
         OffsetInDescriptorsFromTableStart: D3D12_DESCRIPTOR_RANGE_OFFSET_APPEND,
         ..Default::default()
     };
-    let ranges = [range(D3D12_DESCRIPTOR_RANGE_TYPE_SRV, INPUTS), range(D3D12_DESCRIPTOR_RANGE_TYPE_UAV, 1)];
+    let ranges = [range(D3D12_DESCRIPTOR_RANGE_TYPE_SRV, INPUTS as u32), range(D3D12_DESCRIPTOR_RANGE_TYPE_UAV, 1)];
     let constants = D3D12_ROOT_CONSTANTS { Num32BitValues: CONSTANTS as u32, ..Default::default() };
     let table = D3D12_ROOT_DESCRIPTOR_TABLE { NumDescriptorRanges: 2, pDescriptorRanges: ranges.as_ptr() };
     let parameters = [

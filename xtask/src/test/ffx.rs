@@ -11,7 +11,7 @@ use crate::shell::Log;
 const VARIABLE: &str = "CAIRN_FFX_DIR";
 
 /// The test programs.
-const PROGRAMS: [&str; 5] = ["ffx", "ffx_amd", "ffx_frames", "ffx_interface", "ffx_mutants"];
+const PROGRAMS: [&str; 6] = ["ffx", "ffx_amd", "ffx_frames", "ffx_interface", "ffx_mutants", "ffx_upscale"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();

@@ -1,0 +1,180 @@
+//! Three frames between two, by two generators: the second one is shown frames at twice the rate, every other of them the first one's.
+//! Windows only.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use super::bindings::{Coordinates, CreateFlags, Dimensions};
+use super::textures::{GROUP, Memory, Pictures, TextureGenerator, TextureOptions, motion_size_at, texture};
+use super::{Api, Shot};
+use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
+use crate::gpu::{Gpu, Moment};
+use crate::{Error, ErrorKind, Result};
+
+/// Generates the frames at a quarter, the half and three quarters between a frame and the one before: one generator makes the half,
+/// and a second one the quarters, from the frame before to the half and from the half to the frame. Motion is halved for it, and
+/// moved on with what moves for the half.
+///
+/// It costs two generators' memory and three generated frames, and faults of the half are in the quarters again. AMD advises
+/// frames at 60 a second and more for its analytic provider and at 30 for the one by a network. A stream of 15 a second is
+/// below both, doubled or not: what moves far between two frames is then found less often. Other phases than these are for the
+/// generators of [`framegen`](crate::framegen).
+///
+/// Threads: one at a time; may move between them.
+pub struct FourfoldGenerator {
+    /// First: it waits until nothing that follows is used any more.
+    ring: Frames,
+    half: TextureGenerator,
+    quarters: TextureGenerator,
+    gpu: Gpu,
+    halfway: Kernel,
+    /// Motion and depth half way, of the size rendered at.
+    between: Option<(Dimensions, [ID3D12Resource; 2])>,
+    options: TextureOptions,
+}
+
+/// What shaders write.
+const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
+
+/// Formats of motion and depth half way.
+const FORMATS: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT];
+
+/// Descriptors of a frame.
+const ROOM: u32 = 4;
+
+impl FourfoldGenerator {
+    /// Makes both generators on `gpu`; the second one is of the kind that the first one has become, and is not tested again.
+    ///
+    /// # Errors
+    /// As of [`TextureGenerator::new`].
+    pub fn new(gpu: &Gpu, api: &Api, options: &TextureOptions) -> Result<Self> {
+        let half = TextureGenerator::new(gpu, api, options)?;
+        let choice = half.provider().version.family().map_or(options.choice, super::Choice::Require);
+        let second = TextureOptions { choice, self_test: false, hudless: None, ..*options };
+        Ok(Self {
+            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            quarters: TextureGenerator::new(gpu, api, &second)?,
+            half,
+            gpu: gpu.clone(),
+            halfway: Kernel::new(
+                gpu,
+                include_bytes!("../gpu/shaders/fsr_halfway.dxbc"),
+                Shape { constants: 5, inputs: 2, outputs: 2 },
+            )?,
+            between: None,
+            options: *options,
+        })
+    }
+
+    /// The generator of the frames half way; the other one is of the same provider.
+    pub fn half(&mut self) -> &mut TextureGenerator {
+        &mut self.half
+    }
+
+    /// What both keep on the device, and what is between them.
+    ///
+    /// # Errors
+    /// What the library answers.
+    pub fn memory(&mut self) -> Result<[Memory; 2]> {
+        let [half, mut quarters] = [self.half.memory()?, self.quarters.memory()?];
+        for texture in self.between.iter().flat_map(|(_, textures)| textures) {
+            // SAFETY: a live device and resource.
+            let size = unsafe { self.gpu.device().GetResourceAllocationInfo(0, &[texture.GetDesc()]) };
+            quarters.own += size.SizeInBytes;
+        }
+        Ok([half, quarters])
+    }
+
+    /// Generates the three frames, on the device's queue for frames, in the order in which they are shown; the moment when all are
+    /// there. The half goes to `pictures.output`, which shaders can read, and the quarters to the two others; of the frame's
+    /// options, what is shown without interface and distortion are none of these.
+    ///
+    /// # Errors
+    /// As of [`TextureGenerator::generate`]. What of the three was submitted before is then of no use, and the next starts anew.
+    pub fn generate(&mut self, pictures: &Pictures<'_>, quarters: [Resting<'_>; 2], shot: &Shot) -> Result<Moment> {
+        let done = self.all(pictures, quarters, shot);
+        if done.is_err() {
+            self.half.forget();
+            self.quarters.forget();
+        }
+        done
+    }
+
+    fn all(&mut self, pictures: &Pictures<'_>, quarters: [Resting<'_>; 2], shot: &Shot) -> Result<Moment> {
+        for (field, given) in [("hudless", pictures.hudless.is_some()), ("distortion", pictures.distortion.is_some())] {
+            if given {
+                let why = "the frame half way has none";
+                return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+            }
+        }
+        let head = &self.options.head;
+        let motion_size = motion_size_at(head, shot.render_size);
+        let rendered = shot.render_size;
+        if (motion_size.width, motion_size.height) != (rendered.width, rendered.height) {
+            let why = "motion has another size than depth";
+            return Err(Error::new(ErrorKind::InvalidArgument, why).field("motion"));
+        }
+        let is_inverted = head.flags.contains(CreateFlags::DEPTH_INVERTED);
+        let starts = shot.reset || !self.half.follows();
+        self.half.generate(pictures, shot)?;
+        let between = self.between(rendered)?.clone();
+        let [motion, depth] = between.each_ref().map(|resource| Resting { resource, state: WRITTEN });
+        self.carry(pictures, [&motion, &depth], shot, is_inverted)?;
+        // Half of the way, in half of the time.
+        let Coordinates { x, y } = shot.motion_scale;
+        let halved = Shot {
+            motion_scale: Coordinates { x: x / 2.0, y: y / 2.0 },
+            frame_time: shot.frame_time / 2.0,
+            reset: starts,
+            ..*shot
+        };
+        let [first, last] = quarters;
+        let to_half = Pictures { color: pictures.output, output: first, motion, depth, ..*pictures };
+        self.quarters.generate(&to_half, &halved)?;
+        self.quarters.generate(&Pictures { output: last, ..*pictures }, &halved)
+    }
+
+    /// Textures for what is half way.
+    fn between(&mut self, size: Dimensions) -> Result<&[ID3D12Resource; 2]> {
+        let fits = |(had, _): &(Dimensions, _)| (had.width, had.height) == (size.width, size.height);
+        // What is under way holds those before.
+        let textures = match self.between.take().filter(fits) {
+            Some((_, textures)) => textures,
+            None => [texture(&self.gpu, size, FORMATS[0])?, texture(&self.gpu, size, FORMATS[1])?],
+        };
+        Ok(&self.between.insert((size, textures)).1)
+    }
+
+    /// Moves motion and depth on to where they are half way.
+    fn carry(
+        &mut self,
+        pictures: &Pictures<'_>,
+        [motion, depth]: [&Resting<'_>; 2],
+        shot: &Shot,
+        is_inverted: bool,
+    ) -> Result<()> {
+        // SAFETY: live resources.
+        let formats = [&pictures.motion, &pictures.depth].map(|of| unsafe { of.resource.GetDesc() }.Format);
+        let read = |format| match format {
+            DXGI_FORMAT_R32_TYPELESS | DXGI_FORMAT_D32_FLOAT => DXGI_FORMAT_R32_FLOAT,
+            DXGI_FORMAT_R16_TYPELESS | DXGI_FORMAT_D16_UNORM => DXGI_FORMAT_R16_UNORM,
+            other => other,
+        };
+        let size = shot.render_size;
+        let scale = [shot.motion_scale.x, shot.motion_scale.y].map(f32::to_bits);
+        let constants = [size.width, size.height, scale[0], scale[1], u32::from(is_inverted)];
+        let groups = [size.width.div_ceil(GROUP), size.height.div_ceil(GROUP), 1];
+        let mut frame = self.ring.begin()?;
+        let inputs =
+            [View::Texture(pictures.motion, read(formats[0])), View::Texture(pictures.depth, read(formats[1]))];
+        let outputs = [View::Texture(*motion, FORMATS[0]), View::Texture(*depth, FORMATS[1])];
+        frame.run(&self.halfway, &constants, &inputs, &outputs, groups)?;
+        frame.submit(self.gpu.frames()).map(drop)
+    }
+}
+
+impl std::fmt::Debug for FourfoldGenerator {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "FourfoldGenerator({:?}, {:?})", self.half, self.quarters)
+    }
+}

@@ -1,0 +1,111 @@
+//! What providers keep on the device, as they report it.
+
+use std::ffi::c_void;
+use std::ptr::null_mut;
+
+use super::bindings::{
+    CreateFrameGeneration, CreateUpscale, Creates, FrameFlags, MemoryUsage, QueryFrameGenerationMemory,
+    QueryFrameGenerationMemoryV2, QueryUpscaleMemory, QueryUpscaleMemoryV2, ReturnCode, SurfaceFormat,
+};
+use super::{Api, Chain, Context, Described};
+use crate::Result;
+
+/// An effect that reports the memory of its contexts.
+pub trait Reports: Creates {
+    /// Asks a context.
+    type Query: Described;
+    /// Asks for a context to come.
+    type QueryV2: Described;
+
+    /// The struct that asks a context, which writes its answer there.
+    fn query(usage: *mut MemoryUsage) -> Self::Query;
+
+    /// The struct that asks for one made so on `device`. `hudless`: the format of frames without interface, unknown for none.
+    fn query_v2(&self, device: *mut c_void, hudless: SurfaceFormat, usage: *mut MemoryUsage) -> Self::QueryV2;
+}
+
+impl Reports for CreateFrameGeneration {
+    type Query = QueryFrameGenerationMemory;
+    type QueryV2 = QueryFrameGenerationMemoryV2;
+
+    fn query(usage: *mut MemoryUsage) -> Self::Query {
+        QueryFrameGenerationMemory { usage, ..Default::default() }
+    }
+
+    fn query_v2(&self, device: *mut c_void, hudless: SurfaceFormat, usage: *mut MemoryUsage) -> Self::QueryV2 {
+        QueryFrameGenerationMemoryV2 {
+            device,
+            max_render_size: self.max_render_size,
+            display_size: self.display_size,
+            create_flags: self.flags,
+            frame_flags: FrameFlags::NO_SWAPCHAIN,
+            back_buffer_format: self.back_buffer_format,
+            hudless_format: hudless,
+            usage,
+            ..Default::default()
+        }
+    }
+}
+
+impl Reports for CreateUpscale {
+    type Query = QueryUpscaleMemory;
+    type QueryV2 = QueryUpscaleMemoryV2;
+
+    fn query(usage: *mut MemoryUsage) -> Self::Query {
+        QueryUpscaleMemory { usage, ..Default::default() }
+    }
+
+    fn query_v2(&self, device: *mut c_void, _hudless: SurfaceFormat, usage: *mut MemoryUsage) -> Self::QueryV2 {
+        QueryUpscaleMemoryV2 {
+            device,
+            max_render_size: self.max_render_size,
+            max_upscale_size: self.max_upscale_size,
+            flags: self.flags,
+            usage,
+            ..Default::default()
+        }
+    }
+}
+
+/// What a context made with `head` would keep on `device`. None where the library cannot say: SDK 2.0 and later can.
+///
+/// # Errors
+/// What the library answers.
+///
+/// # Safety
+/// `device` is a live `ID3D12Device`.
+pub unsafe fn memory_needed<Head: Reports>(
+    api: &Api,
+    device: *mut c_void,
+    head: &Head,
+    hudless: Option<SurfaceFormat>,
+) -> Result<Option<MemoryUsage>> {
+    let mut usage = MemoryUsage::default();
+    let mut chain = Chain::new(head.query_v2(device, hudless.unwrap_or_default(), &mut usage));
+    // SAFETY: no context; the device is what the caller promises, and the place for the answer lives during the call.
+    let known = known(unsafe { api.query(null_mut(), &mut chain) })?;
+    Ok(known.then_some(usage))
+}
+
+impl<Head: Reports> Context<Head> {
+    /// What the context keeps on the device. None where its provider cannot say: SDK 1.1.2 and later can.
+    ///
+    /// # Errors
+    /// What the library answers.
+    pub fn memory(&mut self) -> Result<Option<MemoryUsage>> {
+        let mut usage = MemoryUsage::default();
+        let mut chain = Chain::new(Head::query(&mut usage));
+        // SAFETY: our own context, and a place for the answer that lives during the call.
+        let known = known(unsafe { self.ask(&mut chain) })?;
+        Ok(known.then_some(usage))
+    }
+}
+
+/// Whether a query was understood. One whose fields are right and that is refused as a parameter is one that is not known.
+pub(super) fn known(answer: Result<(), super::api::Failure>) -> Result<bool> {
+    match answer {
+        Ok(()) => Ok(true),
+        Err(failure) if failure.is_unknown_struct() || failure.code == ReturnCode::PARAMETER => Ok(false),
+        Err(failure) => Err(failure.error(None)),
+    }
+}

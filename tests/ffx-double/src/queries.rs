@@ -1,0 +1,195 @@
+//! What the library is asked, and answers as AMD's do.
+
+use std::ffi::{c_char, c_void};
+
+use crate::frames::Made;
+use crate::judge::{Does, EFFECT, Judge, id, is_device};
+use crate::memory::{get, links, put};
+use crate::role::Sdk;
+use crate::upscale::{self, Larger};
+use crate::{NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT};
+
+impl Judge {
+    pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {
+        // SAFETY: the caller's chain.
+        let chain = match unsafe { links(head) } {
+            Ok(chain) if !chain.is_empty() => chain,
+            Ok(_) => return self.fault("query", "a pointer is null", PARAMETER),
+            Err(why) => return self.fault("query", why, PARAMETER),
+        };
+        // SAFETY: the caller's place.
+        let known = (!context.is_null()).then(|| unsafe { *context } as usize);
+        if self.role.is_loader {
+            let effect = match known {
+                Some(known) => self.owners.get(&known).copied(),
+                // SAFETY: the struct that a context would be made with stands at 16.
+                None if chain[0].0 == id::GET_VERSIONS => Some(unsafe { get::<u64>(head, 16) } & EFFECT),
+                None => Some(chain[0].0 & EFFECT),
+            };
+            let behind = effect.and_then(|effect| self.behind(effect));
+            // SAFETY: handed on as it came.
+            let code = behind.map_or(NO_PROVIDER, |behind| unsafe { (behind.query)(context, head) });
+            return self.note("query", &chain, code);
+        }
+        let code = match (chain[0].0, known) {
+            // SAFETY: as the id says.
+            (id::GET_VERSIONS, None) => unsafe { self.versions(head) },
+            (id::PROVIDER_VERSION, Some(_)) if self.role.sdk == Sdk::V110 => UNKNOWN_STRUCT,
+            (id::PROVIDER_VERSION, Some(known)) => match self.contexts.get(&known) {
+                Some((id, name)) => {
+                    // SAFETY: the id stands at 16, the name at 24, and both may be written.
+                    unsafe {
+                        put(head, 16, *id);
+                        put(head, 24, name.as_ptr());
+                    }
+                    OK
+                }
+                None => self.fault("query", "there is no such context", PARAMETER),
+            },
+            (id::MEMORY | id::UPSCALE_MEMORY, Some(known)) if self.role.sdk >= Sdk::V114 => {
+                let bytes = match (chain[0].0, self.frames.get(&known).map(|worker| &worker.does)) {
+                    (id::MEMORY, Some(Does::Generates(frames))) => frames.memory(),
+                    (id::UPSCALE_MEMORY, Some(Does::Enlarges(of))) => Larger::memory(of.render, of.shown),
+                    _ => return UNKNOWN_STRUCT,
+                };
+                // SAFETY: as the id says.
+                unsafe { self.memory(head, 16, bytes) }
+            }
+            (id::UPSCALE_MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
+                // SAFETY: fields of the struct.
+                let (device, sides) =
+                    unsafe { (get::<*mut c_void>(head, 16), [24, 28, 32, 36].map(|at| get::<u32>(head, at))) };
+                // SAFETY: the caller's device.
+                if !unsafe { is_device(device) } || sides.contains(&0) {
+                    return self.fault("query", &format!("memory of {sides:?}"), PARAMETER);
+                }
+                let [a, b, c, d] = sides;
+                // SAFETY: as the id says.
+                unsafe { self.memory(head, 48, Larger::memory([a, b], [c, d])) }
+            }
+            (id::RENDER_SIZE, _) => {
+                // SAFETY: fields of the struct.
+                let (shown, mode) = unsafe { ([16, 20].map(|at| get::<u32>(head, at)), get::<u32>(head, 24)) };
+                // SAFETY: two places for the answers stand there.
+                let places = unsafe { [32, 40].map(|at| get::<*mut u8>(head, at)) };
+                let Some(size) = upscale::render_size(shown, mode) else {
+                    return self.fault("query", &format!("quality mode {mode}"), PARAMETER);
+                };
+                // SAFETY: the caller's places.
+                unsafe { self.answer(&places, &size) }
+            }
+            (id::JITTER_PHASES, _) => {
+                // SAFETY: fields of the struct.
+                let [render, shown] = unsafe { [16, 20].map(|at| get::<u32>(head, at)) };
+                let count = (8.0 * (shown as f32 / render as f32).powi(2)) as i32;
+                // SAFETY: the place for the answer stands there.
+                unsafe { self.answer(&[get::<*mut u8>(head, 24)], &[count]) }
+            }
+            (id::JITTER, _) => {
+                // SAFETY: fields of the struct.
+                let (index, count) = unsafe { (get::<i32>(head, 16), get::<i32>(head, 20)) };
+                let Some(jitter) = upscale::jitter(index, count) else {
+                    return self.fault("query", &format!("jitter {index} of {count}"), PARAMETER);
+                };
+                // SAFETY: two places for the answers stand there.
+                unsafe { self.answer(&[24, 32].map(|at| get::<*mut u8>(head, at)), &jitter) }
+            }
+            (id::RESOURCES, Some(_)) if self.role.sdk >= Sdk::V20 => {
+                // SAFETY: the answers stand in the struct: colour, depth and motion, and the three others.
+                unsafe {
+                    put(head, 16, 7_u64);
+                    put(head, 24, 56_u64);
+                }
+                OK
+            }
+            (id::MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
+                // SAFETY: fields of the struct.
+                let (device, sides) =
+                    unsafe { (get::<*mut c_void>(head, 16), [24, 28, 32, 36].map(|at| get::<u32>(head, at))) };
+                // SAFETY: as above.
+                let (flags, formats) = unsafe { (get::<u32>(head, 44), [48, 52].map(|at| get::<u32>(head, at))) };
+                // SAFETY: the caller's device.
+                if !unsafe { is_device(device) } || sides.contains(&0) || flags != 8 || formats[0] == 0 {
+                    return self.fault("query", &format!("memory of {sides:?}, {flags}, {formats:?}"), PARAMETER);
+                }
+                let made = Made {
+                    flags: 0,
+                    render: [sides[0], sides[1]],
+                    shown: [sides[2], sides[3]],
+                    format: formats[0],
+                    hudless: formats[1],
+                };
+                // SAFETY: as the id says.
+                unsafe { self.memory(head, 56, made.memory()) }
+            }
+            _ => UNKNOWN_STRUCT,
+        };
+        self.note("query", &chain, code)
+    }
+
+    /// Answers where the struct says.
+    unsafe fn answer<T: Copy>(&self, places: &[*mut u8], values: &[T]) -> u32 {
+        if places.iter().any(|place| place.is_null()) {
+            return self.fault("query", "there is no room for the answer", PARAMETER);
+        }
+        for (place, value) in places.iter().zip(values) {
+            // SAFETY: the caller's place.
+            unsafe { put(*place, 0, *value) };
+        }
+        OK
+    }
+
+    /// Answers how much memory there is, where the struct says.
+    unsafe fn memory(&self, head: *const u8, at: usize, bytes: u64) -> u32 {
+        // SAFETY: the place of the answer stands there.
+        let place = unsafe { get::<*mut u8>(head, at) };
+        if place.is_null() {
+            return self.fault("query", "there is no room for the answer", PARAMETER);
+        }
+        // SAFETY: the caller's place, of two numbers.
+        unsafe {
+            put(place, 0, bytes);
+            put(place, 8, bytes / 2);
+        }
+        OK
+    }
+
+    unsafe fn versions(&mut self, head: *mut u8) -> u32 {
+        // SAFETY: fields of the struct that asks.
+        let (create, device, count) =
+            unsafe { (get::<u64>(head, 16), get::<*mut c_void>(head, 24), get::<*mut u64>(head, 32)) };
+        // SAFETY: as above.
+        let (ids, names) = unsafe { (get::<*mut u64>(head, 40), get::<*mut *const c_char>(head, 48)) };
+        if ![id::GENERATION, id::UPSCALE, 0x3_0001, 0x3_0005, 0x3_0006].contains(&create) {
+            return self.fault("query", &format!("{create:x} makes no context"), PARAMETER);
+        }
+        // SAFETY: the caller's device.
+        if !unsafe { is_device(device) } {
+            return self.fault("query", "the device is none", PARAMETER);
+        }
+        if count.is_null() || ids.is_null() || names.is_null() {
+            return self.fault("query", "there is no room for the answer", PARAMETER);
+        }
+        // SAFETY: the caller's place.
+        let room = usize::try_from(unsafe { *count }).unwrap_or(0);
+        if room == 0 {
+            // AMD's says so whatever it has.
+            return self.fault("query", "the number alone is asked for, which no release tells", OK);
+        }
+        let fits = self.role.effects.contains(&(create & EFFECT));
+        let offers = self.role.offers.iter().filter(|_| fits).take(room);
+        let mut written = 0;
+        for (id, name) in offers {
+            // SAFETY: there is room for so many.
+            unsafe {
+                *ids.add(written) = *id;
+                *names.add(written) = name.as_ptr();
+            }
+            self.offered.push(*id);
+            written += 1;
+        }
+        // SAFETY: the caller's place.
+        unsafe { *count = written as u64 };
+        OK
+    }
+}

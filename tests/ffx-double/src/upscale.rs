@@ -1,0 +1,194 @@
+//! A larger frame, judged: one call, with all that it is told of.
+
+use std::ffi::c_void;
+
+use crate::frames::{Asked, judge_list, judge_resource, told};
+use crate::memory::get;
+use crate::work::{CONSTANTS, Pictures, Told};
+
+/// The struct's id.
+pub(crate) const UPSCALE: u64 = 0x1_0001;
+
+/// Flags that a context is made with.
+const DISPLAY_RESOLUTION_MOTION: u32 = 2;
+const MOTION_JITTER: u32 = 4;
+const DEPTH_INVERTED: u32 = 8;
+const DEPTH_INFINITE: u32 = 16;
+const AUTO_EXPOSURE: u32 = 32;
+const DYNAMIC_RESOLUTION: u32 = 64;
+const NON_LINEAR: u32 = 256;
+
+/// Flags of a frame.
+const OF_SRGB: u32 = 2;
+const OF_PQ: u32 = 4;
+
+/// Flags of the shader.
+const RESET: u32 = 1;
+const EXPOSED: u32 = 2;
+const REACTIVE: u32 = 4;
+const TRANSPARENT: u32 = 8;
+const INVERTED: u32 = 16;
+const SRGB: u32 = 32;
+const PQ: u32 = 64;
+const JITTERED: u32 = 128;
+
+/// What a context was made for, and where it is.
+#[derive(Debug)]
+pub(crate) struct Larger {
+    pub(crate) flags: u32,
+    pub(crate) render: [u32; 2],
+    pub(crate) shown: [u32; 2],
+    /// A frame has been before.
+    pub(crate) follows: bool,
+}
+
+impl Larger {
+    /// Bytes of what it would keep.
+    pub(crate) fn memory(render: [u32; 2], shown: [u32; 2]) -> u64 {
+        let pixels = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
+        16 * pixels(shown) + 8 * pixels(render)
+    }
+
+    /// Judges one call; faults go to `fault`. Gives what is to be recorded, with constants that leave the size of motion out.
+    ///
+    /// # Safety
+    /// A struct that is what its id says, alone in its chain.
+    pub(crate) unsafe fn judge(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<Asked> {
+        let has = |flag| self.flags & flag != 0;
+        // SAFETY: fields of the struct, here and below.
+        let (list, render, shown) = unsafe {
+            (
+                get::<*mut c_void>(head, 16),
+                [376, 380].map(|at| get::<u32>(head, at)),
+                [384, 388].map(|at| get::<u32>(head, at)),
+            )
+        };
+        // SAFETY: the caller's list.
+        unsafe { judge_list(list, true, fault) };
+        let shown = if shown == [0; 2] { self.shown } else { shown };
+        for (name, size, largest) in [("render", render, self.render), ("upscale", shown, self.shown)] {
+            if size.contains(&0) || size[0] > largest[0] || size[1] > largest[1] {
+                fault(format!("{name} size {size:?} of {largest:?}"));
+            }
+        }
+        if render != self.render && !has(DYNAMIC_RESOLUTION) {
+            fault(format!("rendered at {render:?}, where sizes do not change"));
+        }
+        let of_motion = if has(DISPLAY_RESOLUTION_MOTION) { shown } else { render };
+        for (name, at, size, is_needed, is_written) in [
+            ("color", 24, render, true, false),
+            ("depth", 72, render, true, false),
+            ("motion", 120, of_motion, true, false),
+            ("exposure", 168, [1, 1], false, false),
+            ("reactive", 216, render, false, false),
+            ("transparency", 264, render, false, false),
+            ("output", 312, shown, true, true),
+        ] {
+            // SAFETY: a resource stands there.
+            unsafe {
+                if is_needed || get::<usize>(head, at) != 0 {
+                    judge_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}")));
+                } else if (0..44).step_by(4).any(|of| get::<u32>(head, at + of) != 0) {
+                    fault(format!("{name}: a description of nothing"));
+                }
+            }
+        }
+        // SAFETY: as above.
+        let pictures = unsafe { [24, 72, 120, 168, 216, 264, 312].map(|at| told(head, at)) };
+        if has(AUTO_EXPOSURE) && pictures[3].is_some() {
+            fault("exposure is told and is to be found".to_owned());
+        }
+        // SAFETY: as above.
+        let (pairs, numbers) = unsafe {
+            (
+                [360, 364, 368, 372].map(|at| get::<f32>(head, at)),
+                [400, 404, 412, 416, 420, 424].map(|at| get::<f32>(head, at)),
+            )
+        };
+        // SAFETY: as above.
+        let (sharpen, sharpness, reset, flags) =
+            unsafe { (get::<u8>(head, 392), get::<f32>(head, 396), get::<u8>(head, 408), get::<u32>(head, 428)) };
+        let [_, exposure, near, far, fov, _] = numbers;
+        let far_counts = !has(DEPTH_INFINITE);
+        let is_above_0 =
+            |(index, number): (usize, &f32)| number.is_finite() && (*number > 0.0 || index == 3 && !far_counts);
+        if !numbers.iter().enumerate().all(is_above_0) || far_counts && near == far || fov >= std::f32::consts::PI {
+            fault(format!("time, exposure and camera {numbers:?}"));
+        }
+        if !pairs.iter().all(|number| number.is_finite()) {
+            fault(format!("jitter and scale {pairs:?}"));
+        }
+        if sharpen > 1 || !(0.0..=1.0).contains(&sharpness) || (sharpen == 0 && sharpness != 0.0) {
+            fault(format!("sharpening {sharpen}, {sharpness}"));
+        }
+        if reset > 1 || (reset == 0 && !self.follows) {
+            fault(format!("reset {reset}, follows {}", self.follows));
+        }
+        if ![0, OF_SRGB, OF_PQ].contains(&flags) || (flags != 0) != has(NON_LINEAR) {
+            fault(format!("flags {flags} of a context with {}", self.flags));
+        }
+        let [color, depth, motion, exposed, reactive, transparent, output] = pictures;
+        let (color, depth, motion, output): (Told, Told, Told, Told) = (color?, depth?, motion?, output?);
+        let inputs = [
+            color,
+            exposed.unwrap_or(depth),
+            color,
+            motion,
+            depth,
+            reactive.unwrap_or(depth),
+            transparent.unwrap_or(depth),
+        ];
+        let flags: u32 = [
+            (reset != 0, RESET),
+            (exposed.is_some(), EXPOSED),
+            (reactive.is_some(), REACTIVE),
+            (transparent.is_some(), TRANSPARENT),
+            (has(DEPTH_INVERTED), INVERTED),
+            (flags == OF_SRGB, SRGB),
+            (flags == OF_PQ, PQ),
+            (has(MOTION_JITTER), JITTERED),
+        ]
+        .into_iter()
+        .map(|(is_set, flag)| if is_set { flag } else { 0 })
+        .sum();
+        let [jitter_x, jitter_y, scale_x, scale_y] = pairs.map(f32::to_bits);
+        let words = [
+            shown[0],
+            shown[1],
+            render[0],
+            render[1],
+            0,
+            0,
+            scale_x,
+            scale_y,
+            jitter_x,
+            jitter_y,
+            sharpness.to_bits(),
+            exposure.to_bits(),
+            flags,
+        ];
+        let mut constants = [0; CONSTANTS];
+        constants[..words.len()].copy_from_slice(&words);
+        Some(Asked { list, pictures: Pictures { inputs, motion: 3, output, kept: None }, constants })
+    }
+}
+
+/// The size that a quality mode renders at.
+pub(crate) fn render_size(shown: [u32; 2], mode: u32) -> Option<[u32; 2]> {
+    let ratio = [1.0, 1.5, 1.7, 2.0, 3.0_f32].get(mode as usize)?;
+    Some(shown.map(|side| (side as f32 / ratio) as u32))
+}
+
+/// The jitter of a sequence: Halton's numbers of 2 and of 3, less a half.
+pub(crate) fn jitter(index: i32, count: i32) -> Option<[f32; 2]> {
+    let index = u32::try_from(index).ok()?.checked_rem(u32::try_from(count).ok()?)? + 1;
+    Some([2, 3].map(|base: u32| {
+        let (mut left, mut part, mut sum) = (index, 1.0, 0.0_f32);
+        while left > 0 {
+            part /= base as f32;
+            sum += part * (left % base) as f32;
+            left /= base;
+        }
+        sum - 0.5
+    }))
+}

@@ -1,0 +1,339 @@
+//! Larger frames of the double of AMD's libraries: each option shows in pixels. On Windows, or in the lab.
+#![cfg(windows)]
+
+use cairn::ErrorKind;
+use cairn::ffx::bindings::{
+    Coordinates, CreateUpscale, Dimensions, QualityMode, Resource, ResourceState, UpscaleCreateFlags, UpscaleFlags,
+    UpscaleResources,
+};
+use cairn::ffx::{Camera, Choice, Effect, Family, Library, Part, UpscaleFrame, UpscaleShot, Upscaler, memory_needed};
+use cairn::gpu::Gpu;
+use cairn::gpu::windows::core::Interface;
+
+#[path = "ffx/pictures.rs"]
+mod pictures;
+#[path = "ffx/stage.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod stage;
+use pictures::{Kept, Textures, run};
+use stage::{Stage, alone};
+
+/// AMD's upscalers, as their libraries name them.
+const NEWEST: &str = "offers 0xf600000001000003 4.0.3";
+const ANALYTIC: &str = "offers 0xf600000000c01004 3.1.4";
+
+const SHOWN: Dimensions = Dimensions { width: 128, height: 96 };
+const RENDERED: Dimensions = Dimensions { width: 64, height: 48 };
+
+fn playing(lines: &[&str]) -> (Stage, Library) {
+    let lines: Vec<_> = ["effect 0x10000"].iter().chain(lines).copied().collect();
+    let stage = Stage::empty().with(Part::Upscaler, &lines);
+    let library = stage.load().expect("loaded");
+    (stage, library)
+}
+
+fn head(flags: UpscaleCreateFlags) -> CreateUpscale {
+    CreateUpscale { flags, max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() }
+}
+
+fn made(gpu: &Gpu, library: &Library, flags: UpscaleCreateFlags) -> cairn::Result<Upscaler> {
+    let api = library.api(Effect::Upscaling)?;
+    // SAFETY: a live device, which outlives the upscaler.
+    unsafe { Upscaler::create(api, gpu.device().as_raw(), Choice::Any, head(flags)) }
+}
+
+/// What an engine has for a frame.
+struct Scene {
+    gpu: Gpu,
+    rendered: Textures,
+    shown: Textures,
+    one: Textures,
+    reactive: Kept,
+    transparency: Kept,
+}
+
+/// What is told of a frame, beside its textures.
+#[derive(Clone, Copy)]
+struct Told {
+    shot: UpscaleShot,
+    exposure: bool,
+    reactive: bool,
+    transparency: bool,
+    /// Motion of the size shown.
+    shown_motion: bool,
+}
+
+impl Told {
+    fn plain() -> Self {
+        let shot = UpscaleShot::of(RENDERED, SHOWN);
+        Self { shot, exposure: false, reactive: false, transparency: false, shown_motion: false }
+    }
+
+    fn with(told: impl FnOnce(&mut UpscaleShot)) -> Self {
+        let mut plain = Self::plain();
+        told(&mut plain.shot);
+        plain
+    }
+}
+
+/// A picture that is endless, smooth and differs everywhere, by pixels of the size shown.
+fn world(x: f32, y: f32) -> [u8; 4] {
+    let wave = |phase: f32| (128.0 + 90.0 * phase.sin()) as u8;
+    [wave(x * 0.11), wave(y * 0.13 + x * 0.05), wave(x * 0.07 - y * 0.09), 255]
+}
+
+fn halves(x: f32, y: f32) -> [u8; 4] {
+    let [a, b] = [x, y].map(|v| half::f16::from_f32(v).to_le_bytes());
+    [a[0], a[1], b[0], b[1]]
+}
+
+impl Scene {
+    fn new() -> Self {
+        let gpu = Gpu::on_adapter(None).expect("a device");
+        let [rendered, shown] = [RENDERED, SHOWN].map(|size| Textures::new(&gpu, size));
+        let one = Textures::new(&gpu, Dimensions { width: 1, height: 1 });
+        let [reactive, transparency] = [(); 2].map(|()| Textures::new(&gpu, RENDERED).depth);
+        // What is near stands in every other column.
+        rendered.fill(&rendered.depth, |x, _| if x.is_multiple_of(2) { 0.25_f32 } else { 0.5 }.to_le_bytes());
+        rendered.fill(&rendered.motion, |x, _| halves(-4.0 - (x % 2) as f32 * 0.5, 0.0));
+        shown.fill(&shown.motion, |_, _| halves(-6.0, 0.0));
+        one.fill(&one.depth, |_, _| 3.0_f32.to_le_bytes());
+        rendered.fill(&reactive, |_, y| (y as f32 / 48.0).to_le_bytes());
+        rendered.fill(&transparency, |x, _| (x as f32 / 64.0).to_le_bytes());
+        Self { gpu, rendered, shown, one, reactive, transparency }
+    }
+
+    /// Draws the world, moved to the right by pixels of the size shown, as a camera with that jitter sees it.
+    fn draw(&self, by: f32, jitter: Coordinates) {
+        self.rendered.fill(&self.rendered.color, |x, y| {
+            let at = |v: u32, jitter: f32| (v as f32 + 0.5 - jitter) * 2.0 - 0.5;
+            world(at(x, jitter.x) - by, at(y, jitter.y))
+        });
+    }
+
+    /// The frame that is told so, made larger.
+    fn larger(&self, upscaler: &mut Upscaler, told: &Told) -> cairn::Result<Vec<[u8; 4]>> {
+        let resource = |kept: &Kept| Resource::of(&kept.resource, ResourceState::UNORDERED_ACCESS);
+        let optional = |is_told: bool, kept: &Kept| if is_told { resource(kept) } else { Resource::default() };
+        let mut answer = Ok(());
+        run(&self.gpu, |list| {
+            let frame = UpscaleFrame {
+                command_list: list.as_raw(),
+                color: resource(&self.rendered.color),
+                depth: resource(&self.rendered.depth),
+                motion: resource(if told.shown_motion { &self.shown.motion } else { &self.rendered.motion }),
+                exposure: optional(told.exposure, &self.one.depth),
+                reactive: optional(told.reactive, &self.reactive),
+                transparency: optional(told.transparency, &self.transparency),
+                output: resource(&self.shown.output),
+                shot: told.shot,
+            };
+            // SAFETY: an open list of the upscaler's device, and textures that live until it has run.
+            answer = unsafe { upscaler.record(&frame) };
+        });
+        answer.map(|()| self.shown.generated())
+    }
+
+    /// Two frames, in which the world moves by 8 pixels; the second of them, larger.
+    fn pair(&self, upscaler: &mut Upscaler, told: &Told) -> Vec<[u8; 4]> {
+        self.draw(0.0, Coordinates::default());
+        let first = Told { shot: UpscaleShot { reset: true, ..told.shot }, ..*told };
+        self.larger(upscaler, &first).expect("upscaled");
+        self.draw(8.0, Coordinates::default());
+        self.larger(upscaler, told).expect("upscaled")
+    }
+}
+
+/// The mean difference of a channel from what is expected, away from the rims.
+fn off(found: &[[u8; 4]], expected: impl Fn(u32, u32) -> [u8; 4]) -> f64 {
+    let places = (8..SHOWN.height - 8).flat_map(|y| (16..SHOWN.width - 16).map(move |x| (x, y)));
+    let all: Vec<f64> = places
+        .flat_map(|(x, y)| {
+            let (a, b) = (found[(y * SHOWN.width + x) as usize], expected(x, y));
+            a.into_iter().zip(b).take(3).map(|(a, b)| f64::from(a.abs_diff(b)))
+        })
+        .collect();
+    all.iter().sum::<f64>() / all.len() as f64
+}
+
+fn moved(by: f32) -> impl Fn(u32, u32) -> [u8; 4] {
+    move |x, y| world(x as f32 - by, y as f32)
+}
+
+#[test]
+fn a_frame_becomes_larger_and_goes_on_from_the_one_before() {
+    for release in [["sdk 1.1.4", ANALYTIC], ["sdk 2.0", ANALYTIC], ["sdk 2.1", NEWEST]] {
+        let (stage, library) = playing(&release);
+        let scene = Scene::new();
+        let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+        // Alone, with the jitter of its camera: where it is told the picture lies right, and where it is not it lies beside.
+        let jitter = Coordinates { x: 0.4, y: -0.3 };
+        scene.draw(0.0, jitter);
+        let right = scene.larger(&mut upscaler, &Told::with(|shot| shot.jitter = jitter)).expect("upscaled");
+        let beside = scene.larger(&mut upscaler, &Told::with(|shot| shot.reset = true)).expect("upscaled");
+        let (right, beside) = (off(&right, moved(0.0)), off(&beside, moved(0.0)));
+        assert!(right < 1.0 && beside > 2.0 * right, "{release:?}: {right} {beside}");
+        // The one before is mixed in from where it was: of what is near, 4 render pixels to the left.
+        let together = off(&scene.pair(&mut upscaler, &Told::plain()), moved(8.0));
+        let wrong = Told::with(|shot| shot.motion_scale = Coordinates { x: -1.0, y: 1.0 });
+        let apart = off(&scene.pair(&mut upscaler, &wrong), moved(8.0));
+        assert!(together < 1.0 && apart > 5.0, "{release:?}: {together} {apart}");
+        drop(upscaler);
+        assert!(scene.gpu.removed().is_none());
+        assert_eq!(stage.judgement(), [""; 0]);
+    }
+}
+
+#[test]
+fn every_option_changes_the_larger_frame() {
+    let (stage, library) = playing(&["sdk 2.1", NEWEST]);
+    let scene = Scene::new();
+    let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+    let plain = scene.pair(&mut upscaler, &Told::plain());
+    assert!(scene.pair(&mut upscaler, &Told::plain()) == plain, "it does the same each time");
+    let pair = |x, y| Coordinates { x, y };
+    for (name, told) in [
+        ("jitter", Told::with(|shot| shot.jitter = pair(0.25, 0.0))),
+        ("motion_scale", Told::with(|shot| shot.motion_scale = pair(0.5, 1.0))),
+        ("sharpness", Told::with(|shot| shot.sharpness = Some(0.8))),
+        ("pre_exposure", Told::with(|shot| shot.pre_exposure = 0.25)),
+        ("reset", Told::with(|shot| shot.reset = true)),
+        ("exposure", Told { exposure: true, ..Told::plain() }),
+        ("reactive", Told { reactive: true, ..Told::plain() }),
+        ("transparency", Told { transparency: true, ..Told::plain() }),
+    ] {
+        // Motion that is not quite right, so that both frames are not the same.
+        let off_by_one = |told: Told| Told {
+            shot: UpscaleShot { motion_scale: pair(told.shot.motion_scale.x * 0.75, 1.0), ..told.shot },
+            ..told
+        };
+        let base = scene.pair(&mut upscaler, &off_by_one(Told::plain()));
+        assert!(scene.pair(&mut upscaler, &off_by_one(told)) != base, "{name}");
+    }
+    drop(upscaler);
+    for (name, flags, told) in [
+        ("depth", UpscaleCreateFlags::DEPTH_INVERTED, Told::plain()),
+        ("motion shown", UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION, Told { shown_motion: true, ..Told::plain() }),
+        ("motion jitter", UpscaleCreateFlags::MOTION_JITTER, Told::with(|shot| shot.jitter = pair(0.5, 0.25))),
+        ("sRGB", UpscaleCreateFlags::NON_LINEAR_COLOR, Told::with(|shot| shot.encoding = UpscaleFlags::COLOR_SRGB)),
+        ("PQ", UpscaleCreateFlags::NON_LINEAR_COLOR, Told::with(|shot| shot.encoding = UpscaleFlags::COLOR_PQ)),
+    ] {
+        let mut without = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+        let mut with = made(&scene.gpu, &library, flags).expect("an upscaler");
+        let of =
+            Told { shot: UpscaleShot { encoding: UpscaleFlags::empty(), ..told.shot }, shown_motion: false, ..told };
+        assert!(scene.pair(&mut with, &told) != scene.pair(&mut without, &of), "{name}");
+    }
+    // Rendered smaller than it could be.
+    let small = Dimensions { width: 32, height: 24 };
+    let mut fixed = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+    let refused = scene.larger(&mut fixed, &Told::with(|shot| shot.render_size = small)).expect_err("of one size");
+    assert_eq!(refused.offending_field(), Some("render_size"));
+    assert!(scene.gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn sizes_jitters_resources_and_memory_are_asked_for() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    for (release, resources, before) in [
+        (["sdk 1.1.4", ANALYTIC], false, false),
+        (["sdk 2.0", ANALYTIC], true, true),
+        (["sdk 2.1", NEWEST], true, true),
+    ] {
+        let (stage, library) = playing(&release);
+        let api = library.api(Effect::Upscaling).expect("there");
+        let shown = Dimensions { width: 1920, height: 1080 };
+        for (mode, width, height) in [
+            (QualityMode::NATIVE, 1920, 1080),
+            (QualityMode::QUALITY, 1280, 720),
+            (QualityMode::BALANCED, 1129, 635),
+            (QualityMode::PERFORMANCE, 960, 540),
+            (QualityMode::ULTRA_PERFORMANCE, 640, 360),
+        ] {
+            let size = Upscaler::render_size(api, shown, mode).expect("a size");
+            assert_eq!((size.width, size.height), (width, height), "{mode:?}");
+        }
+        let phases = Upscaler::jitter_phases(api, 960, 1920).expect("a count");
+        assert_eq!(phases, 32);
+        let all: Vec<_> =
+            (0..u64::from(phases)).map(|index| Upscaler::jitter(api, index, phases).expect("a jitter")).collect();
+        let mean = |of: fn(&Coordinates) -> f32| all.iter().map(of).sum::<f32>() / all.len() as f32;
+        assert!(mean(|j| j.x).abs() < 0.05 && mean(|j| j.y).abs() < 0.05);
+        assert!(all.iter().all(|j| j.x.abs() <= 0.5 && j.y.abs() <= 0.5));
+        let again = Upscaler::jitter(api, u64::from(phases) * 5 + 3, phases).expect("a jitter");
+        assert_eq!((again.x, again.y), (all[3].x, all[3].y), "it comes round");
+        let mut upscaler = made(&gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+        let told = upscaler.resources().expect("an answer");
+        assert_eq!(told.is_some(), resources, "{release:?}");
+        if let Some([required, optional]) = told {
+            let frame = UpscaleResources::COLOR | UpscaleResources::DEPTH | UpscaleResources::MOTION;
+            assert_eq!((required, optional.contains(UpscaleResources::REACTIVE)), (frame, true));
+        }
+        let reported = upscaler.memory().expect("an answer").expect("it can say");
+        // SAFETY: a live device.
+        let needed = unsafe { memory_needed(api, gpu.device().as_raw(), upscaler.made_with(), None) };
+        let needed = needed.expect("an answer");
+        assert_eq!(needed.is_some(), before, "{release:?}");
+        assert!(needed.is_none_or(|needed| needed.total == reported.total));
+        for (field, refused) in [
+            ("shown", Upscaler::render_size(api, Dimensions::default(), QualityMode::QUALITY).err()),
+            ("render_width", Upscaler::jitter_phases(api, 0, 1).err()),
+            ("phases", Upscaler::jitter(api, 0, 0).err()),
+        ] {
+            assert_eq!(refused.expect(field).offending_field(), Some(field));
+        }
+        assert_eq!(stage.judgement(), [""; 0]);
+        // A mode that there is not is the library's to refuse.
+        assert!(Upscaler::render_size(api, shown, QualityMode(9)).is_err());
+    }
+}
+
+#[test]
+fn an_upscaler_is_there_through_the_loader_or_not_at_all() {
+    alone("an_upscaler_is_there_through_the_loader_or_not_at_all", || {
+        let stage = Stage::empty()
+            .with(Part::Loader, &["loader"])
+            .with(Part::FrameGeneration, &["sdk 2.1", stage::ML])
+            .with(Part::Upscaler, &["sdk 2.1", "effect 0x10000", NEWEST]);
+        let library = stage.load().expect("loaded");
+        assert_eq!(library.serves(Effect::Upscaling), Some(Part::Loader));
+        let scene = Scene::new();
+        let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+        assert_eq!(upscaler.provider().version.family(), Some(Family::Ml));
+        assert!(off(&scene.pair(&mut upscaler, &Told::plain()), moved(8.0)) < 1.0);
+        drop(upscaler);
+        assert_eq!(stage.judgement(), [""; 0]);
+        let without = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", stage::ML]);
+        let missing = made(&scene.gpu, &without.load().expect("loaded"), UpscaleCreateFlags::empty());
+        assert_eq!(missing.expect_err("it is not there").kind(), ErrorKind::RuntimeMissing);
+    });
+}
+
+#[test]
+fn what_does_not_fit_is_refused_with_its_name() {
+    let (stage, library) = playing(&["sdk 2.1", NEWEST]);
+    let scene = Scene::new();
+    let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+    let large = Dimensions { width: 129, height: 96 };
+    for (field, told) in [
+        ("render_size", Told::with(|shot| shot.render_size = Dimensions::default())),
+        ("shown", Told::with(|shot| shot.shown = large)),
+        ("shown", Told::with(|shot| shot.shown = Dimensions { width: 32, height: 96 })),
+        ("output", Told::with(|shot| shot.shown = Dimensions { width: 100, height: 90 })),
+        ("motion", Told { shown_motion: true, ..Told::plain() }),
+        ("jitter", Told::with(|shot| shot.jitter.x = f32::NAN)),
+        ("motion_scale", Told::with(|shot| shot.motion_scale.y = f32::INFINITY)),
+        ("sharpness", Told::with(|shot| shot.sharpness = Some(1.5))),
+        ("frame_time", Told::with(|shot| shot.frame_time = 0.0)),
+        ("pre_exposure", Told::with(|shot| shot.pre_exposure = -1.0)),
+        ("encoding", Told::with(|shot| shot.encoding = UpscaleFlags::COLOR_SRGB)),
+        ("encoding", Told::with(|shot| shot.encoding = UpscaleFlags::DEBUG_VIEW)),
+        ("camera.fov", Told::with(|shot| shot.camera = Camera { fov: 4.0, ..Camera::default() })),
+    ] {
+        let refused = scene.larger(&mut upscaler, &told).expect_err(field);
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
+    }
+    assert!(off(&scene.pair(&mut upscaler, &Told::plain()), moved(8.0)) < 1.0, "it is as it was");
+    assert_eq!(stage.judgement(), [""; 0]);
+}
