@@ -31,7 +31,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 }
 
 /// The command with which a program of the Windows target is run.
-fn lab_run() -> Result<Command, String> {
+pub(super) fn lab_run() -> Result<Command, String> {
     // A build of the workspace may have put another file in this program's place since it started; Linux keeps this one
     // under its number.
     let own = if cfg!(target_os = "linux") {

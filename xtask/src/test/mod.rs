@@ -67,6 +67,7 @@ const RUNNERS: &[Runner] = &[
     },
     Runner { name: "shaders", what: "compiled shaders are what their text compiles to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
+    Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
     Runner {
         name: "ffx",
         what: "AMD's ffx-api: a double of each release, and AMD's own where CAIRN_FFX_DIR is",

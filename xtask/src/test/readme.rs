@@ -5,6 +5,7 @@
 use std::process::Command;
 
 use clap::Parser;
+use provision::tools::WINDOWS_TARGET;
 
 use super::Context;
 use super::tally::Tally;
@@ -15,7 +16,9 @@ use crate::shell::Log;
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let pages = context.clone.files()?.into_iter().filter(|file| {
         file == "README.md"
-            || (["docs/", "samples/host-c/", "bindings/python/"].iter().any(|folder| file.starts_with(folder))
+            || (["docs/", "samples/host-c/", "samples/host-d3d12/", "bindings/python/"]
+                .iter()
+                .any(|folder| file.starts_with(folder))
                 && std::path::Path::new(file).extension().is_some_and(|e| e == "md"))
     });
     let mut tally = Tally::default();
@@ -90,8 +93,8 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
             knows(log, help, arguments)
         }
         [python, "-m", "venv" | "pip" | "pytest", ..] if is_python(python) => Ok(None),
-        ["cargo", "build", "--release"] => Ok(None),
-        // The runner `host` builds and runs by these.
+        ["cargo", "build", "--release"] | ["cargo", "build", "--release", "--target", WINDOWS_TARGET] => Ok(None),
+        // The runners `host` and `host-d3d12` build and run by these.
         ["cc" | "cmake" | "./host-c", ..] => Ok(None),
         ["git" | "cd" | "mpv" | "ffplay" | "rustup" | "apt" | "apt-get" | "sudo" | "export", ..] => Ok(None),
         [program, ..] => Ok(Some(format!("{program} is no program these documents may ask for"))),

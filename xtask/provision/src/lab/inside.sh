@@ -3,7 +3,8 @@ unset LAB_INSIDE
 shift
 cd "$0"
 mkfifo /run/display
-Xvfb -displayfd 3 -screen 0 1920x1080x24 -nolock -nolisten tcp -nolisten unix 3> /run/display > /run/xvfb.log 2>&1 < /dev/null &
+# A folder in which others find what is on the display, as XWD.
+Xvfb ${CAIRN_LAB_SCREEN:+-fbdir "$CAIRN_LAB_SCREEN"} -displayfd 3 -screen 0 1920x1080x24 -nolock -nolisten tcp -nolisten unix 3> /run/display > /run/xvfb.log 2>&1 < /dev/null &
 if ! read -r display < /run/display; then
     cat /run/xvfb.log >&2
     echo "the lab's display does not start" >&2

@@ -1,8 +1,10 @@
-//! Hosts in C, as their authors build and run them: the loader header, and `samples/host-c` with its video.
+//! Hosts, as their authors build and run them: the loader header, `samples/host-c` with its video, and `samples/host-d3d12`.
 
 mod frames;
 mod loader;
 mod sample;
+mod screen;
+mod windows;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,6 +16,8 @@ use super::Context;
 use super::abi::{self, Compiler, STRICT};
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
+
+pub(super) use windows::run as run_windows;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let work = context.clone.target.join("xtask").join("host");

@@ -1,0 +1,76 @@
+#include "pictures.hpp"
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <stdexcept>
+
+#include <windows.h>
+
+static const char not_ppm[] = ": is no PPM with 8 bits (P6). Convert it: magick picture.png picture.ppm";
+
+std::string read_text(const std::string &path)
+{
+    std::ifstream file(std::filesystem::u8path(path), std::ios::binary);
+    std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+    if (!file.is_open() || file.bad()) throw std::runtime_error(path + ": cannot be read. Is the path right?");
+    return text;
+}
+
+void write_text(const std::string &path, const std::string &text)
+{
+    std::ofstream file(std::filesystem::u8path(path), std::ios::binary);
+    file.write(text.data(), static_cast<std::streamsize>(text.size()));
+    file.close();
+    if (!file) throw std::runtime_error(path + ": cannot be written. Is there room, and may this user write there?");
+}
+
+image read_ppm(const std::string &path)
+{
+    const std::string text = read_text(path);
+    std::istringstream words(text);
+    std::string kind;
+    std::uint32_t numbers[3] = {};
+    words >> kind;
+    for (std::uint32_t &number : numbers) {
+        /* A comment runs to the end of its line. */
+        while ((words >> std::ws).peek() == '#') words.ignore(static_cast<std::streamsize>(text.size()), '\n');
+        words >> number;
+    }
+    const std::uint32_t width = numbers[0], height = numbers[1];
+    if (!words || kind != "P6" || numbers[2] != 255 || width < 1 || width > 16384 || height < 1 || height > 16384) {
+        throw std::runtime_error(path + not_ppm);
+    }
+    const std::size_t start = static_cast<std::size_t>(words.tellg()) + 1, count = std::size_t{width} * height;
+    if (text.size() < start || text.size() - start < count * 3) throw std::runtime_error(path + not_ppm);
+    image made(width, height);
+    for (std::size_t i = 0; i < count; i++) {
+        for (std::size_t c = 0; c < 3; c++) made.rgba[i * 4 + c] = static_cast<unsigned char>(text[start + i * 3 + c]);
+        made.rgba[i * 4 + 3] = 255;
+    }
+    return made;
+}
+
+void write_ppm(const std::string &path, const image &image)
+{
+    std::string text = "P6\n" + std::to_string(image.width) + " " + std::to_string(image.height) + "\n255\n";
+    for (std::size_t i = 0; i < image.rgba.size(); i++) {
+        if (i % 4 != 3) text.push_back(static_cast<char>(image.rgba[i]));
+    }
+    write_text(path, text);
+}
+
+void make_folder(const std::string &path)
+{
+    std::error_code failed;
+    std::filesystem::create_directories(std::filesystem::u8path(path), failed);
+    if (failed) throw std::runtime_error(path + ": the folder cannot be made: " + failed.message());
+}
+
+std::string beside_program(const char *name)
+{
+    std::wstring path(32768, L'\0');
+    path.resize(GetModuleFileNameW(nullptr, &path[0], static_cast<DWORD>(path.size())));
+    return (std::filesystem::path(path).parent_path() / name).u8string();
+}

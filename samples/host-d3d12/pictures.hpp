@@ -1,0 +1,28 @@
+/* Pictures as PPM files (P6). */
+#ifndef HOST_D3D12_PICTURES_HPP
+#define HOST_D3D12_PICTURES_HPP
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+/* Red, green, blue and alpha of each pixel, rows from top to bottom. */
+struct image {
+    std::uint32_t width = 0, height = 0;
+    std::vector<unsigned char> rgba;
+
+    image() = default;
+    image(std::uint32_t w, std::uint32_t h) : width(w), height(h), rgba(std::size_t{w} * h * 4) {}
+};
+
+/* Paths are UTF-8. What cannot be done throws std::runtime_error with the path, the cause and what to do. */
+image read_ppm(const std::string &path);
+void write_ppm(const std::string &path, const image &image);
+void write_text(const std::string &path, const std::string &text);
+std::string read_text(const std::string &path);
+/* Makes a folder, with those above it. */
+void make_folder(const std::string &path);
+/* A file beside this program. */
+std::string beside_program(const char *name);
+
+#endif

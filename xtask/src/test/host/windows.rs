@@ -1,0 +1,284 @@
+//! `samples/host-d3d12`: built by CMake, run without a window and in one, in the lab or on Windows; what it writes and what is on
+//! the display is read and compared.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::Duration;
+
+use provision::{Console, tools};
+
+use super::frames::Ppm;
+use super::screen::{self, Rectangle};
+use crate::shell::Log;
+use crate::test::abi::STRICT;
+use crate::test::tally::{Skip, Tally};
+use crate::test::{Context, lab};
+
+const SAMPLE: &str = "samples/host-d3d12";
+const SCRIPT: &str = "samples/scripts/walk.txt";
+const RENDERER: &str = "tests/host/renderer.c";
+
+/// Frames that are recorded, and how many there are to an anchor.
+const FRAMES: usize = 24;
+const MULTIPLIER: usize = 4;
+
+/// Size of the embedded world's pictures, and of its frames: nothing is resized on the way.
+const SIZE: (usize, usize) = (320, 180);
+
+/// Where the frame-time graph stands in a frame of that size, as the sample has it.
+const GRAPH: Rectangle = Rectangle { left: 8, top: SIZE.1 - 64 - 8, width: 256, height: 64 };
+
+/// How often the display is looked at.
+const LOOK: Duration = Duration::from_millis(50);
+
+pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if let Some(skip) = lab::or_skip(SAMPLE)? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
+    let Some(cmake) = tools::cmake(&Console::new()) else {
+        tally.skips.push(Skip { name: SAMPLE.into(), reason: "needs cmake: apt install cmake".into() });
+        return Ok(tally);
+    };
+    let work = context.clone.target.join("xtask").join("host-d3d12");
+    match fs::remove_dir_all(&work) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
+        _ => {}
+    }
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let program = build(context, log, &cmake, &work)?;
+    let host = Host { context, work, program };
+    recorded(&host, log, &mut tally)?;
+    scene(&host, log, &mut tally)?;
+    refusals(&host, log, &mut tally)?;
+    window(&host, log, &mut tally)?;
+    Ok(tally)
+}
+
+/// Builds the library for Windows, with what the library's own tests have been built with, and the sample by its CMake file.
+fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
+    let mut command = context.clone.cargo(["build", "--package", "cairn", "--lib", "--test", "d3d12"]);
+    lab::for_windows(&mut command)?;
+    if !log.run(&mut command)?.success {
+        return Err("the library does not build for Windows".to_owned());
+    }
+    let target = if cfg!(windows) { &context.clone.target } else { &context.clone.target.join(tools::WINDOWS_TARGET) };
+    let build = work.join("build");
+    let mut configure = Command::new(cmake);
+    configure.arg("-S").arg(context.clone.root.join(SAMPLE)).arg("-B").arg(&build);
+    configure.arg(format!("-DCAIRN_LIBRARY_DIR={}", target.join("debug").display()));
+    if !cfg!(windows) {
+        let tools::MingwCompiler { program, first } =
+            tools::mingw_compiler(true, &Console::new()).map_err(|e| e.to_string())?;
+        if !first.is_empty() {
+            return Err("MinGW-w64's G++ is needed: apt install g++-mingw-w64-x86-64".to_owned());
+        }
+        configure.args(["-DCMAKE_SYSTEM_NAME=Windows", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS=-Werror"]);
+        configure.arg(format!("-DCMAKE_CXX_COMPILER={}", program.display()));
+    }
+    let configured = log.run(&mut configure)?.success;
+    let built = configured
+        && log.run(Command::new(cmake).arg("--build").arg(&build).args(["--config", "Release", "--parallel"]))?.success;
+    let places = [build.join("host-d3d12.exe"), build.join("Release").join("host-d3d12.exe")];
+    let program = places.into_iter().find(|place| built && place.is_file());
+    program.ok_or_else(|| "CMake does not build the sample".to_owned())
+}
+
+/// A built sample.
+struct Host<'a> {
+    context: &'a Context<'a>,
+    work: PathBuf,
+    program: PathBuf,
+}
+
+impl Host<'_> {
+    /// The sample in the lab, in the folder that is made.
+    fn command(&self, arguments: &[&str]) -> Result<Command, String> {
+        let mut command = if cfg!(windows) { Command::new(&self.program) } else { lab::lab_run()? };
+        if !cfg!(windows) {
+            command.arg(&self.program);
+        }
+        let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
+        command.args(arguments).current_dir(&self.work).env("CAIRN_ONNXRUNTIME", library);
+        Ok(command)
+    }
+
+    /// A picture that was recorded into a folder.
+    fn picture(&self, folder: &str, name: &str, number: usize) -> Result<Ppm, String> {
+        Ppm::read(&self.work.join(folder).join(format!("{name}-{number:05}.ppm")))
+    }
+
+    fn script(&self) -> String {
+        self.context.clone.root.join(SCRIPT).display().to_string()
+    }
+}
+
+/// Records frames without a window, with the anchors they were made of.
+fn recorded(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let frames = FRAMES.to_string();
+    let script = host.script();
+    let arguments = ["--headless", &frames, "--record", "walk", "--anchors", "cpu", "--script", &script];
+    if !log.run(&mut host.command(&arguments)?)?.success {
+        return Err("the sample does not record".to_owned());
+    }
+    let read = |name, count| (0..count).map(|i| host.picture("walk", name, i)).collect::<Result<Vec<_>, _>>();
+    let (frames, anchors) = (read("frame", FRAMES)?, read("anchor", FRAMES.div_ceil(MULTIPLIER))?);
+    let table =
+        fs::read_to_string(host.work.join("walk").join("frames.csv")).map_err(|e| format!("frames.csv: {e}"))?;
+    let sources: Vec<&str> = table.lines().skip(1).filter_map(|line| line.split(',').nth(1)).collect();
+    tally.check((sources.len() != FRAMES).then(|| format!("frames.csv has {} frames", sources.len())));
+    for (i, frame) in frames.iter().enumerate() {
+        let said = sources.get(i).copied().unwrap_or_default();
+        let anchor = (i % MULTIPLIER == 0).then(|| &anchors[i / MULTIPLIER]);
+        let wrong = match anchor {
+            _ if (frame.width, frame.height) != SIZE => Some("has another size"),
+            _ if is_flat(frame) => Some("is of one colour"),
+            Some(_) if said != "anchor" => Some("is said to be no anchor"),
+            Some(anchor) if frame.pixels != anchor.pixels => Some("is not the anchor's picture"),
+            None if said != "generated" => Some("is said not to be generated"),
+            _ if i > 0 && frame.pixels == frames[i - 1].pixels => Some("is the one before"),
+            _ => None,
+        };
+        tally.check(wrong.map(|what| format!("frame {i} {what}")));
+    }
+    Ok(())
+}
+
+/// Whether nothing is to be seen: less than sixteen levels between the darkest and the brightest byte.
+fn is_flat(picture: &Ppm) -> bool {
+    let (least, most) = picture.pixels.iter().fold((u8::MAX, 0), |(least, most), v| (least.min(*v), most.max(*v)));
+    most.saturating_sub(least) < 16
+}
+
+/// Anchors from the renderer are the pictures that it draws by itself. Here it draws for this machine, and a stand-in hands them to
+/// the sample, by the arguments that the renderer takes.
+fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let context = host.context;
+    context.build_programs(log)?;
+    let raw = host.work.join("forest.rgb");
+    let asked = ["clip", "--scene", "forest", "--seconds", "600", "--rate", "15", "--size", "160x96", "--raw", "-"];
+    let mut alone = Command::new(context.clone.program("debug", "scenes"));
+    alone.args(asked.map(|word| if word == "600" { "0.2" } else { word }).iter().filter(|word| **word != "-"));
+    if !log.run(alone.arg(&raw))?.success {
+        return Err("the scenes are not drawn".to_owned());
+    }
+    let drawn = fs::read(&raw).map_err(|e| format!("{}: {e}", raw.display()))?;
+    let renderer = host.work.join("renderer.exe");
+    if !cfg!(windows) {
+        let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
+        let mut compile = Command::new(&compiler.program);
+        compile.args(compiler.first).arg("-std=c11").args(STRICT);
+        if !log.run(compile.arg(context.clone.root.join(RENDERER)).arg("-o").arg(&renderer))?.success {
+            return Err(format!("{RENDERER} does not compile"));
+        }
+    }
+    let program = if cfg!(windows) { context.clone.program("debug", "scenes") } else { renderer };
+    let program = program.display().to_string();
+    let arguments =
+        ["--source", "scene:forest", "--scenes", &program, "--size", "160x96", "--headless", "5", "--record", "forest"];
+    let mut command = host.command(&arguments)?;
+    command.env("CAIRN_TEST_ARGUMENTS", host.work.join("arguments.txt")).env("CAIRN_TEST_PICTURES", &raw);
+    if !log.run(&mut command)?.success {
+        tally.failures.push("the sample does not show a scene".to_owned());
+        return Ok(());
+    }
+    for (i, picture) in drawn.chunks_exact(160 * 96 * 3).take(2).enumerate() {
+        let shown = host.picture("forest", "frame", i * MULTIPLIER)?;
+        tally.check((shown.pixels != picture).then(|| format!("anchor {i} is not the scene's picture")));
+    }
+    if !cfg!(windows) {
+        let given = fs::read_to_string(host.work.join("arguments.txt")).map_err(|e| format!("arguments.txt: {e}"))?;
+        tally.check((!given.lines().eq(asked)).then(|| format!("the renderer is given {given:?}")));
+    }
+    Ok(())
+}
+
+/// Command lines that are wrong, and files that are not there: an exit status, and a message that names them.
+fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    for (arguments, says) in [
+        (&["--size", "3"][..], "--size: \"3\" is no size. Write it as 960x540. See host-d3d12 --help"),
+        (&["--headless", "2", "--seed-picture", "nowhere.ppm", "--anchors", "cpu"], "nowhere.ppm: cannot be read"),
+    ] {
+        let ended = log.run(&mut host.command(arguments)?)?;
+        let fine = !ended.success && ended.output.contains(&format!("host-d3d12: {says}"));
+        tally.check((!fine).then(|| format!("{arguments:?}: {:?}", ended.output)));
+    }
+    Ok(())
+}
+
+/// Runs it in a window, and looks for the world on the display.
+fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let (script, size) = (host.script(), format!("{}x{}", SIZE.0, SIZE.1));
+    let mut arguments: Vec<&str> = "--frames 30 --rate 2 --anchors cpu --record window --script".split(' ').collect();
+    arguments.extend([&*script, "--size", &*size]);
+    let mut command = host.command(&arguments)?;
+    command.env("CAIRN_LAB_SCREEN", &host.work);
+    let (over, display) = (AtomicBool::new(false), host.work.join("Xvfb_screen0"));
+    let made = host.work.join("window");
+    let (ended, seen) = std::thread::scope(|scope| {
+        let watch = scope.spawn(|| watch(&display, &made, &over));
+        let ended = log.run(&mut command);
+        over.store(true, Ordering::Relaxed);
+        (ended, watch.join())
+    });
+    tally.check((!ended?.success).then(|| "the sample ends with a failure in a window".to_owned()));
+    if cfg!(windows) {
+        return Ok(());
+    }
+    match seen.map_err(|_| "the display cannot be watched")? {
+        Some(Seen { anchors, place: (left, top), screen }) => {
+            log.line(&format!("anchors {anchors:?} stand at {left}, {top} of the display"))?;
+            screen.write(&host.work.join("screen.ppm"))?;
+            let graph = |x: usize, y: usize| {
+                let at = ((top + GRAPH.top + y) * screen.width + left + GRAPH.left + x) * 3;
+                [screen.pixels[at], screen.pixels[at + 1], screen.pixels[at + 2]]
+            };
+            // Its ground beside the number, which no frame has.
+            let there = graph(GRAPH.width - 1, 0) == [0x10, 0x18, 0x20];
+            tally.check((!there).then(|| "the graph is not in the picture".to_owned()));
+        }
+        None => tally.failures.push("no two anchors of the world were seen on the display".to_owned()),
+    }
+    Ok(())
+}
+
+/// What was seen on the display.
+struct Seen {
+    /// Two of them, as the world goes on.
+    anchors: [usize; 2],
+    /// Where the second one's top left pixel was.
+    place: (usize, usize),
+    /// All that was there with it.
+    screen: Ppm,
+}
+
+/// Looks until two of the anchors that the sample writes into the folder `made` were seen, or the run is over.
+fn watch(display: &Path, made: &Path, over: &AtomicBool) -> Option<Seen> {
+    let mut anchors: Vec<Ppm> = Vec::new();
+    let mut first = None;
+    while !over.load(Ordering::Relaxed) {
+        // One that is being written is read the next time.
+        while let Ok(anchor) = Ppm::read(&made.join(format!("anchor-{:05}.ppm", anchors.len()))) {
+            anchors.push(anchor);
+        }
+        if let Some(screen) = screen::read(display) {
+            let stands = |picture| match first {
+                None => screen::find(&screen, picture, GRAPH),
+                Some((_, place)) => screen::stands(&screen, picture, place, GRAPH).then_some(place),
+            };
+            let found = anchors.iter().enumerate().find_map(|(i, picture)| Some((i, stands(picture)?)));
+            if let Some((anchor, place)) = found {
+                let (before, _) = *first.get_or_insert((anchor, place));
+                if before != anchor {
+                    return Some(Seen { anchors: [before, anchor], place, screen });
+                }
+            }
+        }
+        sleep(LOOK);
+    }
+    None
+}
