@@ -25,6 +25,8 @@ fn adapters_are_listed_and_a_device_is_made_on_each() {
         assert_eq!(gpu.frames().kind(), D3D12_COMMAND_LIST_TYPE_DIRECT);
         assert_eq!(gpu.anchors().kind(), D3D12_COMMAND_LIST_TYPE_COMPUTE);
         assert!(gpu.removed().is_none());
+        let budget = gpu.budget().expect("the adapter is there").expect("DXGI says");
+        assert!(budget.room() > 16 << 20 && budget.room() <= budget.granted, "{budget:?}");
     }
     let refused = Gpu::on_adapter(Some(0x1234_5678_9abc_def0)).expect_err("no adapter has it");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("luid")));

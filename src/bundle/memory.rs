@@ -70,6 +70,21 @@ impl MemoryNeed {
             .field("global_window")
             .remedy("Choose a smaller global window or a smaller bundle, or free memory"))
     }
+
+    /// Refuses what needs more than `room` bytes of a graphics device, which holds all but the bundle.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, with the figures.
+    pub fn check_fits_on_device(&self, room: u64) -> Result<()> {
+        let needed = self.total.saturating_sub(self.bundle);
+        if needed <= room {
+            return Ok(());
+        }
+        let (needed, room) = (needed.div_ceil(1 << 20), room >> 20);
+        Err(Error::new(ErrorKind::OutOfMemory, format!("{needed} MiB of the adapter are needed, {room} MiB are left"))
+            .field("global_window")
+            .remedy("Choose a smaller global window or another adapter, or have the engine free memory"))
+    }
 }
 
 impl Geometry {
@@ -190,6 +205,12 @@ mod tests {
             text.contains("10 MiB are needed") && text.contains("ring 3") && text.contains("9 MiB are available"),
             "{text}"
         );
+        // The bundle's files are in the system's memory and not in an adapter's.
+        assert!(need.check_fits_on_device(9 << 20).is_ok());
+        let error = need.check_fits_on_device((9 << 20) - 1).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::OutOfMemory);
+        let text = error.to_string();
+        assert!(text.contains("9 MiB of the adapter are needed, 8 MiB are left"), "{text}");
     }
 
     #[cfg(any(target_os = "linux", windows))]

@@ -5,6 +5,7 @@
 //! a [`Moment`] and nowhere else.
 
 mod adapter;
+mod budget;
 pub mod compute;
 mod device;
 mod failure;
@@ -20,6 +21,7 @@ mod texture;
 mod uploads;
 
 pub use adapter::{Adapter, adapters};
+pub use budget::Budget;
 pub use device::Gpu;
 pub(crate) use failure::failed_on;
 pub(crate) use memory::{Heap, Shared, buffer};

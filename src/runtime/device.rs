@@ -83,6 +83,15 @@ impl Device {
         false
     }
 
+    /// Bytes that may still be used of the memory of a graphics device, as the system says at this moment; none for a processor, whose
+    /// memory is the system's, and where nobody says.
+    pub fn room(&self) -> Option<u64> {
+        #[cfg(windows)]
+        return self.gpu().and_then(|gpu| gpu.budget().ok().flatten()).map(|budget| budget.room());
+        #[cfg(not(windows))]
+        None
+    }
+
     /// Threads that share one pass, the caller's own among them.
     pub fn threads(&self) -> usize {
         self.0.threads()

@@ -76,6 +76,9 @@ impl World {
         if let Some(limit) = limit {
             need.check_fits(limit)?;
         }
+        if let Some(room) = device.room() {
+            need.check_fits_on_device(room)?;
+        }
 
         let shapes = Shapes::new(manifest, global_window);
         let sessions = GraphKind::ALL.len() as u64;
@@ -123,7 +126,7 @@ impl World {
     /// Checks that one more rollout fits, before anything of it is allocated.
     pub(super) fn check_room_for_rollout(&self) -> Result<()> {
         let wanted = self.need.ring.saturating_add(self.need.slabs);
-        match available_memory() {
+        match self.device.room().or_else(available_memory) {
             Some(room) if room < wanted => Err(Error::new(
                 ErrorKind::OutOfMemory,
                 format!(
