@@ -2,12 +2,6 @@
 //! its answer or by its picture. What it does not notice stands in a list, with the reason. On Windows, or in the lab.
 #![cfg(windows)]
 
-use std::collections::BTreeMap;
-use std::ffi::{CStr, c_void};
-use std::ops::RangeInclusive;
-use std::os::windows::ffi::OsStrExt;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use cairn::ffx::bindings::{
     Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, Rect, Resource, ResourceState, SurfaceFormat,
     TransferFunction,
@@ -15,9 +9,12 @@ use cairn::ffx::bindings::{
 use cairn::ffx::{Api, Camera, Choice, Family, Frame, Generator, Part, Shot};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::{ID3D12CommandAllocator, ID3D12GraphicsCommandList};
-use cairn::gpu::windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
-use cairn::gpu::windows::core::{Interface, PCSTR, PCWSTR};
+use cairn::gpu::windows::core::Interface;
 
+#[path = "ffx/mutants.rs"]
+mod mutants;
+#[path = "ffx/mutants_upscale.rs"]
+mod mutants_upscale;
 #[path = "ffx/pictures.rs"]
 mod pictures;
 #[path = "ffx/stage.rs"]
@@ -25,210 +22,11 @@ mod pictures;
 mod stage;
 #[path = "ffx/table.rs"]
 mod table;
+use mutants::{Mutant, Report, api, held, mutants as mutants_of, noticed};
 use pictures::{Kept, Textures};
 use stage::{ANALYTIC_20, ML, Stage};
-use table::{Kind, Struct};
 
 const SIZE: Dimensions = Dimensions { width: 32, height: 24 };
-
-/// One field, written otherwise.
-#[derive(Debug, Clone, Copy)]
-struct Mutant {
-    id: u64,
-    offset: usize,
-    kind: Kind,
-    change: Change,
-}
-
-/// How. Numbers are all of their bits; the other field of an exchange is the next of the same kind.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Change {
-    Zero,
-    Largest,
-    NotANumber,
-    OneMore,
-    Exchanged(usize),
-}
-
-/// What the call was made of, before it was changed: the place of each field with its bytes.
-type Before = Vec<(*mut u8, Vec<u8>)>;
-
-/// The five functions of a copy.
-#[derive(Clone, Copy)]
-struct Functions {
-    create: unsafe extern "C" fn(*mut c_void, *mut u8, *const c_void) -> u32,
-    destroy: unsafe extern "C" fn(*mut c_void, *const c_void) -> u32,
-    configure: unsafe extern "C" fn(*mut c_void, *mut u8) -> u32,
-    query: unsafe extern "C" fn(*mut c_void, *mut u8) -> u32,
-    dispatch: unsafe extern "C" fn(*mut c_void, *mut u8) -> u32,
-}
-
-/// What stands between the library and a copy.
-struct Between {
-    copy: Option<Functions>,
-    /// What is written otherwise on its way.
-    mutant: Option<Mutant>,
-    /// It was on its way, and what it changed was not the same before.
-    hit: bool,
-    /// A call was answered by a failure.
-    refused: bool,
-}
-
-static BETWEEN: Mutex<Between> = Mutex::new(Between { copy: None, mutant: None, hit: false, refused: false });
-
-fn held() -> MutexGuard<'static, Between> {
-    BETWEEN.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Hands a call on, with the mutant in its chain.
-///
-/// # Safety
-/// A linked chain, which may be written and nobody else uses meanwhile.
-unsafe fn hand_on(head: *mut u8, call: impl FnOnce(&Functions) -> u32) -> u32 {
-    let mut held = held();
-    // SAFETY: the caller's promise.
-    let before = held.mutant.map_or(Before::new(), |mutant| unsafe { mutant.change(head) });
-    let code = call(&held.copy.expect("a copy was loaded"));
-    held.hit |= !before.is_empty();
-    held.refused |= code != 0;
-    for (place, bytes) in before {
-        // SAFETY: where these bytes were before.
-        unsafe { place.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
-    }
-    code
-}
-
-impl Mutant {
-    /// Changes the link of its kind, where the chain has one.
-    ///
-    /// # Safety
-    /// A linked chain, which may be written and nobody else uses meanwhile.
-    unsafe fn change(&self, head: *mut u8) -> Before {
-        let (mut before, mut at) = (Before::new(), head);
-        while !at.is_null() {
-            // SAFETY: a link of the chain: its id, and the address of the next.
-            let (id, next) = unsafe { (at.cast::<u64>().read(), at.cast::<*mut u8>().add(1).read()) };
-            if id == self.id {
-                // SAFETY: the struct of that id has the field there, by its published layout.
-                unsafe { self.apply(at, &mut before) };
-                break;
-            }
-            at = next;
-        }
-        before
-    }
-
-    /// # Safety
-    /// The struct that it is a mutant of, which may be written.
-    unsafe fn apply(&self, head: *mut u8, before: &mut Before) {
-        let size = self.kind.size();
-        let bytes = |offset: usize| {
-            // SAFETY: a field of the struct.
-            unsafe { std::slice::from_raw_parts(head.add(offset), size) }.to_vec()
-        };
-        let old = bytes(self.offset);
-        let new = match self.change {
-            Change::Zero => vec![0; size],
-            Change::Largest if self.kind == Kind::Float => f32::MAX.to_le_bytes().to_vec(),
-            Change::Largest if self.kind == Kind::Signed => i32::MAX.to_le_bytes().to_vec(),
-            Change::Largest => vec![0xff; size],
-            Change::NotANumber => f32::NAN.to_le_bytes().to_vec(),
-            Change::OneMore if self.kind == Kind::Float => {
-                let value = f32::from_le_bytes(old[..].try_into().expect("4 bytes"));
-                (value + 1.0).to_le_bytes().to_vec()
-            }
-            Change::OneMore => {
-                let mut wide = [0; 8];
-                wide[..size].copy_from_slice(&old);
-                u64::from_le_bytes(wide).wrapping_add(1).to_le_bytes()[..size].to_vec()
-            }
-            Change::Exchanged(other) => bytes(other),
-        };
-        if new == old {
-            return;
-        }
-        let mut write = |offset: usize, new: &[u8], old: Vec<u8>| {
-            // SAFETY: a field of the struct, of that size.
-            unsafe {
-                head.add(offset).copy_from_nonoverlapping(new.as_ptr(), size);
-                before.push((head.add(offset), old));
-            }
-        };
-        if let Change::Exchanged(other) = self.change {
-            write(other, &old, new.clone());
-        }
-        write(self.offset, &new, old);
-    }
-}
-
-unsafe extern "C" fn create(context: *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
-    unsafe { hand_on(head, |copy| (copy.create)(context, head, callbacks)) }
-}
-
-unsafe extern "C" fn destroy(context: *mut c_void, callbacks: *const c_void) -> u32 {
-    // SAFETY: handed on as it came.
-    unsafe { hand_on(std::ptr::null_mut(), |copy| (copy.destroy)(context, callbacks)) }
-}
-
-unsafe extern "C" fn configure(context: *mut c_void, head: *mut u8) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
-    unsafe { hand_on(head, |copy| (copy.configure)(context, head)) }
-}
-
-unsafe extern "C" fn query(context: *mut c_void, head: *mut u8) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
-    unsafe { hand_on(head, |copy| (copy.query)(context, head)) }
-}
-
-unsafe extern "C" fn dispatch(context: *mut c_void, head: *mut u8) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
-    unsafe { hand_on(head, |copy| (copy.dispatch)(context, head)) }
-}
-
-/// The functions above, before the copy that plays so.
-fn api(stage: &Stage) -> Api {
-    let path = stage.0.join(Part::FrameGeneration.file_name());
-    let path: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
-    // SAFETY: a path that ends with a zero, of the double.
-    let module = unsafe { LoadLibraryW(PCWSTR(path.as_ptr())) }.expect("the copy loads");
-    let find = |name: &CStr| {
-        // SAFETY: a loaded module and a name that ends with a zero.
-        unsafe { GetProcAddress(module, PCSTR(name.as_ptr().cast())) }.expect("it is exported")
-    };
-    let [create_name, destroy_name, configure_name, query_name, dispatch_name] = Api::EXPORTS;
-    type Found = unsafe extern "system" fn() -> isize;
-    // SAFETY: ffx-api's functions by their names; structs and contexts are addresses here.
-    let copy = unsafe {
-        Functions {
-            create: std::mem::transmute::<Found, unsafe extern "C" fn(*mut c_void, *mut u8, *const c_void) -> u32>(
-                find(create_name),
-            ),
-            destroy: std::mem::transmute::<Found, unsafe extern "C" fn(*mut c_void, *const c_void) -> u32>(find(
-                destroy_name,
-            )),
-            configure: std::mem::transmute::<Found, unsafe extern "C" fn(*mut c_void, *mut u8) -> u32>(find(
-                configure_name,
-            )),
-            query: std::mem::transmute::<Found, unsafe extern "C" fn(*mut c_void, *mut u8) -> u32>(find(query_name)),
-            dispatch: std::mem::transmute::<Found, unsafe extern "C" fn(*mut c_void, *mut u8) -> u32>(find(
-                dispatch_name,
-            )),
-        }
-    };
-    held().copy = Some(copy);
-    let ours = |name: &CStr| -> *const c_void {
-        match name {
-            name if name == create_name => create as *const c_void,
-            name if name == destroy_name => destroy as *const c_void,
-            name if name == configure_name => configure as *const c_void,
-            name if name == query_name => query as *const c_void,
-            _ => dispatch as *const c_void,
-        }
-    };
-    // SAFETY: functions that hand on to ffx-api's of their names, and stay.
-    unsafe { Api::from_exports(ours) }.expect("all are there")
-}
 
 /// What a frame is made of, with all that can be told of one.
 struct Scene {
@@ -338,89 +136,8 @@ impl Scene {
     }
 }
 
-/// How a mutant was noticed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Noticed {
-    ByAnswer,
-    ByVerdict,
-    ByPicture,
-    Not,
-}
-
-/// Ids of structs that there are: the general ones, and those of frame generation.
-const NUMBERED: [RangeInclusive<u64>; 2] = [1..=7, 0x2_0001..=0x2_000e];
-
-/// Mutants of a struct: of each field each change that there is for its kind.
-fn mutants(of: &Struct) -> Vec<(String, Mutant)> {
-    let mut found = Vec::new();
-    for (index, (field, offset, kind)) in of.fields.iter().enumerate() {
-        let (offset, kind) = (*offset, *kind);
-        let next = of.fields[index + 1..].iter().find(|(_, _, other)| *other == kind).map(|(_, offset, _)| *offset);
-        let exchange = next.map(Change::Exchanged);
-        let changes: Vec<_> = match kind {
-            Kind::Answer => Vec::new(),
-            Kind::Pointer => vec![Change::Zero],
-            Kind::Float => [Change::Zero, Change::Largest, Change::NotANumber, Change::OneMore]
-                .into_iter()
-                .chain(exchange)
-                .collect(),
-            Kind::Id if NUMBERED.iter().any(|of_effect| of_effect.contains(&(of.id + 1))) => {
-                vec![Change::Zero, Change::Largest]
-            }
-            Kind::Id => vec![Change::Zero, Change::Largest, Change::OneMore],
-            Kind::Number(_) | Kind::Signed => {
-                [Change::Zero, Change::Largest, Change::OneMore].into_iter().chain(exchange).collect()
-            }
-        };
-        found.extend(changes.into_iter().map(|change| {
-            let name = match change {
-                Change::Exchanged(_) => "exchanged".to_owned(),
-                other => format!("{other:?}").to_lowercase(),
-            };
-            (format!("{}.{field} {name}", of.name), Mutant { id: of.id, offset, kind, change })
-        }));
-    }
-    found
-}
-
-/// What was noticed so far, and what of it is not in the list.
-#[derive(Default)]
-struct Report {
-    counts: BTreeMap<Noticed, usize>,
-    missed: Vec<String>,
-}
-
-impl Report {
-    fn add(&mut self, name: String, noticed: Noticed) {
-        *self.counts.entry(noticed).or_default() += 1;
-        if noticed == Noticed::Not {
-            self.missed.push(name);
-        }
-    }
-}
-
-/// Tries one mutant: `act` gives the picture, or what was answered. None where it changes nothing.
-fn noticed(
-    stage: &Stage,
-    truth: &[[u8; 4]],
-    verdicts: &mut usize,
-    act: impl FnOnce() -> cairn::Result<Vec<[u8; 4]>>,
-) -> Option<Noticed> {
-    (held().hit, held().refused) = (false, false);
-    let picture = act();
-    let before = std::mem::replace(verdicts, stage.judgement().len());
-    let held = held();
-    held.hit.then_some(match picture {
-        Err(_) => Noticed::ByAnswer,
-        Ok(_) if held.refused => Noticed::ByAnswer,
-        Ok(_) if *verdicts > before => Noticed::ByVerdict,
-        Ok(picture) if picture != truth => Noticed::ByPicture,
-        Ok(_) => Noticed::Not,
-    })
-}
-
 /// What is not noticed: a field, changes of it, and the reason.
-const UNNOTICED: [(&str, &[&str], &str); 13] = [
+const UNNOTICED: [(&str, &[&str], &str); 15] = [
     ("frameTimeDelta", &["largest", "onemore", "exchanged"], "any time above 0 is one, and half of it is half of it"),
     ("cameraNear", &["largest", "onemore", "exchanged"], POSSIBLE),
     ("cameraFar", &["largest", "onemore"], POSSIBLE),
@@ -433,6 +150,8 @@ const UNNOTICED: [(&str, &[&str], &str); 13] = [
     ("debugLevel", &["zero", "largest", "onemore"], "how much is said is a choice"),
     ("maxRenderSize.width", &["onemore"], "frames may be smaller than the largest"),
     ("maxRenderSize.height", &["onemore"], "frames may be smaller than the largest"),
+    ("maxUpscaleSize.width", &["onemore"], "frames may be smaller than the largest"),
+    ("maxUpscaleSize.height", &["onemore"], "frames may be smaller than the largest"),
     ("version", &["onemore"], "the next release is there too"),
 ];
 
@@ -448,7 +167,7 @@ fn what_is_written_otherwise_is_noticed_or_of_no_consequence() {
         (["sdk 2.0", ANALYTIC_20, "quiet"], Family::Analytic, table::of_prepare()),
     ] {
         let stage = Stage::empty().with(Part::FrameGeneration, &role);
-        let api = api(&stage);
+        let api = api(&stage, Part::FrameGeneration);
         let mut generator = scene.generator(&api, family).expect("a generator");
         let truth = scene.pair(&mut generator, None).expect("generated");
         assert_eq!(scene.pair(&mut generator, None).expect("generated"), truth, "it does the same each time");
@@ -456,13 +175,13 @@ fn what_is_written_otherwise_is_noticed_or_of_no_consequence() {
         let mut verdicts = 0;
         // The structs that all releases have are the same in each.
         let of_frames = if family == Family::Ml { table::of_frames() } else { Vec::new() };
-        for (name, mutant) in of_prepare.iter().chain(&of_frames).flat_map(mutants) {
+        for (name, mutant) in of_prepare.iter().chain(&of_frames).flat_map(mutants_of) {
             let found = noticed(&stage, &truth, &mut verdicts, || scene.pair(&mut generator, Some(mutant)));
             found.into_iter().for_each(|found| report.add(name.clone(), found));
         }
         assert_eq!(scene.pair(&mut generator, None).expect("generated"), truth, "nothing of them is left");
         if family == Family::Ml {
-            for (name, mutant) in table::of_making().iter().flat_map(mutants) {
+            for (name, mutant) in table::of_making().iter().flat_map(mutants_of) {
                 let found = noticed(&stage, &truth, &mut verdicts, || {
                     held().mutant = Some(mutant);
                     let made = scene.generator(&api, family);
@@ -474,6 +193,7 @@ fn what_is_written_otherwise_is_noticed_or_of_no_consequence() {
             }
         }
     }
+    mutants_upscale::try_all(&mut report);
     println!("mutants: {:?}", report.counts);
     let reason = |name: &str| {
         let (field, change) = name.split_once('.')?.1.split_once(' ')?;

@@ -344,5 +344,8 @@ fn fault(frame: &UpscaleFrame, made: &CreateUpscale) -> Option<(&'static str, &'
     if shot.encoding.is_empty() == has(UpscaleCreateFlags::NON_LINEAR_COLOR) {
         return Some(("encoding", "it is not what the upscaler was made for"));
     }
+    if shot.encoding == UpscaleFlags::COLOR_SRGB && has(UpscaleCreateFlags::HIGH_DYNAMIC_RANGE) {
+        return Some(("encoding", "sRGB has no light of high dynamic range"));
+    }
     shot.camera.fault(has(UpscaleCreateFlags::DEPTH_INFINITE))
 }

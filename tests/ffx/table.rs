@@ -165,3 +165,31 @@ pub(crate) fn of_prepare() -> Vec<Struct> {
         ),
     ]
 }
+
+/// What upscalers are made with.
+pub(crate) fn of_making_upscalers() -> Vec<Struct> {
+    vec![
+        read(
+            0x1_0000,
+            "CreateUpscale",
+            48,
+            "flags:16:u32 maxRenderSize:20:size maxUpscaleSize:28:size fpMessage:40:pointer",
+        ),
+        read(0x1_000b, "UpscaleVersion", 24, "version:16:u32"),
+        read(0x2, "BackendDX12", 24, "device:16:pointer"),
+    ]
+}
+
+/// What a larger frame is asked for with.
+pub(crate) fn of_upscaling() -> Vec<Struct> {
+    vec![read(
+        0x1_0001,
+        "DispatchUpscale",
+        432,
+        "commandList:16:pointer color:24:resource depth:72:resource motionVectors:120:resource exposure:168:resource \
+         reactive:216:resource transparencyAndComposition:264:resource output:312:resource jitterOffset:360:pair \
+         motionVectorScale:368:pair renderSize:376:size upscaleSize:384:size enableSharpening:392:u8 sharpness:396:f32 \
+         frameTimeDelta:400:f32 preExposure:404:f32 reset:408:u8 cameraNear:412:f32 cameraFar:416:f32 \
+         cameraFovAngleVertical:420:f32 viewSpaceToMetersFactor:424:f32 flags:428:u32",
+    )]
+}

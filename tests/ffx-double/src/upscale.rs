@@ -10,6 +10,7 @@ use crate::work::{CONSTANTS, Pictures, Told};
 pub(crate) const UPSCALE: u64 = 0x1_0001;
 
 /// Flags that a context is made with.
+const HIGH_DYNAMIC_RANGE: u32 = 1;
 const DISPLAY_RESOLUTION_MOTION: u32 = 2;
 const MOTION_JITTER: u32 = 4;
 const DEPTH_INVERTED: u32 = 8;
@@ -124,7 +125,9 @@ impl Larger {
         if reset > 1 || (reset == 0 && !self.follows) {
             fault(format!("reset {reset}, follows {}", self.follows));
         }
-        if ![0, OF_SRGB, OF_PQ].contains(&flags) || (flags != 0) != has(NON_LINEAR) {
+        // Numbers of sRGB are of no light beyond white.
+        let is_of_both = flags == OF_SRGB && has(HIGH_DYNAMIC_RANGE);
+        if ![0, OF_SRGB, OF_PQ].contains(&flags) || (flags != 0) != has(NON_LINEAR) || is_of_both {
             fault(format!("flags {flags} of a context with {}", self.flags));
         }
         let [color, depth, motion, exposed, reactive, transparent, output] = pictures;

@@ -1,0 +1,126 @@
+//! Mutants of what larger frames are asked for with.
+
+use cairn::ffx::bindings::{
+    Coordinates, CreateUpscale, Dimensions, Resource, ResourceState, UpscaleCreateFlags, UpscaleFlags,
+};
+use cairn::ffx::{Api, Choice, Part, UpscaleFrame, UpscaleShot, Upscaler};
+use cairn::gpu::Gpu;
+use cairn::gpu::windows::core::Interface;
+
+use crate::mutants::{Mutant, Report, api, held, mutants, noticed};
+use crate::pictures::{Kept, Textures, run};
+use crate::stage::Stage;
+use crate::table;
+
+const RENDERED: Dimensions = Dimensions { width: 16, height: 12 };
+const SHOWN: Dimensions = Dimensions { width: 32, height: 24 };
+
+/// What a larger frame is made of, with all that can be told of one.
+struct Scene {
+    gpu: Gpu,
+    /// The frame before, and the frame.
+    rendered: [Textures; 2],
+    masks: [Kept; 2],
+    exposure: Kept,
+    shown: Textures,
+}
+
+impl Scene {
+    fn new() -> Self {
+        let gpu = Gpu::on_adapter(None).expect("a device");
+        let rendered = [0, 2].map(|moved| {
+            let made = Textures::new(&gpu, RENDERED);
+            made.fill(&made.color, |x, y| {
+                let at = |phase: u32| (40 + (x + moved) * phase * 5 + y * (9 - phase)) as u8;
+                [at(1), at(2), at(3), 255]
+            });
+            made.fill(&made.depth, |x, y| (0.25 + 0.5 * ((x / 4 + y / 3) % 2) as f32).to_le_bytes());
+            let half = |v: f32| half::f16::from_f32(v).to_le_bytes();
+            made.fill(&made.motion, |x, y| {
+                let [a, b] = [half((x / 4) as f32 - 1.5), half((y / 3) as f32 - 1.0)];
+                [a[0], a[1], b[0], b[1]]
+            });
+            made
+        });
+        let masks = [0.05, 0.07].map(|step| {
+            let mask = Textures::new(&gpu, RENDERED).depth;
+            rendered[0].fill(&mask, |x, y| (step * ((x + y) % 8) as f32).to_le_bytes());
+            mask
+        });
+        let one = Textures::new(&gpu, Dimensions { width: 1, height: 1 });
+        one.fill(&one.depth, |_, _| 5.0_f32.to_le_bytes());
+        let shown = Textures::new(&gpu, SHOWN);
+        Self { gpu, rendered, masks, exposure: one.depth, shown }
+    }
+
+    fn upscaler(&self, api: &Api) -> cairn::Result<Upscaler> {
+        let flags = UpscaleCreateFlags::MOTION_JITTER
+            | UpscaleCreateFlags::DEPTH_INVERTED
+            | UpscaleCreateFlags::NON_LINEAR_COLOR;
+        let head = CreateUpscale { flags, max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() };
+        // SAFETY: a live device, which outlives the upscaler.
+        unsafe { Upscaler::create(api, self.gpu.device().as_raw(), Choice::Any, head) }
+    }
+
+    /// The frame after the one before, larger, or what was answered.
+    fn pair(&self, upscaler: &mut Upscaler, mutant: Option<Mutant>) -> cairn::Result<Vec<[u8; 4]>> {
+        let mut answer = Ok(());
+        run(&self.gpu, |list| {
+            let resource = |kept: &Kept| Resource::of(&kept.resource, ResourceState::UNORDERED_ACCESS);
+            for (number, rendered) in self.rendered.iter().enumerate() {
+                let frame = UpscaleFrame {
+                    command_list: list.as_raw(),
+                    color: resource(&rendered.color),
+                    depth: resource(&rendered.depth),
+                    motion: resource(&rendered.motion),
+                    exposure: resource(&self.exposure),
+                    reactive: resource(&self.masks[0]),
+                    transparency: resource(&self.masks[1]),
+                    output: resource(&self.shown.output),
+                    shot: UpscaleShot {
+                        jitter: Coordinates { x: 0.25, y: -0.4 },
+                        motion_scale: Coordinates { x: 1.5, y: 1.25 },
+                        sharpness: Some(0.5),
+                        pre_exposure: 2.0,
+                        reset: number == 0,
+                        encoding: UpscaleFlags::COLOR_SRGB,
+                        ..UpscaleShot::of(RENDERED, SHOWN)
+                    },
+                };
+                held().mutant = mutant.filter(|_| number == 1);
+                // SAFETY: an open list of the upscaler's device, and textures that live until it has run.
+                answer = unsafe { upscaler.record(&frame) };
+                held().mutant = None;
+            }
+        });
+        answer?;
+        Ok(self.shown.generated())
+    }
+}
+
+/// Tries all of them.
+pub(crate) fn try_all(report: &mut Report) {
+    let scene = Scene::new();
+    let role = ["effect 0x10000", "sdk 2.1", "offers 0xf600000001000003 4.0.3", "quiet"];
+    let stage = Stage::empty().with(Part::Upscaler, &role);
+    let api = api(&stage, Part::Upscaler);
+    let mut upscaler = scene.upscaler(&api).expect("an upscaler");
+    let truth = scene.pair(&mut upscaler, None).expect("upscaled");
+    assert_eq!(scene.pair(&mut upscaler, None).expect("upscaled"), truth, "it does the same each time");
+    let mut verdicts = 0;
+    for (name, mutant) in table::of_upscaling().iter().flat_map(mutants) {
+        let found = noticed(&stage, &truth, &mut verdicts, || scene.pair(&mut upscaler, Some(mutant)));
+        found.into_iter().for_each(|found| report.add(name.clone(), found));
+    }
+    for (name, mutant) in table::of_making_upscalers().iter().flat_map(mutants) {
+        let found = noticed(&stage, &truth, &mut verdicts, || {
+            held().mutant = Some(mutant);
+            let made = scene.upscaler(&api);
+            held().mutant = None;
+            // What was refused on the way needs no picture.
+            if held().refused { made.map(|_| Vec::new()) } else { scene.pair(&mut made?, None) }
+        });
+        found.into_iter().for_each(|found| report.add(name.clone(), found));
+    }
+    assert!(scene.gpu.removed().is_none());
+}
