@@ -13,6 +13,7 @@ mod nightly;
 mod python;
 mod quality;
 mod readme;
+mod room;
 mod shaders;
 mod skips;
 mod study;
@@ -172,6 +173,9 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
     if chosen.is_empty() {
         let names: Vec<_> = RUNNERS.iter().chain(THOROUGH).map(|runner| runner.name).collect();
         return Err(format!("no runner's name holds {:?}. There are {}", options.filters, names.join(", ")));
+    }
+    if options.filters.is_empty() {
+        room::require(clone)?;
     }
     let allowed = Allowed::read(&clone.read("xtask/skips.toml")?)?;
     let must_allow = std::env::var_os("CI").is_some_and(|value| value == "true" || value == "1");
