@@ -1,6 +1,7 @@
 //! A world against the truth: walks through held-out places under held-out scripts, from their first picture and the
 //! controls alone.
 
+mod endurance;
 mod held_out;
 mod memory;
 mod page;

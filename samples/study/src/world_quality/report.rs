@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use cairn::{Picture, Result};
 use scenes::Family;
 
+use super::endurance::{self, Second, second};
 use super::memory::Remembered;
 use super::response::{Following, Response, following};
 use super::walk::{Horizon, Score, Walked};
@@ -33,16 +34,9 @@ fn show(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |value| format!("{value:.digits$}"))
 }
 
-/// Brightness of the world's last second over the truth's, less one.
-fn drift(walked: &Walked, latents_per_second: u32) -> Option<f64> {
-    let last = &walked.luma[walked.luma.len().saturating_sub(latents_per_second as usize)..];
-    let [made, true_] = [0, 1].map(|i| mean(last.iter().map(|pair| pair[i])));
-    Some(made? / true_? - 1.0)
-}
-
 /// Mean change of brightness from picture to picture: the world's and the truth's.
 fn flicker(walked: &Walked) -> [Option<f64>; 2] {
-    [0, 1].map(|i| mean(walked.luma.windows(2).map(|pair| (pair[1][i] - pair[0][i]).abs())))
+    [0, 1].map(|i| mean(walked.looks.windows(2).map(|pair| (pair[1][i].brightness - pair[0][i].brightness).abs())))
 }
 
 fn of_family(places: &[Place], family: Family) -> impl Iterator<Item = &Place> + Clone {
@@ -78,24 +72,23 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
         }
     }
     text += &few_steps(places, horizons);
-    text += "\nscene    turning: correlation  size  same way   tilting: correlation   brightness  flicker (true)\n";
+    text += "\nscene    turning: correlation  size  same way   tilting: correlation   flicker (true)\n";
     for family in families(places) {
         let [turn, tilt] = [0, 1].map(|axis| follows(places, family, axis));
-        let drift = mean(of_family(places, family).filter_map(|p| drift(&p.walked, latents_per_second)));
         let [made, true_] = [0, 1].map(|i| mean(of_family(places, family).filter_map(|p| flicker(&p.walked)[i])));
         let _ = writeln!(
             text,
-            "{:8} {:>20} {:>5} {:>9}   {:>20}   {:>8} %  {} ({})",
+            "{:8} {:>20} {:>5} {:>9}   {:>20}   {} ({})",
             family.name(),
             show(turn.map(|f| f.correlation), 2),
             show(turn.map(|f| f.slope), 2),
             show(turn.map(|f| f.same_sign), 2),
             show(tilt.map(|f| f.correlation), 2),
-            show(drift.map(|d| 100.0 * d), 1),
             show(made, 2),
             show(true_, 2)
         );
     }
+    text += &lasting(places, latents_per_second);
     text += "\nscene    away, s  window   back: PSNR  SSIM   at most   another place\n";
     for place in places {
         for r in &place.remembered {
@@ -118,6 +111,39 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
     let [best, worst] = extremes(places);
     let _ = writeln!(text, "\nbest: {}\nworst: {}", names(&best), names(&worst));
     text + "\n" + &summary(places, horizons) + "\n"
+}
+
+/// How the pictures hold together, second by second.
+fn lasting(places: &[Place], latents_per_second: u32) -> String {
+    let mut text = String::from(
+        "\nscene    second   brightness: mean   farthest   contrast: mean  least   detail: mean  least   turning: correlation\n",
+    );
+    for family in families(places) {
+        for (n, end) in endurance::ENDS.into_iter().enumerate() {
+            let walks = || of_family(places, family).map(|p| &p.walked);
+            let seconds: Vec<Second> = walks().filter_map(|w| second(w, end, latents_per_second)).collect();
+            let all = |of: fn(&Second) -> f64| seconds.iter().map(of);
+            let Some(brightness) = mean(all(|s| s.brightness - 1.0)) else { continue };
+            let farthest = all(|s| s.brightness - 1.0).max_by(|a, b| a.abs().total_cmp(&b.abs()));
+            let least = |of| all(of).min_by(f64::total_cmp);
+            // From the second before on: one second alone may have no turn in it.
+            let since = end - if n == 0 { 0 } else { endurance::ENDS[n - 1] };
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{:8} {end:>6} {:>16.1} % {:>8} % {:>16} {:>6} {:>14} {:>6} {:>22}",
+                family.name(),
+                100.0 * brightness,
+                show(farthest.map(|d| 100.0 * d), 1),
+                show(mean(all(|s| s.contrast)), 2),
+                show(least(|s: &Second| s.contrast), 2),
+                show(mean(all(|s| s.detail)), 2),
+                show(least(|s: &Second| s.detail), 2),
+                show(endurance::turning(walks(), end, since, latents_per_second), 2)
+            );
+        }
+    }
+    text
 }
 
 /// The stock schedule beside the refined one.

@@ -8,6 +8,7 @@ use cairn::world::{ControlScript, OperatingPoint, Rollout, World, WorldTime};
 use cairn::{Error, ErrorKind, Picture, Result};
 use scenes::{Clip, ClipOptions, Family, Frame, Scene};
 
+use super::endurance::Look;
 use super::response::Response;
 use crate::metrics::{Lpips, psnr, ssim};
 
@@ -48,8 +49,8 @@ pub(super) struct Walked {
     pub(super) horizons: Vec<Horizon>,
     /// One for each latent step.
     pub(super) responses: Vec<Response>,
-    /// Mean luma of every picture, 0 to 255, from the first on: the world's and the true one.
-    pub(super) luma: Vec<[f64; 2]>,
+    /// Of every picture, from the first on: the world's and the true one.
+    pub(super) looks: Vec<[Look; 2]>,
 }
 
 /// A place, and how it is walked.
@@ -120,8 +121,8 @@ impl Walk<'_> {
         let (width, height) = world.render_size();
         let mut guidance = Guidance::new(width, height, paper::PROJECTION)?;
         let mut flow = picture_flow::Extractor::new();
-        let mut walked = Walked { horizons: Vec::new(), responses: Vec::new(), luma: Vec::new() };
-        walked.luma.push([luma(&before), luma(&first)]);
+        let mut walked = Walked { horizons: Vec::new(), responses: Vec::new(), looks: Vec::new() };
+        walked.looks.push([Look::of(&before)?, Look::of(&first)?]);
         let mut picture = before.clone();
         for q in 1..=step_at(point, self.seconds) {
             tools.go_on()?;
@@ -132,7 +133,7 @@ impl Walk<'_> {
             let seen = guidance.motion().vectors().iter().map(|[x, y]| [f64::from(x.to_f32()), f64::from(y.to_f32())]);
             let meant = motion.iter().map(|m| [f64::from(m.x), f64::from(m.y)]);
             walked.responses.push(Response::new(seen, meant));
-            walked.luma.push([luma(&picture), luma(&true_picture)]);
+            walked.looks.push([Look::of(&picture)?, Look::of(&true_picture)?]);
             for &seconds in horizons.iter().filter(|&&seconds| step_at(point, seconds) == q) {
                 walked.horizons.push(Horizon {
                     seconds,
@@ -181,14 +182,4 @@ impl Walk<'_> {
 fn step(rollout: &mut Rollout, script: &ControlScript, point: &OperatingPoint, q: u64) -> Result<()> {
     let (start, end): (WorldTime, WorldTime) = point.span_of_latent(q);
     rollout.step(&script.span(start, end)?).map(drop)
-}
-
-/// Mean luma (Rec. 709 weights on the bytes as they are), 0 to 255.
-pub(super) fn luma(picture: &Picture) -> f64 {
-    let sum: f64 = picture
-        .pixels()
-        .iter()
-        .map(|[r, g, b, _]| 0.2126 * f64::from(*r) + 0.7152 * f64::from(*g) + 0.0722 * f64::from(*b))
-        .sum();
-    sum / picture.pixels().len().max(1) as f64
 }
