@@ -38,6 +38,9 @@ pub(super) struct WorldQualityArgs {
     /// Leave LPIPS out; its weights are fetched once otherwise (64 MB)
     #[arg(long)]
     no_lpips: bool,
+    /// Leave the looks away out: what the world remembers
+    #[arg(long)]
+    no_memory: bool,
     /// Write docs/world.md and its pictures as well: of the embedded world
     #[arg(long, conflicts_with = "world")]
     publish: bool,
@@ -51,9 +54,9 @@ pub(super) struct WorldQualityArgs {
 
 impl WorldQualityArgs {
     fn settings(&self) -> Settings {
-        let Self { world, quick, seeds, no_lpips, publish, out, .. } = self;
+        let Self { world, quick, seeds, no_lpips, no_memory, publish, out, .. } = self;
         let (world, seeds, out) = (world.clone(), seeds.clone(), out.clone());
-        Settings { world, seeds, quick: *quick, lpips: !no_lpips, publish: *publish, out }
+        Settings { world, seeds, quick: *quick, lpips: !no_lpips, memory: !no_memory, publish: *publish, out }
     }
 }
 

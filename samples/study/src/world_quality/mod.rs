@@ -50,6 +50,8 @@ pub(crate) struct Settings {
     pub(crate) quick: bool,
     /// Whether LPIPS is measured; its weights are fetched where they are not there.
     pub(crate) lpips: bool,
+    /// Whether the eye also turns away and back.
+    pub(crate) memory: bool,
     /// Write page and pictures into the clone's docs as well.
     pub(crate) publish: bool,
     pub(crate) out: PathBuf,
@@ -76,6 +78,9 @@ impl Settings {
         }
         if !self.lpips {
             command += " --no-lpips";
+        }
+        if !self.memory {
+            command += " --no-memory";
         }
         command
     }
@@ -108,10 +113,16 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
     let device = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
     let seconds = if settings.quick { QUICK_SECONDS } else { HORIZONS[HORIZONS.len() - 1] };
-    let away = if settings.quick { &AWAY[..1] } else { &AWAY };
+    let away = match settings {
+        Settings { memory: false, .. } => &[][..],
+        Settings { quick: true, .. } => &AWAY[..1],
+        _ => &AWAY,
+    };
 
     let mut places = Vec::new();
-    for (number, window) in windows(&bundle).into_iter().enumerate() {
+    // More than the first window is for what it remembers alone.
+    let windows = windows(&bundle).into_iter().take(if settings.memory { usize::MAX } else { 1 });
+    for (number, window) in windows.enumerate() {
         let point = OperatingPoint { global_window: window, ..Preset::Coherence.operating_point() };
         let world = load(&device, &bundle, &point)?;
         let tools = Tools { point: &point, lpips: lpips.as_ref(), stop };

@@ -89,22 +89,7 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
         );
     }
     text += &lasting(places, latents_per_second);
-    text += "\nscene    away, s  window   back: PSNR  SSIM   at most   another place\n";
-    for place in places {
-        for r in &place.remembered {
-            let _ = writeln!(
-                text,
-                "{:8} {:7}  g{:<6} {:>11.2} {:>5.3} {:>9.2} {:>15.2}",
-                place.family.name(),
-                r.away,
-                r.window,
-                r.psnr,
-                r.ssim,
-                r.most,
-                r.elsewhere
-            );
-        }
-    }
+    text += &remembered(places);
     let names = |places: &[&Place]| {
         places.iter().map(|place| format!("{} {}", place.family, place.scene)).collect::<Vec<_>>().join(", ")
     };
@@ -140,6 +125,30 @@ fn lasting(places: &[Place], latents_per_second: u32) -> String {
                 show(mean(all(|s| s.detail)), 2),
                 show(least(|s: &Second| s.detail), 2),
                 show(endurance::turning(walks(), end, since, latents_per_second), 2)
+            );
+        }
+    }
+    text
+}
+
+/// What is left of a place after a look away; nothing where nobody looked away.
+fn remembered(places: &[Place]) -> String {
+    if places.iter().all(|place| place.remembered.is_empty()) {
+        return String::new();
+    }
+    let mut text = String::from("\nscene    away, s  window   back: PSNR  SSIM   at most   another place\n");
+    for place in places {
+        for r in &place.remembered {
+            let _ = writeln!(
+                text,
+                "{:8} {:7}  g{:<6} {:>11.2} {:>5.3} {:>9.2} {:>15.2}",
+                place.family.name(),
+                r.away,
+                r.window,
+                r.psnr,
+                r.ssim,
+                r.most,
+                r.elsewhere
             );
         }
     }
