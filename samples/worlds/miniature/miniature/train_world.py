@@ -24,6 +24,10 @@ SEED = 2
 # keeps is not quite right either. Measured on rollouts of 80 latents: the squared error against the truth is .15 after 8 latents, .27
 # after 16 and .5 after 50 (the latents have variance 1), channels' means wander off together with it, and the next latent has the same error.
 KEPT_DRIFT = 0.6
+# A rollout that goes wrong shows other places in parts of its pictures. So in so many windows parts of the past are another walk's: where a
+# smooth field is above a threshold from this range. That is a tenth of the picture in the mean, and up to a third.
+FOREIGN = 0.5
+FOREIGN_ABOVE = (0.25, 1.75)
 # What part of the drift a latent shares with the one before it.
 LASTING = 0.95
 # Within so many latents after the seed the drift comes to its level.
@@ -36,8 +40,9 @@ EVEN = 0.4
 BELL = (0.8, 1.2)
 # Passes of the finer of the two schedules that a few-step stage trains for; the other is the stock one.
 REFINED = 10
-# How often the past of a window is the network's own in a few-step stage.
-OWN_PAST = 0.5
+# How often the past of a window is the network's own in a few-step stage, and how often, of those, it made that over a past of its own too.
+OWN_PAST = 0.6
+OWN_TWICE = 0.5
 
 
 def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
@@ -66,40 +71,65 @@ def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Arr
     return x[1:] + (sigma - before)[..., None, None, None] * v, sigma, x[1:] - s * v
 
 
+def lasting(key: Array, shape: tuple[int, ...]) -> Array:
+    """Numbers of unit variance that change slowly along the first axis, the frames."""
+    fresh = jnp.sqrt(1 - LASTING**2)
+    numbers = jax.random.normal(key, shape)
+    _, walked = jax.lax.scan(lambda at, step: (LASTING * at + fresh * step,) * 2, numbers[0], numbers)
+    return walked
+
+
+def patches(key: Array, shape: tuple[int, ...]) -> Array:
+    """The same over the frames of a window, `[F, h, w, C]`, and smooth over four tokens each way."""
+    F, h, w, C = shape
+    return jax.image.resize(lasting(key, (F, -(-h // 4), -(-w // 4), C)), shape, "linear")
+
+
 def drift(key: Array, shape: tuple[int, ...]) -> Array:
     """What adds up in a rollout, for the frames of one window `[F, h, w, C]`: of variance about 1, a third each in whole channels, in
     smooth patches and in single numbers, of which the first two last.
     """
-    F, h, w, C = shape
-    channels, patches, numbers = jax.random.split(key, 3)
-
-    def lasting(first: Array) -> Array:
-        """A walk of unit variance over the frames."""
-        fresh = jnp.sqrt(1 - LASTING**2)
-        _, walked = jax.lax.scan(lambda at, step: (LASTING * at + fresh * step,) * 2, first[0], first)
-        return walked
-
-    whole = lasting(jax.random.normal(channels, (F, 1, 1, C)))
-    smooth = jax.image.resize(lasting(jax.random.normal(patches, (F, -(-h // 4), -(-w // 4), C))), shape, "linear")
-    return (whole + smooth + jax.random.normal(numbers, shape)) / jnp.sqrt(3.0)
+    F, _, _, C = shape
+    whole, smooth, numbers = jax.random.split(key, 3)
+    return (lasting(whole, (F, 1, 1, C)) + patches(smooth, shape) + jax.random.normal(numbers, shape)) / jnp.sqrt(3.0)
 
 
-def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, controls: Array, key: Array):
-    """Mean squared error of the velocity over the noisy frames after the seed, of one window; in a few-step stage times the level."""
+def foreign(key: Array, shape: tuple[int, ...]) -> Array:
+    """How much of every token of a window's past is another walk's: `[F, h, w, 1]`, 0 to 1."""
+    field, above, often, level = jax.random.split(key, 4)
+    threshold = jax.random.uniform(above, minval=FOREIGN_ABOVE[0], maxval=FOREIGN_ABOVE[1])
+    inside = jax.nn.sigmoid(4.0 * (patches(field, (*shape[:3], 1)) - threshold))
+    return inside * jnp.sqrt(jax.random.uniform(level)) * (jax.random.uniform(often) < FOREIGN)
+
+
+def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, others: Array, controls: Array, key: Array):
+    """Mean squared error of the velocity over the noisy frames after the seed, of one window; in a few-step stage times the level.
+    `others` are the latents of another walk, shaped like `latents`: what the past is spoilt with.
+    """
     F = len(latents)
-    keys = jax.random.split(key, 6)
+    keys = jax.random.split(key, 7)
     clean = latents.astype(jnp.float32)
     level = KEPT_DRIFT * jax.random.uniform(keys[0]) * (jax.random.uniform(keys[1]) < 0.75)
-    level = level * jnp.minimum(1.0, jnp.arange(F) / COMING)[:, None, None, None]
-    kept = (1 - level) * clean + level * drift(keys[2], clean.shape)
+    coming = jnp.minimum(1.0, jnp.arange(F) / COMING)[:, None, None, None]
+    share = coming * foreign(keys[6], clean.shape)
+    kept = (1 - share) * clean + share * others.astype(jnp.float32)
+    kept = (1 - level * coming) * kept + level * coming * drift(keys[2], clean.shape)
     noise = jax.random.normal(keys[4], (stage.noisy, *clean.shape))
     driven = controls.astype(jnp.float32) * (jax.random.uniform(keys[5]) >= DROPPED)
     if stage.few_step:
-        key, key_own = jax.random.split(keys[3])
+        key, key_own, key_twice, key_again = jax.random.split(keys[3], 4)
         noisy, sigma, made = sampled(p, g, window, kept, clean, noise, driven, key)
         truth = (noisy - clean) / sigma[..., None, None, None]
-        # A rollout's past is what the network made, from the seed on.
-        kept = jnp.where(jax.random.uniform(key_own) < OWN_PAST, made[0].at[0].set(kept[0]), kept)
+
+        # A rollout's past is what the network made, from the seed on, and that over what it had made before.
+        def own() -> Array:
+            once = made[0].at[0].set(kept[0])
+            return jax.lax.cond(jax.random.uniform(key_twice) < OWN_TWICE, lambda: again(once), lambda: once)
+
+        def again(once: Array) -> Array:
+            return sampled(p, g, window, once, clean, noise, driven, key_again)[2][0].at[0].set(once[0])
+
+        kept = jax.lax.stop_gradient(jax.lax.cond(jax.random.uniform(key_own) < OWN_PAST, own, lambda: kept))
     else:
         sigma = noise_levels(keys[3], (stage.noisy, F))
         s = sigma[..., None, None, None]
@@ -116,7 +146,7 @@ def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, controls: 
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2), donate_argnums=4)
-def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.State, latents, controls, key):
+def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.State, latents, others, controls, key):
     """One step of training on one batch, `stage.together` windows after the others."""
     parts, together = len(latents) // stage.together, stage.together
     assert parts * together == len(latents), f"{len(latents)} windows are not parts of {together}"
@@ -131,7 +161,7 @@ def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.St
         of_part = jax.grad(mean_loss, has_aux=True)(state.parameters, *items)
         return jax.tree.map(lambda total, one: total + one / parts, sums, of_part), None
 
-    items = latents, controls, jax.random.split(key, len(latents))
+    items = latents, others, controls, jax.random.split(key, len(latents))
     items = jax.tree.map(lambda x: x.reshape(parts, together, *x.shape[1:]), items)
     nothing = jax.tree.map(jnp.zeros_like, state.parameters), {"loss": jnp.zeros(()), "latent_error": jnp.zeros(())}
     (gradient, figures), _ = jax.lax.scan(add, nothing, items)
@@ -144,10 +174,10 @@ def by_muon(name: str) -> bool:
     return name.startswith("blocks.") and name.endswith(".weight") or name.startswith("cond_head.cond_proj.")
 
 
-def batch(rng: np.random.Generator, walks: Walks, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
-    """Latents `[n, F, h, w, C]` and controls `[n, F, 3 + 256]` of random windows."""
-    windows = [walks.window(rng, stage.frames) for _ in range(stage.batch)]
-    return np.stack([w[0] for w in windows]), np.stack([w[1] for w in windows])
+def batch(rng: np.random.Generator, walks: Walks, stage: Stage) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Latents `[n, F, h, w, C]` of random windows, as many of other ones, and the first ones' controls `[n, F, 3 + 256]`."""
+    windows, others = ([walks.window(rng, stage.frames) for _ in range(stage.batch)] for _ in range(2))
+    return np.stack([w[0] for w in windows]), np.stack([w[0] for w in others]), np.stack([w[1] for w in windows])
 
 
 def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float, say=print) -> optimiser.State:
@@ -157,9 +187,9 @@ def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float
     def one_step(state: optimiser.State, n: int):
         stage = plan.stage(n)
         rng = np.random.default_rng([SEED, n])
-        latents, controls = batch(rng, walks, stage)
+        latents, others, controls = batch(rng, walks, stage)
         window = np.int32(rng.choice(stage.windows))
-        return step(settings, g, stage, window, state, latents, controls, jax.random.fold_in(jax.random.key(SEED), n))
+        return step(settings, g, stage, window, state, latents, others, controls, jax.random.fold_in(jax.random.key(SEED), n))
 
     def initial() -> optimiser.State:
         return optimiser.start(transformer.initial(g, SEED), by_muon)

@@ -120,7 +120,7 @@ def test_schedules_are_refined_where_they_are_widest():
 def test_few_steps_are_trained_where_the_networks_own_step_leads(walks):
     g = SMOKE.with_(layers=2, control_period=2, global_period=2)
     copies, frames = 40, 4
-    latents_, controls = (x[0] for x in train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=frames, batch=1, noisy=1)))
+    latents_, _, controls = (x[0] for x in train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=frames, batch=1, noisy=1)))
     clean = jnp.asarray(latents_, jnp.float32)
     noise = jax.random.normal(jax.random.key(3), (copies, *clean.shape))
     still = transformer.initial(g, 1)
@@ -146,14 +146,26 @@ def test_drift_lasts_and_is_of_unit_size():
     assert found.mean((2, 3)).std() > 0.4
 
 
+def test_parts_of_the_past_are_another_walks_for_a_while():
+    found = np.asarray(jax.vmap(lambda key: train_world.foreign(key, (40, 8, 16, 4)))(jax.random.split(KEY, 200)))
+    assert found.shape == (200, 40, 8, 16, 1) and found.min() >= 0 and found.max() < 1
+    none = (found.max((1, 2, 3, 4)) == 0).mean()
+    assert abs(none - (1 - train_world.FOREIGN)) < 0.12, none
+    spoilt = found[found.max((1, 2, 3, 4)) > 0]
+    assert 0.02 < spoilt.mean() < 0.2 and spoilt.max() > 0.8, spoilt.mean()
+    # Neighbours in time are spoilt together.
+    together = lambda n: np.corrcoef(spoilt[:, :-n].ravel(), spoilt[:, n:].ravel())[0, 1]  # noqa: E731
+    assert together(1) > 0.8 and together(30) < 0.7 * together(1), (together(1), together(30))
+
+
 def test_gradients_are_those_of_differences(walks):
     """Derivatives that the transformer states itself, against differences of the loss."""
     g = SMOKE.with_(layers=2, control_period=2, global_period=2)
     rng = np.random.default_rng(2)
     start = transformer.initial(g, 1)
     p = {name: jnp.asarray(v + 0.05 * rng.standard_normal(v.shape), jnp.float32) for name, v in start.items()}
-    latents_, controls = train_world.batch(rng, walks, Stage(1, frames=4, batch=1, noisy=1))
-    of = jax.jit(lambda p: train_world.loss(p, g, Stage(1, 4, 1, 1), 128, latents_[0], controls[0], KEY)[0])
+    latents_, others, controls = train_world.batch(rng, walks, Stage(1, frames=4, batch=1, noisy=1))
+    of = jax.jit(lambda p: train_world.loss(p, g, Stage(1, 4, 1, 1), 128, latents_[0], others[0], controls[0], KEY)[0])
     gradient = jax.jit(jax.grad(of))(p)
     for name in ("attn.q_proj", "attn.k_proj", "attn.v_proj", "attn.out_proj", "mlp.fc1", "mlp.fc2"):
         name = f"blocks.1.{name}.weight"
