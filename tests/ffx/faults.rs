@@ -73,6 +73,10 @@ fn a_target_that_is_let_go_of_under_way_is_held_until_its_frame_has_run() {
 
 #[test]
 fn sizes_may_change_from_frame_to_frame() {
+    stage::alone("faults::sizes_may_change_from_frame_to_frame", change_sizes);
+}
+
+fn change_sizes() {
     let (stage, library) = playing(&[]);
     let gpu = gpu();
     // Rendered smaller and larger again, as engines do that keep their pace: motion goes on from frame to frame.
@@ -119,6 +123,10 @@ fn sizes_may_change_from_frame_to_frame() {
 
 #[test]
 fn two_generators_on_one_device_do_not_disturb_one_another() {
+    stage::alone("faults::two_generators_on_one_device_do_not_disturb_one_another", run_two);
+}
+
+fn run_two() {
     let (stage, library) = playing(&[]);
     let gpu = gpu();
     std::thread::scope(|scope| {
