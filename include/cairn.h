@@ -1832,10 +1832,10 @@ CAIRN_API cairn_result cairn_presenter_record_d3d12(
  * device, now_ns, target, before, after, frame: as for cairn_presenter_record_d3d12.
  * fence, value: get what to wait for before the frame is read elsewhere than on the queue, and before target is freed.
  *
- * Ownership: target stays the caller's; on success *fence has a reference more, for the caller to release, and frame is filled; on
- * failure nothing is written and the queue has been given no frame.
+ * Ownership: target stays the caller's; on success *fence has a reference more, for the caller to release, and frame is filled;
+ * on failure nothing is written and the queue has been given no frame.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. The queue may be used by others at the same time.
- * Results: as for cairn_presenter_record_d3d12.
+ * Results: CAIRN_OK; CAIRN_NOT_READY, and the errors of cairn_presenter_record_d3d12.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_submit_d3d12(
