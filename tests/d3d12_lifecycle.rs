@@ -2,8 +2,8 @@
 //! stage. On Windows, or in the lab.
 #![cfg(windows)]
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use cairn::bundle::{Bundle, Precision};
 use cairn::gpu::Gpu;
@@ -27,6 +27,12 @@ const DRIFT: u64 = 24 << 20;
 /// How many cycles: the few of every run, or as many as the variable `name` asks for.
 fn cycles(name: &str, few: u64) -> u64 {
     std::env::var(name).map_or(few, |text| text.parse().expect("a number of cycles"))
+}
+
+/// One test at a time: what is measured is the process's memory.
+fn alone() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Memory of this process that is in RAM, in bytes.
@@ -87,6 +93,7 @@ fn come_and_go(count: u64, cycle: impl Fn(&Engine)) {
 
 #[test]
 fn devices_come_and_go_and_memory_is_flat() {
+    let _alone = alone();
     come_and_go(cycles("CAIRN_DEVICE_CYCLES", 10), |engine| {
         let device = device(engine).expect("a device");
         let moment = device.gpu().expect("a Direct3D 12 device").anchors().now().expect("a moment");
@@ -96,6 +103,7 @@ fn devices_come_and_go_and_memory_is_flat() {
 
 #[test]
 fn worlds_come_and_go_and_memory_is_flat() {
+    let _alone = alone();
     let bundle = bundle("tiny");
     come_and_go(cycles("CAIRN_WORLD_CYCLES", 1), |engine| {
         let world = World::load(&device(engine).expect("a device"), &bundle, options()).expect("a world");
@@ -105,7 +113,6 @@ fn worlds_come_and_go_and_memory_is_flat() {
 }
 
 /// Has Direct3D remove the device: a list that is still open must not be given to a queue.
-///
 fn remove(gpu: &Gpu) {
     let open = List::new(gpu.device(), gpu.frames().kind());
     let gone = gpu.frames().submit(&[open.still_open()]).expect_err("the device is gone");
@@ -131,6 +138,7 @@ fn load_and_remove(engine: &Engine, bundle: &Arc<Bundle>, stage: u64) -> Result<
 
 #[test]
 fn a_device_may_be_removed_while_a_world_is_loaded() {
+    let _alone = alone();
     let bundle = bundle("tiny");
     for stage in 0..=3 {
         let engine = engine::engine();
@@ -149,6 +157,7 @@ fn a_device_may_be_removed_while_a_world_is_loaded() {
 
 #[test]
 fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
+    let _alone = alone();
     let engine = engine::engine();
     let before = held(&engine);
     {
@@ -173,6 +182,7 @@ fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
 
 #[test]
 fn a_device_may_be_removed_while_a_rollout_steps() {
+    let _alone = alone();
     let engine = engine::engine();
     let before = held(&engine);
     {
