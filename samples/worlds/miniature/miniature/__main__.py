@@ -123,16 +123,16 @@ def encode_walks(job: Job) -> bool:
 
     # The next walks are drawn while one is encoded.
     with ThreadPoolExecutor(DRAWN_AT_ONCE) as pool:
-        coming = deque(pool.submit(draw, walk) for walk in range(min(DRAWN_AT_ONCE, plan.walks)))
-        for walk in range(plan.walks):
+        coming = deque(pool.submit(draw, walk) for walk in range(min(DRAWN_AT_ONCE, plan.count)))
+        for walk in range(plan.count):
             drawn = coming.popleft().result()
-            if walk + DRAWN_AT_ONCE < plan.walks:
+            if walk + DRAWN_AT_ONCE < plan.count:
                 coming.append(pool.submit(draw, walk + DRAWN_AT_ONCE))
             if drawn is not None:
                 clip, path = drawn
                 latents.encode_clip(encoder, clip, path)
                 clips.remove(clip)
-                job.say(f"walk {walk + 1}/{plan.walks}: {path.stem}")
+                job.say(f"walk {walk + 1}/{plan.count}: {path.stem}")
     return True
 
 
@@ -140,11 +140,11 @@ def train_world(job: Job) -> bool:
     """The transformer, on the latents that are there."""
     from . import latents, train_world
 
-    walks, plan = latents.Walks(job.folder / "latents"), job.preset.world
-    wanted = job.preset.autoencoder.clips + plan.walks
+    walks, plan = latents.Walks.read(job.folder / "latents"), job.preset.world
+    wanted = job.preset.autoencoder.clips + plan.count
     if len(walks.walks) < wanted:
         job.say(f"{len(walks.walks)} of {wanted} clips and walks are there: the weights will be others than with all")
-    state = train_world.train(job.world, job.geometry, plan, walks, job.minutes, job.say)
+    state = train_world.train(job.world, job.geometry, plan, walks, job.minutes, job.say, job.preset.autoencoder.clips)
     return int(state.step) >= plan.steps
 
 

@@ -73,23 +73,34 @@ def encode_clip(encoder: Encoder, clip: Clip, path: Path) -> None:
 class Walks:
     """All walks of a folder in memory, and windows cut out of them."""
 
-    def __init__(self, folder: Path):
-        self.walks = []
+    def __init__(self, walks: dict[str, dict[str, np.ndarray]]):
+        self.names, self.walks = tuple(walks), tuple(walks.values())
+        self.steps = np.array([w["moving"].shape[1] for w in self.walks])
+
+    @classmethod
+    def read(cls, folder: Path) -> "Walks":
+        """All that a folder holds."""
+        walks = {}
         for path in sorted(folder.glob("*.npz")):
             with np.load(path) as file:
-                self.walks.append({name: file[name] for name in ("moving", "still", "controls")})
-        if not self.walks:
+                walks[path.stem] = {name: file[name] for name in ("moving", "still", "controls")}
+        if not walks:
             raise FileNotFoundError(f"{folder} holds no latents")
-        self.steps = np.array([w["moving"].shape[1] for w in self.walks])
+        return cls(walks)
+
+    def among(self, names: set[str]) -> "Walks":
+        """Those of these names alone, in the same order."""
+        return Walks({name: walk for name, walk in zip(self.names, self.walks) if name in names})
 
     def window(self, rng: np.random.Generator, frames: int) -> tuple[np.ndarray, np.ndarray]:
         """A rollout of `frames` latents from a seed: `([frames, h, w, C], [frames, 3 + 256])`; the seed has no controls."""
         long_enough = np.flatnonzero(self.steps >= frames - 1)
         if not len(long_enough):
             raise ValueError(f"no walk has {frames - 1} steps; the longest has {self.steps.max()}")
-        # A long walk has more windows than a short one.
+        # A long walk has more windows than a short one, though of one place: its share grows with their square root.
         starts = (self.steps[long_enough] - frames + 1) // STILL_EVERY + 1
-        chosen = rng.choice(len(long_enough), p=starts / starts.sum())
+        share = np.sqrt(starts)
+        chosen = rng.choice(len(long_enough), p=share / share.sum())
         walk = self.walks[long_enough[chosen]]
         side, start = rng.integers(2), int(rng.integers(starts[chosen]))
         at = start * STILL_EVERY

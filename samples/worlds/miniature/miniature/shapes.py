@@ -62,20 +62,40 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Walks:
+    """Walks of one length that are rendered for the transformer."""
+
+    count: int
+    seconds: float
+    from_stage: int = 0  # the first stage that windows of them are taken for
+
+
+@dataclass(frozen=True)
 class WorldPlan:
     """How the transformer is trained."""
 
-    walks: int  # rendered for it, the long ones included
-    seconds: float  # length of most of them
-    long_walks: int  # how many are long enough for the longest window
-    long_seconds: float
+    walks: tuple[Walks, ...]  # in the order of their numbers
     rate: float
     decay: float
     stages: tuple[Stage, ...]
 
+    @property
+    def count(self) -> int:
+        """Of all walks."""
+        return sum(walks.count for walks in self.walks)
+
     def seconds_of(self, walk: int) -> float:
-        """How long walk number `walk` is; the long ones come last, as the stage that needs them does."""
-        return self.long_seconds if walk >= self.walks - self.long_walks else self.seconds
+        """How long walk number `walk` is."""
+        for walks in self.walks:
+            walk -= walks.count
+            if walk < 0:
+                return walks.seconds
+        raise IndexError(f"the plan has {self.count} walks")
+
+    def count_at(self, step: int) -> int:
+        """How many walks, from the first on, the windows of a step are taken from."""
+        begun = [sum(stage.steps for stage in self.stages[:n]) <= step for n in range(len(self.stages))]
+        return sum(walks.count for walks in self.walks if begun[walks.from_stage])
 
     @property
     def steps(self) -> int:
@@ -108,10 +128,7 @@ GPU = Preset(
     WORLD,
     AutoencoderPlan(clips=400, steps=30_000, batch=16, latents=4, crop=(256, 128), rate=1.5e-3),
     WorldPlan(
-        walks=1200,
-        seconds=12.0,
-        long_walks=80,
-        long_seconds=36.0,
+        walks=(Walks(1120, 12.0), Walks(80, 36.0)),
         rate=1.5e-3,
         decay=0.05,
         stages=(
@@ -130,10 +147,8 @@ PRESETS = {
         WORLD,
         AutoencoderPlan(clips=120, steps=4000, batch=4, latents=3, crop=(128, 128), rate=1.5e-3),
         WorldPlan(
-            walks=126,
-            seconds=6.0,
-            long_walks=6,
-            long_seconds=36.0,
+            # Those of 18 s were drawn when six places had turned out too few for long windows.
+            walks=(Walks(120, 6.0), Walks(6, 36.0), Walks(24, 18.0, from_stage=8)),
             rate=1.5e-3,
             decay=0.05,
             stages=(
@@ -145,6 +160,10 @@ PRESETS = {
                 Stage(steps=1138, frames=64, batch=1, noisy=2, few_step=True),
                 Stage(steps=20, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True),
                 Stage(steps=300, frames=64, batch=1, noisy=2, few_step=True),
+                # From here on the long walks are thirty.
+                Stage(steps=300, frames=64, batch=1, noisy=2, few_step=True),
+                Stage(steps=60, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True),
+                Stage(steps=300, frames=64, batch=1, noisy=2, few_step=True),
             ),
         ),
     ),
@@ -152,10 +171,7 @@ PRESETS = {
         SMOKE,
         AutoencoderPlan(clips=4, steps=30, batch=2, latents=2, crop=(64, 32), rate=2e-3),
         WorldPlan(
-            walks=4,
-            seconds=2.4,
-            long_walks=1,
-            long_seconds=3.2,
+            walks=(Walks(3, 2.4), Walks(1, 3.2)),
             rate=2e-3,
             decay=0.05,
             stages=(

@@ -6,7 +6,7 @@ the time over a past of the network's own making.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import jax
@@ -16,6 +16,7 @@ from cairn.build.geometry import Geometry
 from jax import Array
 
 from . import optimiser, schedules, store, transformer
+from .clips import clip_name
 from .latents import Walks
 from .shapes import Stage, WorldPlan
 
@@ -24,9 +25,11 @@ SEED = 2
 # keeps is not quite right either. Measured on rollouts of 80 latents: the squared error against the truth is .15 after 8 latents, .27
 # after 16 and .5 after 50 (the latents have variance 1), channels' means wander off together with it, and the next latent has the same error.
 KEPT_DRIFT = 0.6
+# How often a window's kept frames carry any.
+DRIFTING = 0.65
 # A rollout that goes wrong shows other places in parts of its pictures. So in so many windows parts of the past are another walk's: where a
 # smooth field is above a threshold from this range. That is a tenth of the picture in the mean, and up to a third.
-FOREIGN = 0.5
+FOREIGN = 0.4
 FOREIGN_ABOVE = (0.25, 1.75)
 # What part of the drift a latent shares with the one before it.
 LASTING = 0.95
@@ -109,7 +112,7 @@ def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, others: Ar
     F = len(latents)
     keys = jax.random.split(key, 7)
     clean = latents.astype(jnp.float32)
-    level = KEPT_DRIFT * jax.random.uniform(keys[0]) * (jax.random.uniform(keys[1]) < 0.75)
+    level = KEPT_DRIFT * jax.random.uniform(keys[0]) * (jax.random.uniform(keys[1]) < DRIFTING)
     coming = jnp.minimum(1.0, jnp.arange(F) / COMING)[:, None, None, None]
     share = coming * foreign(keys[6], clean.shape)
     kept = (1 - share) * clean + share * others.astype(jnp.float32)
@@ -180,14 +183,21 @@ def batch(rng: np.random.Generator, walks: Walks, stage: Stage) -> tuple[np.ndar
     return np.stack([w[0] for w in windows]), np.stack([w[0] for w in others]), np.stack([w[1] for w in windows])
 
 
-def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float, say=print) -> optimiser.State:
-    """Trains from the state at `path`, or from nothing, and leaves the state there."""
+def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float, say=print, clips: int = 0) -> optimiser.State:
+    """Trains from the state at `path`, or from nothing, and leaves the state there. Of `walks`, the first `clips` numbers are the
+    autoencoder's clips, which are walks of the plan's first stage too.
+    """
+
+    @cache
+    def first(count: int) -> Walks:
+        return walks.among({"{}-{}".format(*clip_name(number)) for number in range(clips + count)})
+
     settings = optimiser.Settings(rate=plan.rate, steps=plan.steps, warm_up=min(200, plan.steps // 4), decay=plan.decay)
 
     def one_step(state: optimiser.State, n: int):
         stage = plan.stage(n)
         rng = np.random.default_rng([SEED, n])
-        latents, others, controls = batch(rng, walks, stage)
+        latents, others, controls = batch(rng, first(plan.count_at(n)), stage)
         window = np.int32(rng.choice(stage.windows))
         return step(settings, g, stage, window, state, latents, others, controls, jax.random.fold_in(jax.random.key(SEED), n))
 

@@ -42,7 +42,7 @@ def test_one_command_trains_a_world_from_nothing_in_chunks(renderer, tmp_path):
     plan = PRESETS["smoke"]
     log = (tmp_path / "training.log").read_text(encoding="utf-8")
     assert f"step {plan.autoencoder.steps}/{plan.autoencoder.steps}" in log and f"step {plan.world.steps}/{plan.world.steps}" in log
-    assert "held-out seed 41" in log and log.count("walk ") == plan.world.walks
+    assert "held-out seed 41" in log and log.count("walk ") == plan.world.count
     assert read_geometry(tmp_path / "bundle") == SMOKE
     world = Rollout(tmp_path / "bundle", SMOKE)
     latents = [world.step(world.noise(np.random.default_rng(1))) for _ in range(3)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from miniature import autoencoder, clips, held_out, latents, optimiser, pieces, schedules, scripts, store
 from miniature import train_autoencoder, train_world, transformer
-from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage, WorldPlan
+from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage, Walks, WorldPlan
 
 # These tests compile longer than they run.
 jax.config.update("jax_disable_most_optimizations", True)
@@ -33,7 +33,7 @@ def walks(drawn, tmp_path):
     encoder = latents.Encoder(autoencoder.initial(SMOKE, 1))
     for clip in drawn:
         latents.encode_clip(encoder, clip, tmp_path / "latents" / f"{clip.path.name}.npz")
-    return latents.Walks(tmp_path / "latents")
+    return latents.Walks.read(tmp_path / "latents")
 
 
 def test_held_out_seeds_are_refused():
@@ -42,7 +42,7 @@ def test_held_out_seeds_are_refused():
         with pytest.raises(held_out.HeldOutSeed, match=str(seed)):
             held_out.require_trainable(seed)
     for preset in PRESETS.values():
-        used = {clips.clip_name(n)[1] for n in range(preset.autoencoder.clips + preset.world.walks)}
+        used = {clips.clip_name(n)[1] for n in range(preset.autoencoder.clips + preset.world.count)}
         assert not used & held_out.held_out_seeds()
 
 
@@ -100,12 +100,23 @@ def test_the_autoencoder_learns(drawn, tmp_path):
 
 def test_the_transformer_learns_and_goes_through_its_curriculum(walks, tmp_path):
     stages = (Stage(60, frames=8, batch=2, noisy=2), Stage(2, frames=8, batch=1, noisy=1), Stage(2, frames=8, batch=1, noisy=1, few_step=True))
-    plan = WorldPlan(2, 0.5, 0, 0.0, rate=3e-3, decay=0.0, stages=stages)
+    plan = WorldPlan((Walks(2, 0.5),), rate=3e-3, decay=0.0, stages=stages)
     shown = []
     state = train_world.train(tmp_path / "world.npz", SMOKE, plan, walks, minutes=60, say=shown.append)
     assert int(state.step) == 64
     loss = [float(line.partition("loss ")[2].split()[0]) for line in shown]
     assert loss[2] < 0.9 * loss[0], shown
+
+
+def test_later_walks_are_drawn_from_their_stage_on(walks):
+    stages = (Stage(3, frames=8, batch=1, noisy=1), Stage(2, frames=8, batch=1, noisy=1), Stage(2, frames=8, batch=1, noisy=1))
+    plan = WorldPlan((Walks(1, 0.5), Walks(1, 0.6, from_stage=1)), rate=3e-3, decay=0.0, stages=stages)
+    assert [plan.seconds_of(walk) for walk in range(plan.count)] == [0.5, 0.6]
+    assert [plan.count_at(step) for step in range(plan.steps)] == [1, 1, 1, 2, 2, 2, 2]
+    alone = walks.among({"forest-1000"})
+    assert walks.names == ("forest-1000", "sword-1000") and alone.names == ("forest-1000",)
+    frames, _ = alone.window(np.random.default_rng(3), 5)
+    assert any(np.array_equal(frames[0], still) for side in walks.walks[0]["still"] for still in side)
 
 
 def test_schedules_are_refined_where_they_are_widest():
