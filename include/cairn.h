@@ -307,6 +307,12 @@ typedef struct cairn_device_info {
     uint32_t threads;
     /** For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"; UTF-8. */
     char description[128];
+    /**
+     * MiB of its adapter's memory that the system grants to the process now, which may change at any time; 0 where none says so.
+     */
+    uint32_t memory_budget_mib;
+    /** MiB of it that the process uses, whoever in it does. */
+    uint32_t memory_used_mib;
 } cairn_device_info;
 
 /**
@@ -447,6 +453,12 @@ CAIRN_API cairn_result cairn_device_requirements(
 /** A stage of loading: ONNX Runtime prepares the graphs; done and total count graphs. */
 #define CAIRN_LOAD_PREPARING 2
 
+/**
+ * A flag of cairn_world_options: where the global window is too wide for memory_limit, or for what an adapter has left, the widest one
+ * that is not takes its place, and cairn_rollout_info says which; without it such a world is refused.
+ */
+#define CAIRN_WORLD_FIT_WINDOW 1
+
 /** A loaded world. It may have any number of rollouts, which share its weights. */
 typedef struct cairn_world cairn_world;
 
@@ -492,6 +504,10 @@ typedef struct cairn_world_options {
     cairn_load_callback progress;
     /** Handed to the callback. */
     void *user;
+    /** CAIRN_WORLD_FIT_WINDOW */
+    uint32_t flags;
+    /** 0 */
+    uint32_t reserved;
 } cairn_world_options;
 
 /** What a world is. */
@@ -634,6 +650,8 @@ CAIRN_API cairn_result cairn_world_destroy(cairn_world *world);
 #define CAIRN_FORMAT_BGRA8 1
 /** Four half floats to a pixel, red first, 0 to 1; for targets only. */
 #define CAIRN_FORMAT_RGBA16F 2
+/** Four bytes to a pixel: ten bits of red, the lowest, of green and of blue, two of alpha; for targets only. */
+#define CAIRN_FORMAT_RGB10A2 3
 
 /** A picture in the host's memory that the library reads, only during the call it is given to. */
 typedef struct cairn_picture {
@@ -660,7 +678,7 @@ typedef struct cairn_picture {
 typedef struct cairn_target {
     /** sizeof(cairn_target) */
     uint32_t struct_size;
-    /** CAIRN_FORMAT_RGBA8, CAIRN_FORMAT_BGRA8 or CAIRN_FORMAT_RGBA16F */
+    /** CAIRN_FORMAT_RGBA8, CAIRN_FORMAT_BGRA8, CAIRN_FORMAT_RGBA16F or CAIRN_FORMAT_RGB10A2 */
     uint32_t format;
     /** In pixels; must be the picture's. */
     uint32_t width;
@@ -934,6 +952,23 @@ CAIRN_API cairn_result cairn_rollout_step(
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
+
+/**
+ * Holds latents to so much wall time each, decoding and all: they are made by the first of the schedules until that takes too long, then by
+ * one with fewer passes, and by one with more again where there is time. It goes by the times of the latents before, so that the same
+ * controls may give other pictures the next time. What it does is logged; cairn_step_info says with how many passes a latent was made, and
+ * cairn_rollout_info has the schedule of the next one. A restored state ends it.
+ *
+ * latent_ns: nanoseconds for a latent.
+ * schedules: one to eight as in operating points, a space between them, each with fewer passes than the one before:
+ * "stock explicit:1:0.5:0 explicit:1:0"; none, "", for no budget any more, which leaves the schedule as it is.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_set_budget(cairn_rollout *rollout, uint64_t latent_ns, const char *schedules);
 
 /**
  * Takes a copy of the last anchor: its pictures and its latent.
@@ -1268,10 +1303,20 @@ CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
  * are frames to an anchor.
  */
 #define CAIRN_PRESENTER_NO_DECODED 4
+
+/**
+ * A flag of cairn_presenter_options: in frames of another shape than the anchors' these keep theirs, in the middle, with black beside
+ * or above them. Without it they are stretched.
+ */
+#define CAIRN_PRESENTER_LETTERBOX 8
 /** Display-referred sRGB, as pictures are. */
 #define CAIRN_COLOUR_SRGB 0
 /** Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F only. */
 #define CAIRN_COLOUR_LINEAR 1
+/** scRGB: linear light of the same primaries, 1 being 80 nits; for CAIRN_FORMAT_RGBA16F only. */
+#define CAIRN_COLOUR_SCRGB 2
+/** HDR10: the curve of PQ with the primaries of BT.2020; for CAIRN_FORMAT_RGB10A2 only. */
+#define CAIRN_COLOUR_HDR10 3
 /** A frame is an anchor. */
 #define CAIRN_FRAME_ANCHOR 1
 /** A frame is a picture that the later anchor brought with it. */
@@ -1317,15 +1362,18 @@ typedef struct cairn_presenter_options {
      * anchor after, so that less than (multiplier - 1) / multiplier of an interval makes frames late.
      */
     uint64_t delay_ns;
-    /** CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED */
+    /** CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED, CAIRN_PRESENTER_LETTERBOX */
     uint32_t flags;
     /** Anchors that may wait for their time, 1 to CAIRN_MAX_QUEUE; 0 for 4. */
     uint32_t capacity;
     /** Where motion comes from when an anchor comes without guidance: CAIRN_MOTION_AUTO and so on. */
     uint32_t motion;
-    /** CAIRN_COLOUR_SRGB or CAIRN_COLOUR_LINEAR */
+    /** CAIRN_COLOUR_SRGB to CAIRN_COLOUR_HDR10 */
     uint32_t colour_space;
-    /** AMD FidelityFX frame generation, for Direct3D 12: CAIRN_PREFER_AUTO and so on. */
+    /**
+     * AMD FidelityFX frame generation, for frames half way between two anchors that are recorded for Direct3D 12:
+     * CAIRN_PREFER_AUTO and so on. Needs the library's own shaders, which make all others.
+     */
     uint32_t fsr;
     /** The library's own shaders, for Direct3D 12. */
     uint32_t shader;
@@ -1333,6 +1381,12 @@ typedef struct cairn_presenter_options {
     uint32_t cpu;
     /** 0 */
     uint32_t reserved;
+    /**
+     * How bright the white of pictures is in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.
+     */
+    uint32_t white_nits;
+    /** 0 */
+    uint32_t reserved_too;
 } cairn_presenter_options;
 
 /** A frame of a presenter. */
@@ -1359,44 +1413,6 @@ typedef struct cairn_frame {
     /** CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED */
     uint32_t flags;
 } cairn_frame;
-
-/** What a presenter has done since it was made. */
-typedef struct cairn_presenter_statistics {
-    /** sizeof(cairn_presenter_statistics) */
-    uint32_t struct_size;
-    /** 0 */
-    uint32_t reserved;
-    /** Anchors that came. */
-    uint64_t anchors;
-    /** Those that came after they were due. */
-    uint64_t late_anchors;
-    /** Nanoseconds that time stood still for late ones. */
-    uint64_t slipped_ns;
-    /** Frames drawn that were anchors. A frame drawn again counts again, here and below. */
-    uint64_t shown_anchors;
-    /** Frames drawn that anchors brought with them. */
-    uint64_t shown_decoded;
-    /** Frames drawn that were generated between anchors. */
-    uint64_t shown_generated;
-    /** Frames drawn that were generated beyond the last anchor. */
-    uint64_t shown_extrapolated;
-    /** Frames drawn that stood. */
-    uint64_t shown_held;
-    /** Those of all of them that were the same as the one drawn before. */
-    uint64_t repeated;
-    /** Those that a cut kept from being generated. */
-    uint64_t cuts;
-    /** Nanoseconds of finding motion and depth. */
-    uint64_t guidance_ns;
-    /** Nanoseconds of generating. */
-    uint64_t generate_ns;
-    /** Nanoseconds of resizing. */
-    uint64_t resize_ns;
-    /** The generator that is used, such as "cpu"; empty where there is none. */
-    char generator[32];
-    /** Why a generator that might be better is not used, for people; UTF-8. */
-    char preference[160];
-} cairn_presenter_statistics;
 
 /**
  * Makes a presenter.
@@ -1459,6 +1475,51 @@ CAIRN_API cairn_result cairn_presenter_draw(
     cairn_presenter *presenter, uint64_t now_ns, const cairn_target *target, cairn_frame *frame);
 
 /**
+ * Changes the size of the frames, as a window's changes. The stream goes on, and what is drawn next has the new size.
+ *
+ * width, height: as in cairn_presenter_options; 0 both ways for the anchors'.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time, also while a frame is drawn.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_resize(const cairn_presenter *presenter, uint32_t width, uint32_t height);
+
+/**
+ * Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD. Without it that is told from
+ * colours that do not move. The generator of shaders heeds it; that of the processor does not. cairn_presenter_reset forgets it.
+ *
+ * mask: a byte to a pixel of an anchor, row by row from the top left, 0 where nothing lies over it; null, with 0 for all the rest, for
+ * nothing known.
+ * size: bytes of mask: width * height.
+ * width, height: the anchors' size.
+ *
+ * Ownership: the mask is copied, on success; on failure nothing is.
+ * Threads: any thread, at any time, also while a frame is drawn.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for another size than that of the anchors that
+ * have come; CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_set_overlay(
+    const cairn_presenter *presenter, const uint8_t *mask, size_t size, uint32_t width, uint32_t height);
+
+/**
+ * Holds frames for Direct3D 12 to a budget of the device's time. Where it is too little for all of them, only every second, third or sixth
+ * frame of an interval is made, as the multiplier has it, and the others repeat the one before; where it is enough again, more are. It goes
+ * by the times that the device says of frames that have run. What it does is logged, and the statistics say it.
+ *
+ * frame_ns: nanoseconds of the device's time for each frame that is shown, on average over an interval, what is done once to an anchor among
+ * it; 0 for no budget.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_set_budget(const cairn_presenter *presenter, uint64_t frame_ns);
+
+/**
  * Forgets all anchors and when they came: the next one is a first again, of any size.
  *
  * Ownership: nothing is handed over, on success or on failure.
@@ -1467,17 +1528,6 @@ CAIRN_API cairn_result cairn_presenter_draw(
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_reset(const cairn_presenter *presenter);
-
-/**
- * Says what a presenter has done, and with what.
- *
- * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
- * Threads: any thread, at any time.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
- * Since: 0.1.0
- */
-CAIRN_API cairn_result cairn_presenter_get_statistics(
-    const cairn_presenter *presenter, cairn_presenter_statistics *statistics);
 
 /**
  * Destroys the handle of a presenter; null is allowed.
@@ -1691,6 +1741,74 @@ typedef struct cairn_rollout_statistics {
     uint64_t ring_bytes;
 } cairn_rollout_statistics;
 
+/** What a presenter has done since it was made. */
+typedef struct cairn_presenter_statistics {
+    /** sizeof(cairn_presenter_statistics) */
+    uint32_t struct_size;
+    /** 0 */
+    uint32_t reserved;
+    /** Anchors that came. */
+    uint64_t anchors;
+    /** Those that came after they were due. */
+    uint64_t late_anchors;
+    /** Nanoseconds that time stood still for late ones. */
+    uint64_t slipped_ns;
+    /** Frames drawn that were anchors. A frame drawn again counts again, here and below. */
+    uint64_t shown_anchors;
+    /** Frames drawn that anchors brought with them. */
+    uint64_t shown_decoded;
+    /** Frames drawn that were generated between anchors. */
+    uint64_t shown_generated;
+    /** Frames drawn that were generated beyond the last anchor. */
+    uint64_t shown_extrapolated;
+    /** Frames drawn that stood. */
+    uint64_t shown_held;
+    /** Those of all of them that were the same as the one drawn before. */
+    uint64_t repeated;
+    /** Those that a cut kept from being generated. */
+    uint64_t cuts;
+    /** Nanoseconds of finding motion and depth. */
+    uint64_t guidance_ns;
+    /** Nanoseconds of generating. */
+    uint64_t generate_ns;
+    /** Nanoseconds of resizing. */
+    uint64_t resize_ns;
+    /** The last frame's generator, such as "cpu" or, with its provider's version, "fsr 3.1.5"; empty for none. */
+    char generator[32];
+    /** Why a generator that might be better is not used, for people; UTF-8. */
+    char preference[160];
+    /** Anchors that wait for their time, as of the latest time that was heard of. */
+    uint32_t waiting;
+    /** Frames for Direct3D 12 that are recorded and have not run. */
+    uint32_t under_way;
+    /**
+     * Frames for Direct3D 12 whose time on the device is known. What else the queue ran meanwhile is in their times.
+     */
+    uint64_t device_frames;
+    /** Nanoseconds of them on the device, all together. */
+    uint64_t device_frames_ns;
+    /** Nanoseconds of the longest. */
+    uint64_t device_frame_longest_ns;
+    /** Nanoseconds of the last. */
+    uint64_t device_frame_last_ns;
+    /**
+     * Lists of the presenter's own whose time on the device is known: those that bring pictures there, find motion and depth, and
+     * prepare what frames of a pair have in common.
+     */
+    uint64_t device_lists;
+    /** Nanoseconds of them on the device, all together. */
+    uint64_t device_lists_ns;
+    /** Nanoseconds of the longest. */
+    uint64_t device_list_longest_ns;
+    /**
+     * Frames to an anchor that are made where cairn_presenter_set_budget holds them to a budget; the others repeat the one before. 0 where
+     * there never was a budget.
+     */
+    uint32_t made_to_anchor;
+    /** How often that has changed. */
+    uint32_t budget_changes;
+} cairn_presenter_statistics;
+
 /**
  * Says what a rollout has done so far. Does not wait for a step that is running.
  *
@@ -1700,6 +1818,17 @@ typedef struct cairn_rollout_statistics {
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_get_statistics(const cairn_rollout *rollout, cairn_rollout_statistics *statistics);
+
+/**
+ * Says what a presenter has done, and with what.
+ *
+ * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_get_statistics(
+    const cairn_presenter *presenter, cairn_presenter_statistics *statistics);
 
 /* ---- 15. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
 

@@ -674,6 +674,12 @@ public:
         return detail::filled<step_info>([&](step_info *to) { return cairn_rollout_step(get(), &given, to); });
     }
 
+    /** Holds latents to so many nanoseconds each: cairn_rollout_set_budget. */
+    result<void> set_budget(std::uint64_t latent_ns, const char *schedules)
+    {
+        return detail::done(cairn_rollout_set_budget(get(), latent_ns, schedules));
+    }
+
     /** Back to the start with the same seed: cairn_rollout_reset. Not the reset() of every object, which ends it. */
     result<void> restart() { return detail::done(cairn_rollout_reset(get())); }
 
@@ -846,6 +852,24 @@ public:
     /** Waits for its frames and lets go of their targets, before a swap chain is resized: cairn_presenter_release_d3d12. */
     result<void> release_d3d12() { return detail::done(cairn_presenter_release_d3d12(get())); }
 #endif
+
+    /** Changes the size of the frames; 0 both ways for the anchors': cairn_presenter_resize. */
+    result<void> resize(std::uint32_t width, std::uint32_t height) const
+    {
+        return detail::done(cairn_presenter_resize(get(), width, height));
+    }
+
+    /** Says what lies over the anchors and stands still; nothing where `mask` is null: cairn_presenter_set_overlay. */
+    result<void> set_overlay(const std::uint8_t *mask, std::size_t size, std::uint32_t width, std::uint32_t height) const
+    {
+        return detail::done(cairn_presenter_set_overlay(get(), mask, size, width, height));
+    }
+
+    /** Holds frames to so many nanoseconds of the device's time each: cairn_presenter_set_budget. */
+    result<void> set_budget(std::uint64_t frame_ns) const
+    {
+        return detail::done(cairn_presenter_set_budget(get(), frame_ns));
+    }
 
     /** Forgets all anchors: cairn_presenter_reset. Not the reset() of every object, which ends it. */
     result<void> restart() const { return detail::done(cairn_presenter_reset(get())); }

@@ -82,6 +82,7 @@ extern "C" {
     X(cairn_result, cairn_rollout_append, (cairn_rollout *rollout, const cairn_picture *picture, cairn_step_info *info)) \
     X(cairn_result, cairn_rollout_step, (cairn_rollout *rollout, const cairn_controls *controls, cairn_step_info *info)) \
     X(cairn_result, cairn_rollout_reset, (cairn_rollout *rollout)) \
+    X(cairn_result, cairn_rollout_set_budget, (cairn_rollout *rollout, uint64_t latent_ns, const char *schedules)) \
     X(cairn_result, cairn_rollout_get_anchor, (const cairn_rollout *rollout, cairn_anchor **anchor)) \
     X(cairn_result, cairn_rollout_submit, (const cairn_rollout *rollout, const cairn_controls *controls, uint64_t *ticket)) \
     X(cairn_result, cairn_rollout_submit_picture, (const cairn_rollout *rollout, const cairn_picture *picture, uint64_t *ticket)) \
@@ -105,8 +106,10 @@ extern "C" {
     X(cairn_result, cairn_presenter_push, (const cairn_presenter *presenter, const cairn_anchor *anchor, const cairn_guidance *guidance, uint64_t now_ns)) \
     X(cairn_result, cairn_presenter_query, (const cairn_presenter *presenter, uint64_t now_ns, cairn_frame *frame)) \
     X(cairn_result, cairn_presenter_draw, (cairn_presenter *presenter, uint64_t now_ns, const cairn_target *target, cairn_frame *frame)) \
+    X(cairn_result, cairn_presenter_resize, (const cairn_presenter *presenter, uint32_t width, uint32_t height)) \
+    X(cairn_result, cairn_presenter_set_overlay, (const cairn_presenter *presenter, const uint8_t *mask, size_t size, uint32_t width, uint32_t height)) \
+    X(cairn_result, cairn_presenter_set_budget, (const cairn_presenter *presenter, uint64_t frame_ns)) \
     X(cairn_result, cairn_presenter_reset, (const cairn_presenter *presenter)) \
-    X(cairn_result, cairn_presenter_get_statistics, (const cairn_presenter *presenter, cairn_presenter_statistics *statistics)) \
     X(cairn_result, cairn_presenter_destroy, (cairn_presenter *presenter)) \
     X(cairn_result, cairn_script_create, (const char *text, size_t length, cairn_script **script)) \
     X(cairn_result, cairn_script_get_controls, (const cairn_script *script, uint64_t latent, uint32_t latents_per_second, cairn_controls *controls)) \
@@ -120,7 +123,8 @@ extern "C" {
     X(cairn_result, cairn_recorder_step, (cairn_recorder *recorder, uint64_t latent, uint32_t latents_per_second, const cairn_controls *controls)) \
     X(cairn_result, cairn_recorder_make_script, (cairn_recorder *recorder, uint64_t microseconds, cairn_script **script)) \
     X(cairn_result, cairn_recorder_destroy, (cairn_recorder *recorder)) \
-    X(cairn_result, cairn_rollout_get_statistics, (const cairn_rollout *rollout, cairn_rollout_statistics *statistics))
+    X(cairn_result, cairn_rollout_get_statistics, (const cairn_rollout *rollout, cairn_rollout_statistics *statistics)) \
+    X(cairn_result, cairn_presenter_get_statistics, (const cairn_presenter *presenter, cairn_presenter_statistics *statistics))
 
 /* The experimental ones, likewise. */
 #define CAIRN_LD_EXPERIMENTAL(X) \

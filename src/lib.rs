@@ -38,3 +38,4 @@ mod texels;
 
 pub use error::{Error, ErrorKind, Result};
 pub use picture::{MAX_SIDE, Picture, PictureF16, Pixel, Raster};
+pub use texels::Colours;

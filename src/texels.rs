@@ -10,7 +10,6 @@ pub(crate) enum Texel {
     /// Four bytes, blue first.
     Bgra8,
     /// Ten bits of red, the lowest, of green and of blue, two of alpha.
-    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "targets of Direct3D have it"))]
     Rgb10A2,
     /// Four half floats, red first, 0 to 1.
     Rgba16F,
@@ -23,17 +22,75 @@ impl Texel {
     }
 }
 
+/// What the numbers of a frame stand for. Pictures are in sRGB; how bright their white is, is a host's choice where there is more
+/// beyond it: 203 nits is what ITU-R BT.2408 has for graphics.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Colours {
+    /// Display-referred sRGB, as pictures are.
+    #[default]
+    Shown,
+    /// Linear light of the same primaries, 1 being white. In half floats only.
+    Linear,
+    /// scRGB (IEC 61966-2-2): the same, 1 being 80 nits. In half floats only.
+    ScRgb {
+        /// How bright the white of pictures is.
+        white_nits: f32,
+    },
+    /// HDR10: the curve of PQ (SMPTE ST 2084) with the primaries of BT.2020. In ten bits only.
+    Hdr10 {
+        /// How bright the white of pictures is.
+        white_nits: f32,
+    },
+}
+
+impl Colours {
+    /// Whether a format holds them.
+    pub(crate) fn fit(self, texel: Texel) -> bool {
+        match self {
+            Self::Shown => true,
+            Self::Linear | Self::ScRgb { .. } => texel == Texel::Rgba16F,
+            Self::Hdr10 { .. } => texel == Texel::Rgb10A2,
+        }
+    }
+
+    /// What light is multiplied with in half floats, if they hold light.
+    fn light(self) -> Option<f64> {
+        match self {
+            Self::Linear => Some(1.0),
+            Self::ScRgb { white_nits } => Some(f64::from(white_nits) / NITS_OF_SCRGB),
+            Self::Shown | Self::Hdr10 { .. } => None,
+        }
+    }
+}
+
+/// How bright 1 is in scRGB.
+pub(crate) const NITS_OF_SCRGB: f64 = 80.0;
+
 /// Writes rows of a picture's pixels in another format.
 pub(crate) struct Encoder {
     texel: Texel,
     /// Each level of a colour and of alpha as half floats, where that is the format.
     halves: Option<[[f16; 256]; 2]>,
+    pq: Option<Box<Pq>>,
+}
+
+/// What colours of HDR10 are found with.
+struct Pq {
+    /// Nits of each level.
+    light: [f32; 256],
+    /// From how many nits on a level of ten bits above 0 is the nearest.
+    steps: [f32; 1023],
 }
 
 impl Encoder {
-    /// For `texel`; in `linear` light, which only half floats can be in.
-    pub(crate) fn new(texel: Texel, linear: bool) -> Self {
-        Self { texel, halves: (texel == Texel::Rgba16F).then(|| [halves(linear), halves(false)]) }
+    /// For `texel`, in colours that it holds.
+    pub(crate) fn new(texel: Texel, colours: Colours) -> Self {
+        let halves = (texel == Texel::Rgba16F).then(|| [halves(colours.light()), halves(None)]);
+        let pq = match colours {
+            Colours::Hdr10 { white_nits } => Some(Box::new(Pq::new(white_nits))),
+            _ => None,
+        };
+        Self { texel, halves, pq }
     }
 
     /// Writes RGBA8 pixels; `to` has room for as many in the format.
@@ -47,7 +104,10 @@ impl Encoder {
             }
             (Texel::Rgb10A2, _) => {
                 for (word, &[r, g, b, a]) in to.as_chunks_mut::<4>().0.iter_mut().zip(from.as_chunks::<4>().0) {
-                    let [r, g, b] = [r, g, b].map(|level| scaled(level, 1023));
+                    let [r, g, b] = match &self.pq {
+                        Some(pq) => pq.levels([r, g, b]),
+                        None => [r, g, b].map(|level| scaled(level, 1023)),
+                    };
                     *word = (r | g << 10 | b << 20 | scaled(a, 3) << 30).to_ne_bytes();
                 }
             }
@@ -61,6 +121,24 @@ impl Encoder {
     }
 }
 
+impl Pq {
+    fn new(white_nits: f32) -> Self {
+        let nits = |level: usize| light_of(level as f64 / 255.0) * f64::from(white_nits);
+        let step = |i: usize| nits_of_pq((i as f64 + 0.5) / 1023.0);
+        Self { light: std::array::from_fn(|i| nits(i) as f32), steps: std::array::from_fn(|i| step(i) as f32) }
+    }
+
+    /// Levels of ten bits for a colour, brought to the primaries of BT.2020 (ITU-R BT.2087).
+    fn levels(&self, colour: [u8; 3]) -> [u32; 3] {
+        const WIDE: [[f32; 3]; 3] = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
+        let light = colour.map(|level| self.light[usize::from(level)]);
+        WIDE.map(|row| {
+            let nits: f32 = row.iter().zip(light).map(|(part, light)| part * light).sum();
+            self.steps.partition_point(|step| *step <= nits) as u32
+        })
+    }
+}
+
 /// Between the two orders of four bytes.
 pub(crate) fn swap_red_and_blue(row: &mut [u8]) {
     row.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel.swap(0, 2));
@@ -71,16 +149,24 @@ fn scaled(level: u8, top: u32) -> u32 {
     (u32::from(level) * top * 2 + 255) / 510
 }
 
-/// Every 8-bit level as a half float from 0 to 1, also brought to linear light by the curve of sRGB (IEC 61966-2-1).
-fn halves(linear: bool) -> [f16; 256] {
+/// Every 8-bit level as a half float from 0 to 1, or as light of so much for white.
+fn halves(white: Option<f64>) -> [f16; 256] {
     std::array::from_fn(|level| {
         let value = level as f64 / 255.0;
-        f16::from_f64(match value {
-            v if !linear => v,
-            v if v <= 0.04045 => v / 12.92,
-            v => libm::pow((v + 0.055) / 1.055, 2.4),
-        })
+        f16::from_f64(white.map_or(value, |white| light_of(value) * white))
     })
+}
+
+/// Light by the curve of sRGB (IEC 61966-2-1), for numbers from 0 to 1.
+fn light_of(shown: f64) -> f64 {
+    if shown <= 0.04045 { shown / 12.92 } else { libm::pow((shown + 0.055) / 1.055, 2.4) }
+}
+
+/// Nits for a number from 0 to 1 by the curve of PQ (SMPTE ST 2084).
+fn nits_of_pq(number: f64) -> f64 {
+    let power = libm::pow(number, 1.0 / 78.843_75);
+    let light = (power - 0.835_937_5).max(0.0) / (18.851_562_5 - 18.687_5 * power);
+    10_000.0 * libm::pow(light, 1.0 / 0.159_301_757_812_5)
 }
 
 #[cfg(test)]
@@ -89,7 +175,7 @@ mod tests {
 
     #[test]
     fn ten_bits_are_the_nearest_of_each_level() {
-        let encoder = Encoder::new(Texel::Rgb10A2, false);
+        let encoder = Encoder::new(Texel::Rgb10A2, Colours::Shown);
         for level in 0..=255_u8 {
             let mut word = [0; 4];
             encoder.row(&[level, 255 - level, 0, level], &mut word);
@@ -98,5 +184,26 @@ mod tests {
             let expected = exact(level, 1023.0) | exact(255 - level, 1023.0) << 10 | exact(level, 3.0) << 30;
             assert_eq!(word, expected, "{level}");
         }
+    }
+    /// The words of the standard: white and black of graphics, and the brightest that there is.
+    #[test]
+    fn hdr10_has_the_numbers_of_its_curve_and_primaries() {
+        let ten_bits = |colour: [u8; 3], white_nits: f32| {
+            let mut word = [0; 4];
+            Encoder::new(Texel::Rgb10A2, Colours::Hdr10 { white_nits })
+                .row(&[colour[0], colour[1], colour[2], 255], &mut word);
+            let word = u32::from_ne_bytes(word);
+            [word & 1023, word >> 10 & 1023, word >> 20 & 1023, word >> 30]
+        };
+        assert_eq!(ten_bits([0; 3], 203.0), [0, 0, 0, 3]);
+        // 203 nits are 58 % of PQ's numbers, 100 nits 50.8 %, and 10,000 all of them.
+        for (nits, share) in [(203.0, 0.5807), (100.0, 0.5081), (10_000.0, 1.0)] {
+            let level: f64 = 1023.0 * share;
+            let [r, g, b, _] = ten_bits([255; 3], nits).map(f64::from);
+            assert!([r, g, b].iter().all(|found| (found - level).abs() <= 1.0), "{nits}: {r} {g} {b} for {level}");
+        }
+        // Red of sRGB lies within BT.2020: there is some of the others in it.
+        let [r, g, b, _] = ten_bits([255, 0, 0], 203.0);
+        assert!(r > g && g > b && b > 0, "{r} {g} {b}");
     }
 }

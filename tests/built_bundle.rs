@@ -17,6 +17,7 @@ const CASES: &[Case] = &[
     ("opens_with_every_check", opens_with_every_check),
     ("memory_and_directory_agree", memory_and_directory_agree),
     ("memory_need_grows_with_the_window", memory_need_grows_with_the_window),
+    ("work_grows_by_the_attention_of_global_layers", work_grows_by_the_attention_of_global_layers),
     ("a_flipped_byte_in_any_file_is_refused", a_flipped_byte_in_any_file_is_refused),
 ];
 
@@ -93,6 +94,29 @@ fn memory_need_grows_with_the_window(directory: &Path) -> Result<(), Failed> {
         let refused = bundle.memory_need(Precision::F32, g).err().map(|error| error.kind());
         assert_eq!(refused, Some(ErrorKind::InvalidArgument), "g{g}");
     }
+    Ok(())
+}
+
+fn work_grows_by_the_attention_of_global_layers(directory: &Path) -> Result<(), Failed> {
+    let bundle = Bundle::open(directory)?;
+    let shape = bundle.geometry();
+    let window = shape.global;
+    let most = bundle.work(Precision::F32, window.max_window)?;
+    for g in (window.dilation..window.max_window).step_by(window.dilation as usize) {
+        let work = bundle.work(Precision::F32, g)?;
+        assert_eq!((work.encode, work.decode), (most.encode, most.decode), "the autoencoder has no window");
+        // Queries with keys, and weights with values, of every head: tokens x keys x head width each.
+        let keys = u64::from((window.max_window - g) / window.dilation * shape.tokens);
+        let global = (0..shape.layers).filter(|&i| shape.is_global(i)).count() as u64;
+        let attention = 2 * global * u64::from(shape.heads * shape.tokens * shape.head_width) * keys;
+        assert_eq!(most.pass.multiply_adds - work.pass.multiply_adds, attention, "g{g}");
+        assert!(most.pass.bytes > work.pass.bytes && work.pass.bytes > bundle.memory_need(Precision::F32, g)?.ring);
+    }
+    // Every layer projects queries and output, and has an MLP: fewer products than that cannot be.
+    let layer = 2 * shape.width * shape.width + 2 * shape.mlp_ratio * shape.width * shape.width;
+    assert!(most.pass.multiply_adds > u64::from(shape.layers) * u64::from(shape.tokens) * u64::from(layer));
+    assert!(most.encode.multiply_adds > 0 && most.decode.multiply_adds > 0);
+    assert!(bundle.work(Precision::F32, window.dilation + 1).is_err());
     Ok(())
 }
 

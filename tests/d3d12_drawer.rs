@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use cairn::Picture;
 use cairn::bundle::Precision;
+use cairn::framegen::FrameGenerator;
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
@@ -15,6 +15,7 @@ use cairn::present::pacing::Interval;
 use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, Shown, ShownSource, extract};
 use cairn::runtime::{Device, DirectMlOptions};
 use cairn::world::{KeptAnchor, World, WorldOptions};
+use cairn::{Colours, Picture};
 use half::f16;
 
 mod common;
@@ -39,6 +40,7 @@ fn options(motion: MotionSource) -> PresenterOptions {
         extrapolate: true,
         decoded: true,
         size: None,
+        letterbox: false,
         capacity: 4,
         motion,
     }
@@ -84,7 +86,7 @@ impl Both {
         Self {
             host: Presenter::new(options.clone(), Some(Box::new(CpuGenerator::new()))).expect("a presenter"),
             device: Presenter::new(options.clone(), None).expect("a presenter"),
-            drawer: DeviceDrawer::new(gpu, size, false).expect("a drawer"),
+            drawer: DeviceDrawer::new(gpu, size, Colours::Shown).expect("a drawer"),
             pixels: 0,
             far: 0,
         }
@@ -135,6 +137,12 @@ impl Both {
         shown
     }
 
+    fn resize(&self, size: Option<(u32, u32)>) {
+        for presenter in [&self.host, &self.device] {
+            presenter.resize(size).expect("a size");
+        }
+    }
+
     fn check(&self) {
         println!("{} of {} pixels are more than a level off", self.far, self.pixels);
         assert!(self.far * 1000 <= self.pixels, "{} of {} pixels", self.far, self.pixels);
@@ -170,7 +178,7 @@ fn far(held: &[u8], picture: &Picture, format: DXGI_FORMAT) -> usize {
 fn anchors_of_a_rollout_are_presented_as_the_processor_presents_them() {
     let engine = engine::engine();
     let gpu = device_of(&engine, &engine.direct);
-    let options_of_device = DirectMlOptions { deterministic: true, profile: None };
+    let options_of_device = DirectMlOptions { deterministic: true, ..Default::default() };
     let device = Device::directml(&common::ort(), &gpu, options_of_device).expect("DirectML");
     let precision = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
     let world = World::load(&device, &common::bundle("tiny"), precision).expect("a world");
@@ -297,4 +305,155 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
     assert_eq!((shown.source, shown.cut), (ShownSource::Held, true), "the processor finds it as well");
     let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
     assert!(held == expected.expect("a picture").rgba(), "and shows the same anchor");
+}
+
+/// Guidance of a picture that goes by so many pixels to the left.
+fn going(size: (u32, u32), pixels: f32) -> Arc<Guidance> {
+    let mut guidance = Guidance::new(size.0, size.1, paper::PROJECTION).expect("guidance");
+    guidance.motion_mut().vectors_mut().fill([f16::from_f32(pixels), f16::ZERO]);
+    guidance.depth_mut().depth_mut().fill(0.5);
+    Arc::new(guidance)
+}
+
+#[test]
+fn frames_of_another_size_and_shape_are_scaled_on_the_device() {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (96, 64);
+    for letterbox in [false, true] {
+        let first = Some((150, 100));
+        let wanted = PresenterOptions { size: first, letterbox, ..options(MotionSource::PictureFlow) };
+        let mut both = Both::new(&gpu, size, &wanted);
+        for number in 0..2 {
+            let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
+            both.push(&anchor, (number > 0).then_some(&going(size, 3.0)), number * INTERVAL);
+        }
+        // Larger, smaller, of every shape, down to a pixel, and the anchors' own.
+        let sizes = [(97, 33), (31, 64), (1, 1), (250, 40), (96, 64), (20, 200), (192, 128)].map(Some);
+        for (i, to) in (0..).zip([first].into_iter().chain(sizes).chain([None, first])) {
+            both.resize(to);
+            let (now, kind) = (INTERVAL + i % 4 * INTERVAL / 4, KINDS[i as usize % KINDS.len()]);
+            let shown = both.compare(&engine, now, kind, i % 2 == 1);
+            assert_eq!((shown.previous, shown.repeated), (0, false), "{to:?}: {shown:?}");
+            // The same again, in the same format and in another.
+            assert!(both.compare(&engine, now, kind, false).repeated);
+            assert!(both.compare(&engine, now, KINDS[(i as usize + 1) % KINDS.len()], true).repeated);
+        }
+        both.check();
+    }
+}
+
+#[test]
+fn frames_have_the_colours_of_targets_beyond_white() {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (75, 46);
+    let anchors = [0, 1].map(|number| Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false)));
+    let push = |to: &Presenter| {
+        for (number, anchor) in (0..).zip(&anchors) {
+            to.push(anchor.clone(), (number > 0).then(|| going(size, 3.0)), number * INTERVAL).expect("it is taken");
+        }
+    };
+    let light = |level: u8| match f64::from(level) / 255.0 {
+        v if v <= 0.04045 => v / 12.92,
+        v => ((v + 0.055) / 1.055).powf(2.4),
+    };
+    let pq = |nits: f64| {
+        let power = (nits / 10_000.0).powf(0.159_301_757_812_5);
+        ((0.835_937_5 + 18.851_562_5 * power) / (1.0 + 18.687_5 * power)).powf(78.843_75)
+    };
+    for (colours, format) in [
+        (Colours::Hdr10 { white_nits: 203.0 }, DXGI_FORMAT_R10G10B10A2_UNORM),
+        (Colours::ScRgb { white_nits: 160.0 }, DXGI_FORMAT_R16G16B16A16_FLOAT),
+    ] {
+        let cpu: Option<Box<dyn FrameGenerator>> = Some(Box::new(CpuGenerator::new()));
+        let [host, device] = [cpu, None].map(|g| Presenter::new(options(MotionSource::PictureFlow), g).expect("one"));
+        [&host, &device].into_iter().for_each(push);
+        let mut drawer = DeviceDrawer::new(&gpu, size, colours).expect("a drawer");
+        for now in [INTERVAL, INTERVAL * 3 / 2] {
+            let texture = Wanted { size, format, flags: RENDERED, ..Wanted::default() }.make(&engine.device);
+            let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
+            let (_, moment) = device.submit(now, &mut drawer, &target).expect("it is made").expect("a frame");
+            moment.wait().expect("it is there");
+            let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
+            let mut wanted = Vec::new();
+            host.draw(now, size, |picture| wanted = picture.pixels().to_vec()).expect("it is drawn");
+            let off = |i: usize, pixel: &[u8; 4]| {
+                let rgb = [pixel[0], pixel[1], pixel[2]].map(light);
+                let of = |row: [f64; 3]| row.iter().zip(rgb).map(|(a, b)| a * b).sum::<f64>();
+                match colours {
+                    Colours::Hdr10 { white_nits } => {
+                        let word = u32::from_le_bytes(std::array::from_fn(|byte| held[4 * i + byte]));
+                        let wide = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
+                        let levels = wide.map(|row| pq(of(row) * f64::from(white_nits)) * 1023.0);
+                        let found = [0, 10, 20].map(|at| f64::from(word >> at & 1023));
+                        word >> 30 != 3 || levels.iter().zip(found).any(|(a, b)| (a - b).abs() > 1.5)
+                    }
+                    _ => {
+                        let half =
+                            |c: usize| f16::from_le_bytes([held[8 * i + 2 * c], held[8 * i + 2 * c + 1]]).to_f64();
+                        // 160 nits are twice what 1 stands for.
+                        half(3) != 1.0 || (0..3).any(|c| (half(c) - 2.0 * rgb[c]).abs() > 0.004)
+                    }
+                }
+            };
+            let far = (0..).zip(&wanted).filter(|(i, pixel)| off(*i, pixel)).count();
+            assert!(far * 1000 <= wanted.len(), "{far} pixels of {colours:?} at {now}");
+        }
+        // What does not hold them is refused.
+        let plain = Wanted { size, flags: RENDERED, ..Wanted::default() }.make(&engine.device);
+        let target = Target { texture: plain, before: PRESENT, after: PRESENT };
+        let refused = device.submit(INTERVAL, &mut drawer, &target).expect_err("eight bits");
+        assert_eq!(refused.offending_field(), Some("target"));
+    }
+}
+
+#[test]
+fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
+    const COLOUR: [u8; 4] = [255, 0, 255, 255];
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (95, 70);
+    let is_over = |i: usize| (30..57).contains(&(i % 95)) && (20..31).contains(&(i / 95));
+    let ground = |x: usize, y: usize| {
+        [((x * 37 + y * 101) % 200) as u8, ((x * 59 + y * 23) % 120 + 80) as u8, ((x * y + x) % 180) as u8, 255]
+    };
+    let presenter = Presenter::new(options(MotionSource::PictureFlow), None).expect("a presenter");
+    for number in 0..2 {
+        let mut picture = Picture::new(size.0, size.1).expect("a picture");
+        for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
+            *pixel = if is_over(i) { COLOUR } else { ground(i % 95 + 12 - 12 * number, i / 95) };
+        }
+        let guidance = (number > 0).then(|| going(size, -12.0));
+        let anchor = Arc::new(KeptAnchor::of_picture(picture, number as u64, false));
+        presenter.push(anchor, guidance, number as u64 * INTERVAL).expect("it is taken");
+    }
+    let mut drawer = DeviceDrawer::new(&gpu, size, Colours::Shown).expect("a drawer");
+    let mut frame_at = |now: u64| {
+        let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
+        let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
+        let (_, moment) = presenter.submit(now, &mut drawer, &target).expect("it is made").expect("a frame");
+        moment.wait().expect("it is there");
+        textures::read(&engine.device, &engine.direct, &texture, PRESENT)
+    };
+    let count = (size.0 * size.1) as usize;
+    let told = |over: &dyn Fn(usize) -> bool| Some((size, (0..count).map(|i| u8::from(over(i))).collect()));
+    presenter.set_overlay(told(&is_over)).expect("an overlay");
+    let found = frame_at(INTERVAL * 5 / 4);
+    for (i, pixel) in found.as_chunks::<4>().0.iter().enumerate() {
+        let expected = if is_over(i) { COLOUR } else { ground(i % 95 + 9, i / 95) };
+        assert_eq!(*pixel, expected, "pixel {i}");
+    }
+    // Where everything stands still, nothing goes; and where nothing is said any more, the ground does again.
+    presenter.set_overlay(told(&|_| true)).expect("an overlay");
+    let still = frame_at(INTERVAL * 3 / 2);
+    presenter.set_overlay(None).expect("none");
+    let moved = |pixels: &[u8], shift: usize| {
+        let pairs = pixels.as_chunks::<4>().0.iter().enumerate();
+        pairs.filter(|(i, pixel)| !is_over(*i) && **pixel == ground(i % 95 + 12 - shift, i / 95)).count()
+    };
+    let again = frame_at(INTERVAL * 7 / 4);
+    let ground_pixels = (0..count).filter(|i| !is_over(*i)).count();
+    let counts = [moved(&still, 6), moved(&again, 9)];
+    assert!(counts[0] * 2 < ground_pixels && counts[1] * 10 > 9 * ground_pixels, "{counts:?} of {ground_pixels}");
 }

@@ -9,13 +9,15 @@ use cairn::abi::d3d12::{
     cairn_device_create_d3d12, cairn_presenter_record_d3d12, cairn_presenter_release_d3d12,
     cairn_presenter_submit_d3d12,
 };
-use cairn::abi::device::{cairn_device, cairn_device_destroy};
+use cairn::abi::device::{cairn_device, cairn_device_destroy, cairn_device_get_info, cairn_device_info};
 use cairn::abi::images::{cairn_picture, cairn_target};
 use cairn::abi::presenter::*;
 use cairn::abi::results::{
     CAIRN_ERROR_DEVICE_REMOVED, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK,
     cairn_result,
 };
+use cairn::abi::statistics::{cairn_presenter_get_statistics, cairn_presenter_statistics};
+use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
@@ -85,20 +87,31 @@ fn push(presenter: *mut cairn_presenter, number: u64, now: u64) {
 
 /// The frame at `now` as it is drawn into memory.
 fn drawn(presenter: *mut cairn_presenter, now: u64) -> Picture {
-    let mut picture = Picture::new(SIZE.0, SIZE.1).expect("a picture");
+    drawn_in(presenter, now, SIZE)
+}
+
+/// The same of frames of another size.
+fn drawn_in(presenter: *mut cairn_presenter, now: u64, size: (u32, u32)) -> Picture {
+    let mut picture = Picture::new(size.0, size.1).expect("a picture");
     let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
-    (target.width, target.height) = SIZE;
+    (target.width, target.height) = size;
     (target.pixels, target.size) = (picture.rgba_mut().as_mut_ptr().cast(), picture.rgba().len() as u64);
     // SAFETY: a live handle and a target that lives during the call.
     assert_eq!(unsafe { cairn_presenter_draw(presenter, now, &target, null_mut()) }, CAIRN_OK);
     picture
 }
 
-/// The generator of the last frame, and why it is not another one.
-fn generator(presenter: *mut cairn_presenter) -> (String, String) {
+/// What it has done.
+fn statistics(presenter: *mut cairn_presenter) -> cairn_presenter_statistics {
     let mut done: cairn_presenter_statistics = prepared(|done: &mut cairn_presenter_statistics| &mut done.struct_size);
     // SAFETY: a live handle, and a place for the figures.
     assert_eq!(unsafe { cairn_presenter_get_statistics(presenter, &mut done) }, CAIRN_OK);
+    done
+}
+
+/// The generator of the last frame, and why it is not another one.
+fn generator(presenter: *mut cairn_presenter) -> (String, String) {
+    let done = statistics(presenter);
     let text = |text: &[std::ffi::c_char]| {
         let bytes: Vec<u8> = text.iter().take_while(|c| **c != 0).map(|c| c.cast_unsigned()).collect();
         String::from_utf8(bytes).expect("text")
@@ -230,6 +243,23 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
 }
 
 #[test]
+fn a_device_says_what_of_its_memory_may_be_used() {
+    let engine = engine::engine();
+    let direct = device(&engine, &engine.direct);
+    let mut info: cairn_device_info = prepared(|info: &mut cairn_device_info| &mut info.struct_size);
+    // SAFETY: a live handle, and a place for what it says.
+    assert_eq!(unsafe { cairn_device_get_info(direct, &mut info) }, CAIRN_OK);
+    let told = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device").budget().expect("DXGI");
+    match told {
+        // Others may take some meanwhile.
+        Some(told) => assert!(info.memory_budget_mib > 0 && told.granted >> 20 > 0, "{told:?}"),
+        None => assert_eq!((info.memory_budget_mib, info.memory_used_mib), (0, 0)),
+    }
+    // SAFETY: a live handle.
+    assert_eq!(unsafe { cairn_device_destroy(direct) }, CAIRN_OK);
+}
+
+#[test]
 fn shaders_make_frames_unless_they_are_told_not_to() {
     let engine = engine::engine();
     let direct = device(&engine, &engine.direct);
@@ -260,6 +290,16 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
             let apart = pixels.iter().zip(memory.rgba()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
             assert_eq!(apart, 0, "{name}: within a level of what is drawn into memory");
         }
+        let done = statistics(presenter);
+        assert_eq!((done.anchors, done.waiting, done.under_way, done.shown_generated), (2, 1, 0, 3), "{name}");
+        // What the processor made took no time on the device; the second frame of the shaders' was the first again.
+        let (frames, lists) = if name == "shader" { (2, 4) } else { (0, 0) };
+        assert_eq!((done.device_frames, done.device_lists), (frames, lists), "{name}");
+        assert_eq!(done.device_frames_ns > 0, frames > 0);
+        assert!(
+            done.device_frame_longest_ns <= done.device_frames_ns
+                && done.device_list_longest_ns <= done.device_lists_ns
+        );
         // A target is held until it is released, and then no more.
         drop((recording, fence));
         let alone = engine::references(&own);
@@ -304,29 +344,42 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
 }
 
 #[test]
-fn a_window_that_is_made_anew_minimised_and_waits_for_anchors_goes_on() {
+fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     let engine = engine::engine();
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let (flags, states) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, [D3D12_RESOURCE_STATE_PRESENT; 2]);
     let target = |size, format| Wanted { size, format, flags, ..Wanted::default() }.make(&engine.device);
-    // A swap chain that is made anew again and again, each time in another format; an engine may throw a list away then.
+    // A window's border that is dragged: its swap chain is made anew again and again, each time in another size and format, and an engine
+    // may throw a list away then.
     let formats = [DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_B8G8R8A8_UNORM, DXGI_FORMAT_R16G16B16A16_FLOAT];
     let mut kept = Vec::new();
     for i in 0..24_u32 {
-        let texture = target(SIZE, formats[i as usize % 3]);
+        let size = if i % 4 == 3 { SIZE } else { (1 + i * 37 % 90, 1 + i * 53 % 70) };
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_presenter_resize(presenter, size.0, size.1) }, CAIRN_OK);
+        let texture = target(size, formats[i as usize % 3]);
         let recording = Recording::on(&engine.device, &engine.direct);
         let now = INTERVAL + u64::from(i) * INTERVAL / 24;
         let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
-        assert_eq!(call.record().0, CAIRN_OK);
+        assert_eq!(call.record().0, CAIRN_OK, "{size:?}");
+        assert_eq!(generator(presenter).0, "shader", "{size:?}");
         if i % 5 != 2 {
             recording.submit(&engine.direct);
         }
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_presenter_release_d3d12(presenter) }, CAIRN_OK);
         assert_eq!(engine::references(&texture), 1, "nobody else holds what a swap chain wants to resize");
+        if i % 5 != 2 && i % 3 == 0 {
+            let pixels = textures::read(&engine.device, &engine.direct, &texture, states[1]);
+            let memory = drawn_in(presenter, now, size);
+            let apart = pixels.iter().zip(memory.rgba()).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(apart <= Some(1), "{size:?}: {apart:?} levels from what is drawn into memory");
+        }
         kept.push((recording, texture));
     }
+    // SAFETY: a live handle.
+    assert_eq!(unsafe { cairn_presenter_resize(presenter, 0, 0) }, CAIRN_OK);
     let frame_at = |presenter, now| {
         let texture = target(SIZE, formats[0]);
         let recording = Recording::on(&engine.device, &engine.direct);
@@ -454,4 +507,94 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_presenter_destroy(empty)] };
     // SAFETY: live handles.
     assert_eq!([ended, unsafe { [cairn_device_destroy(direct), cairn_device_destroy(compute)] }], [[CAIRN_OK; 2]; 2]);
+}
+
+#[test]
+fn what_stands_is_copied_and_not_made_again() {
+    const HOUR: u64 = 3_600_000_000_000;
+    let engine = engine::engine();
+    let direct = device(&engine, &engine.direct);
+    let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
+    let states = [D3D12_RESOURCE_STATE_PRESENT; 2];
+    let frame_at = |now| {
+        let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
+        let recording = Recording::on(&engine.device, &engine.direct);
+        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+        let (result, frame) = call.record();
+        assert_eq!(result, CAIRN_OK);
+        recording.submit(&engine.direct);
+        (frame, textures::read(&engine.device, &engine.direct, &texture, states[1]))
+    };
+    // An engine that does not wait for the display asks far oftener than there are frames.
+    let start = INTERVAL * 5 / 4;
+    let (first, made) = frame_at(start);
+    assert_eq!((first.source, first.flags), (CAIRN_FRAME_GENERATED, 0));
+    for millisecond in 1..16 {
+        let (frame, pixels) = frame_at(start + millisecond * 1_000_000);
+        assert_eq!((frame.position, frame.flags), (first.position, CAIRN_FRAME_REPEATED));
+        assert!(pixels == made, "the very same picture");
+    }
+    // A pause in which the engine's clock stands, and one in which it goes on: then the picture does not.
+    let now = start + 15_000_000;
+    assert_eq!(frame_at(now).0.flags, CAIRN_FRAME_REPEATED);
+    assert_eq!(frame_at(start + INTERVAL / 4).0.position, first.position + 1, "it goes on where it was");
+    let (held, stands) = frame_at(start + HOUR);
+    assert_eq!((held.source, held.previous), (CAIRN_FRAME_HELD, 1));
+    let (again, same) = frame_at(start + 2 * HOUR);
+    assert_eq!((again.source, again.flags), (CAIRN_FRAME_HELD, CAIRN_FRAME_REPEATED));
+    assert!(stands == same);
+    push(presenter, 2, start + 2 * HOUR + INTERVAL);
+    let (next, _) = frame_at(start + 2 * HOUR + INTERVAL);
+    assert_eq!((next.source, next.previous), (CAIRN_FRAME_ANCHOR, 2));
+    let done = statistics(presenter);
+    assert_eq!((done.repeated, done.shown_generated, done.shown_held, done.late_anchors), (17, 18, 2, 1));
+    // SAFETY: live handles.
+    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_device_destroy(direct)] };
+    assert_eq!(ended, [CAIRN_OK; 2]);
+}
+
+#[test]
+fn frames_are_held_to_a_budget_of_the_device_s_time() {
+    let engine = engine::engine();
+    let direct = device(&engine, &engine.direct);
+    let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
+    let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
+    let states = [D3D12_RESOURCE_STATE_COMMON; 2];
+    let mut at = 4;
+    // So many frames from `at` on, a quarter of an interval each; their sources.
+    let mut frames = |count: u64| -> Vec<u32> {
+        let one = |_| {
+            if at % 4 == 0 && at > 4 {
+                push(presenter, at / 4, at * INTERVAL / 4);
+            }
+            let recording = Recording::on(&engine.device, &engine.direct);
+            let now = at * INTERVAL / 4;
+            let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+            let (result, frame) = call.record();
+            assert_eq!(result, CAIRN_OK);
+            recording.submit(&engine.direct);
+            textures::wait(&engine.device, &engine.direct);
+            at += 1;
+            frame.source
+        };
+        (0..count).map(one).collect()
+    };
+    let (anchor, generated) = (CAIRN_FRAME_ANCHOR, CAIRN_FRAME_GENERATED);
+    // An hour is enough for all of them, and a nanosecond for none.
+    // SAFETY: a live handle.
+    assert_eq!(unsafe { cairn_presenter_set_budget(presenter, 3_600_000_000_000) }, CAIRN_OK);
+    assert_eq!(frames(16), [anchor, generated, generated, generated].repeat(4));
+    assert_eq!((statistics(presenter).made_to_anchor, statistics(presenter).budget_changes), (4, 0));
+    // SAFETY: a live handle.
+    assert_eq!(unsafe { cairn_presenter_set_budget(presenter, 1) }, CAIRN_OK);
+    frames(32);
+    assert_eq!((statistics(presenter).made_to_anchor, statistics(presenter).budget_changes), (1, 2));
+    let held = CAIRN_FRAME_HELD;
+    assert_eq!(frames(8), [anchor, held, held, held].repeat(2), "only anchors");
+    // SAFETY: a live handle.
+    assert_eq!(unsafe { cairn_presenter_set_budget(presenter, 0) }, CAIRN_OK);
+    assert_eq!(frames(4), [anchor, generated, generated, generated]);
+    // SAFETY: live handles.
+    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_device_destroy(direct)] };
+    assert_eq!(ended, [CAIRN_OK; 2]);
 }

@@ -10,7 +10,7 @@ use cairn::bundle::Precision;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 use cairn::gpu::{Gpu, read_texture};
 use cairn::runtime::{Device, DirectMlOptions};
-use cairn::world::{KeptAnchor, Rollout, World, WorldOptions};
+use cairn::world::{KeptAnchor, Part, Rollout, World, WorldOptions};
 use cairn::{ErrorKind, Picture};
 
 mod common;
@@ -18,7 +18,7 @@ use common::{bundle, controls, fingerprint, ort, point, seeded};
 
 fn directml(precision: Precision, profile: Option<PathBuf>) -> Arc<World> {
     let gpu = Gpu::on_adapter(None).expect("a device");
-    let options = DirectMlOptions { deterministic: true, profile };
+    let options = DirectMlOptions { deterministic: true, profile, ..Default::default() };
     let device = Device::directml(&ort(), &gpu, options).expect("DirectML");
     assert!(device.describe().contains("DirectML on"), "{}", device.describe());
     load(&device, precision)
@@ -130,6 +130,71 @@ fn the_same_rollout_has_the_same_bits_and_goes_on_from_a_saved_state() {
     restored.restore(&saved).expect("the state fits");
     steps(&mut restored, 1..3);
     assert!(bits(&mut first) == bits(&mut restored), "the state holds everything");
+}
+
+#[test]
+fn the_device_s_clock_tells_what_passes_take() {
+    let world = directml(Precision::F16, None);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    let before = rollout.device_times().expect("a Direct3D 12 device");
+    let start = std::time::Instant::now();
+    steps(&mut rollout, 0..2);
+    // Waits for all that was submitted, the last commit too.
+    rollout.latent().expect("a latent");
+    rollout.ring_bytes(0, Part::Keys).expect("a ring");
+    let elapsed = start.elapsed();
+    let after = rollout.device_times().expect("a Direct3D 12 device");
+    let [encode, passes, decode, commit] = [
+        (after.encode, before.encode),
+        (after.passes, before.passes),
+        (after.decode, before.decode),
+        (after.commit, before.commit),
+    ]
+    .map(|(after, before)| (after.frames - before.frames, after.total - before.total));
+    assert_eq!(
+        (encode.0, passes.0, decode.0),
+        (0, 2 * 5, 2),
+        "four denoise passes, one cache pass and a decode, each step"
+    );
+    assert!(commit.0 >= 2, "{} commits", commit.0);
+    for (count, total) in [passes, decode, commit] {
+        assert!(count > 0 && !total.is_zero(), "{count} of them took {total:?}");
+    }
+    let all = passes.1 + decode.1 + commit.1;
+    assert!(all <= elapsed, "one after the other on one queue: {all:?} within {elapsed:?}");
+    assert!(after.passes.longest >= after.passes.last && after.passes.total >= after.passes.longest, "{after:?}");
+    let captured = rollout.captured().expect("a Direct3D 12 device");
+    assert_eq!(captured.reason.as_deref(), Some("the device is deterministic"), "{captured:?}");
+    // On the processor there is no such clock.
+    let cpu = load(&common::device(), Precision::F32);
+    let mut rollout = Rollout::new(&cpu, &point(&cpu), 1).expect("a rollout");
+    assert_eq!((rollout.device_times(), rollout.captured()), (None, None));
+}
+
+#[test]
+fn captured_passes_give_the_same_bits_and_others_say_why_they_are_none() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let world = |captured_passes| {
+        let options = DirectMlOptions { captured_passes, ..DirectMlOptions::default() };
+        load(&Device::directml(&ort(), &gpu, options).expect("DirectML"), Precision::F16)
+    };
+    let run = |world: &Arc<World>| {
+        let mut rollout = seeded(world, &point(world), 7);
+        steps(&mut rollout, 0..4);
+        (fingerprint(&mut rollout).expect("bits"), rollout.captured().expect("a Direct3D 12 device"))
+    };
+    let (truth, off) = run(&world(0));
+    assert_eq!((off.used, off.unproven, off.unused), (0, 0, 5), "encoder, and transformer and decoder both ways");
+    assert_eq!(off.reason.as_deref(), Some("it is turned off"));
+
+    let world = world(2);
+    let (bits, captured) = run(&world);
+    assert!(bits == truth, "the same bits: {captured:?}");
+    assert_eq!((captured.used, captured.unused), (4, 0), "all that ran often enough: {captured:?}");
+    let (bits, captured) = run(&world);
+    assert!(bits == truth, "the same bits: {captured:?}");
+    assert_eq!((captured.used, captured.unused), (0, 4), "the first rollout took them: {captured:?}");
+    assert!(captured.reason.is_some_and(|why| why.contains("as many passes are captured as may be")));
 }
 
 #[test]

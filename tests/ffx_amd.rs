@@ -198,14 +198,7 @@ fn it_stands_the_test_and_generates_on_both_kinds_of_queue() {
         for number in 1_u8..=3 {
             let now = STEP * f32::from(number);
             textures.fill(&textures.color, moved(now));
-            let pictures = Pictures {
-                color: textures.color.resting(),
-                output: target.resting(),
-                depth: textures.depth.resting(),
-                motion: textures.motion.resting(),
-                hudless: None,
-                distortion: None,
-            };
+            let pictures = Pictures { output: target.resting(), ..textures.pictures() };
             generator.generate(&pictures, &Shot::of(size)).expect("generated").wait().expect("it has run");
             let found = textures.pixels(&target);
             let [before, half, after] = [now - STEP, now - STEP / 2.0, now].map(|at| psnr(&found, moved(at), size));
@@ -242,14 +235,7 @@ fn panned(
         let now = moved(STEP * f32::from(number));
         textures.fill(&world, &now);
         textures.fill(&textures.color, |x, y| sign.filter(|_| in_sign(x, y)).unwrap_or_else(|| now(x, y)));
-        let pictures = Pictures {
-            color: textures.color.resting(),
-            output: textures.output.resting(),
-            depth: textures.depth.resting(),
-            motion: textures.motion.resting(),
-            hudless: hudless.then(|| world.resting()),
-            distortion: None,
-        };
+        let pictures = Pictures { hudless: hudless.then(|| world.resting()), ..textures.pictures() };
         let shot = Shot { reset: number == 1, ..*shot };
         generator.generate(&pictures, &shot).expect("generated").wait().expect("it has run");
     }
@@ -334,14 +320,7 @@ fn interface_letterbox_and_light_change_what_amd_s_makes() {
         textures.fill(&textures.motion, |_, _| [0; 4]);
         for number in 0_u8..16 {
             textures.fill(&textures.color, moved(6.0 * f32::from(number)));
-            let pictures = Pictures {
-                color: textures.color.resting(),
-                output: textures.output.resting(),
-                depth: textures.depth.resting(),
-                motion: textures.motion.resting(),
-                hudless: None,
-                distortion: None,
-            };
+            let pictures = textures.pictures();
             let shot = Shot { reset: number == 0, transfer, luminance: [0.0, 1000.0], ..Shot::of(size) };
             generator.generate(&pictures, &shot).expect("generated").wait().expect("it has run");
         }
@@ -396,14 +375,7 @@ fn three_frames_between_two_come_from_two_of_their_generators() {
     for number in 1_u8..=3 {
         let now = STEP * f32::from(number);
         textures.fill(&textures.color, moved(now));
-        let pictures = Pictures {
-            color: textures.color.resting(),
-            output: textures.output.resting(),
-            depth: textures.depth.resting(),
-            motion: textures.motion.resting(),
-            hudless: None,
-            distortion: None,
-        };
+        let pictures = textures.pictures();
         let quarters = [first.resting(), last.resting()];
         generator.generate(&pictures, quarters, &Shot::of(size)).expect("generated").wait().expect("it has run");
         for (found, part) in [(&first, 0.25), (&textures.output, 0.5), (&last, 0.75)] {

@@ -79,14 +79,7 @@ fn panning(gpu: &Gpu) -> Textures {
 
 /// The same frame of these.
 fn of(textures: &Textures) -> Pictures<'_> {
-    Pictures {
-        color: textures.color.resting(),
-        output: textures.output.resting(),
-        depth: textures.depth.resting(),
-        motion: textures.motion.resting(),
-        hudless: None,
-        distortion: None,
-    }
+    textures.pictures()
 }
 
 /// Two frames, a step apart, through `generator`; what is generated between.

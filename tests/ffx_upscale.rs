@@ -10,6 +10,8 @@ use cairn::ffx::{Camera, Choice, Effect, Family, Library, Part, UpscaleFrame, Up
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 
+#[path = "ffx/larger.rs"]
+mod larger;
 #[path = "ffx/pictures.rs"]
 mod pictures;
 #[path = "ffx/stage.rs"]

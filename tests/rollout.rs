@@ -1,6 +1,7 @@
 //! Rollouts of a small world: what repeats, what stays, what is refused.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use cairn::world::{CacheMode, CachePass, ControlInput, OperatingPoint, Part, Rollout, Schedule, World, WorldOptions};
 use cairn::{ErrorKind, Picture};
@@ -347,4 +348,58 @@ fn the_halves_of_a_bundle_agree() {
     assert!(distance(&v.velocity, &w.velocity) < 1e-2, "{}", distance(&v.velocity, &w.velocity));
     assert_eq!(b.ring_bytes(0, Part::Keys).unwrap().len() * 2, a.ring_bytes(0, Part::Keys).unwrap().len());
     b.step(&controls(1)).expect("a step");
+}
+
+#[test]
+fn noise_levels_change_between_latents_and_go_into_a_state() {
+    let world = world("tiny");
+    let few = Schedule::Explicit(vec![1.0, 0.5, 0.0]);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    steps(&mut rollout, 0..2);
+    rollout.set_schedule(&few).expect("a schedule");
+    let made = rollout.step(&controls(2)).expect("a step");
+    assert_eq!(made.stages.denoise.count, 2);
+    assert_eq!(rollout.operating_point().schedule, few);
+    let state = rollout.save().expect("a state");
+    steps(&mut rollout, 3..5);
+    // Whoever goes on from the state has the levels of then.
+    let mut again = seeded(&world, &point(&world), 1);
+    again.restore(&state).expect("a state of this world");
+    assert_eq!(again.operating_point(), rollout.operating_point());
+    steps(&mut again, 3..5);
+    assert!(fingerprint(&mut again).expect("bits") == fingerprint(&mut rollout).expect("bits"));
+    // And one that was made with them has them from the start.
+    let refused = rollout.set_schedule(&Schedule::Explicit(vec![0.5, 1.0])).expect_err("levels that rise");
+    assert_eq!((refused.kind(), &rollout.operating_point().schedule), (ErrorKind::InvalidArgument, &few));
+}
+
+#[test]
+fn latents_are_held_to_a_budget() {
+    const HOUR: Duration = Duration::from_secs(3600);
+    let world = world("tiny");
+    let schedules = [Schedule::Stock, Schedule::Explicit(vec![1.0, 0.5, 0.0]), Schedule::Explicit(vec![1.0, 0.0])];
+    let mut rollout = seeded(&world, &point(&world), 7);
+    let passes = |rollout: &mut Rollout, count: u64| -> Vec<u64> {
+        let one = |i| rollout.step(&controls(i)).expect("a step").stages.denoise.count;
+        (0..count).map(one).collect()
+    };
+    rollout.set_budget(HOUR, &schedules).expect("a budget");
+    assert_eq!(passes(&mut rollout, 7), [4; 7], "there is time enough");
+    rollout.set_budget(Duration::from_nanos(1), &schedules).expect("a budget");
+    assert_eq!(passes(&mut rollout, 6), [4, 4, 4, 1, 1, 1], "there is none");
+    assert_eq!(rollout.operating_point().schedule, schedules[2]);
+    // It ends where it is, and with another state.
+    rollout.set_budget(HOUR, &[]).expect("no budget");
+    assert_eq!(passes(&mut rollout, 4), [1; 4]);
+    let state = rollout.save().expect("a state");
+    rollout.set_budget(HOUR, &schedules).expect("a budget");
+    rollout.restore(&state).expect("a state");
+    assert_eq!(passes(&mut rollout, 4), [1; 4]);
+    for (wrong, field) in [
+        (rollout.set_budget(Duration::ZERO, &schedules), "per_latent"),
+        (rollout.set_budget(HOUR, &[schedules[1].clone(), schedules[0].clone()]), "schedules"),
+        (rollout.set_budget(HOUR, &vec![Schedule::Stock; 9]), "schedules"),
+    ] {
+        assert_eq!(wrong.expect_err("it is refused").offending_field(), Some(field));
+    }
 }

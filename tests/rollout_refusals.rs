@@ -139,6 +139,24 @@ fn what_does_not_fit_memory_is_refused_with_figures_before_it_is_made() {
 }
 
 #[test]
+fn a_window_is_narrowed_to_the_memory_that_there_is_where_that_is_asked_for() {
+    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let precision = cairn::bundle::Precision::F32;
+    let need = |g| bundle.memory_need(precision, g).expect("figures").total;
+    let load = |limit| {
+        let options = WorldOptions { global_window: Some(64), memory_limit: Some(limit), ..Default::default() };
+        World::load(&device, &bundle, WorldOptions { precision: Some(precision), fit_window: true, ..options })
+    };
+    assert_eq!(load(need(64)).expect("all of it").global_window(), 64);
+    let narrow = load(need(32)).expect("half of it");
+    assert_eq!((narrow.global_window(), narrow.memory_need().total), (32, need(32)));
+    let mut rollout = common::seeded(&narrow, &common::point(&narrow), 7);
+    rollout.step(&common::controls(0)).expect("a step");
+    // Not even the narrowest fits: what was asked for is told.
+    assert_eq!(load(1).expect_err("nothing").kind(), ErrorKind::OutOfMemory);
+}
+
+#[test]
 fn a_thread_count_out_of_range_is_refused() {
     let ort = common::ort();
     for threads in [0, 1025] {

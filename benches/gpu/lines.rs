@@ -40,7 +40,14 @@ fn scene((width, height): (u32, u32)) -> ([Vec<u8>; 2], Vec<f16>, Vec<f32>) {
 }
 
 fn guidance<'a>(motion: &'a Kept, depth: &'a Kept, depth_tile: u32) -> GuidanceTextures<'a> {
-    GuidanceTextures { motion: motion.resting(), motion_tile: 1, depth: depth.resting(), depth_tile, hud: None }
+    GuidanceTextures {
+        motion: motion.resting(),
+        motion_tile: 1,
+        depth: depth.resting(),
+        depth_tile,
+        depth_is_even: false,
+        hud: None,
+    }
 }
 
 struct Line<'a> {

@@ -166,8 +166,13 @@ anchors::maker world_anchors(const options &o, const cairn::device &device, inpu
             const std::uint64_t interval = 1000000000 / (o.rate > 0 ? o.rate : rate);
             to.now_doing("making the first picture");
             rollout.append(cairn::picture_of(seed.rgba, seed.width, seed.height)).value();
+            cairn::recorder played = cairn::recorder::create().value();
             for (std::uint64_t latent = 1; to.give(rollout.anchor().value()) && to.wait_for_turn(interval); latent++) {
-                rollout.step(player != nullptr ? player->take(keys) : script.controls(latent, rate).value()).value();
+                const cairn::controls given = player != nullptr ? player->take(keys) : script.controls(latent, rate).value();
+                rollout.step(given).value();
+                if (o.record.empty()) continue;
+                played.step(latent, rate, given).value();
+                write_text(o.record + "/controls.txt", played.make_script(latent * 1000000 / rate).value().text().value());
             }
         } catch (const cairn::error &e) {
             if (e.code() != CAIRN_ERROR_CANCELLED || !to.stopping()) throw;

@@ -1,5 +1,7 @@
 //! Direct3D 12: the doors that an engine's own objects come through. What stands behind them is built for Windows only.
 
+use std::time::Duration;
+
 use super::anchor::{cairn_anchor, check_index};
 use super::boundary::call;
 use super::device::cairn_device;
@@ -36,6 +38,26 @@ type Guarded = (*mut ID3D12Resource, *mut ID3D12Fence, u64);
 pub(super) struct Guard {
     fence: *mut ID3D12Fence,
     value: u64,
+}
+
+/// What frames for Direct3D 12 have taken on the device.
+#[derive(Default)]
+pub(super) struct DeviceFigures {
+    /// Frames that have not run.
+    pub(super) under_way: u32,
+    /// Frames that have.
+    pub(super) frames: DeviceTimes,
+    /// Lists that bring what they are made of.
+    pub(super) lists: DeviceTimes,
+}
+
+/// How often, and how long.
+#[derive(Default)]
+pub(super) struct DeviceTimes {
+    pub(super) count: u64,
+    pub(super) total: Duration,
+    pub(super) longest: Duration,
+    pub(super) last: Duration,
 }
 
 /// Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library

@@ -69,8 +69,14 @@ pub struct cairn_device_info {
     pub threads: u32,
     /// For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"; UTF-8.
     pub description: [c_char; 128],
+    /// MiB of its adapter's memory that the system grants to the process now, which may change at any time; 0 where none says so.
+    pub memory_budget_mib: u32,
+    /// MiB of it that the process uses, whoever in it does.
+    pub memory_used_mib: u32,
 }
-describe!(cairn_device_info, [], { struct_size, kind, precision, threads, description });
+describe!(cairn_device_info, [144], {
+    struct_size, kind, precision, threads, description, memory_budget_mib, memory_used_mib,
+});
 
 /// Makes a device of the host's processor and loads ONNX Runtime. Works on every system.
 ///
@@ -119,12 +125,15 @@ pub unsafe extern "C" fn cairn_device_get_info(
         let device = enter(device)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::new(info, "info") }?;
+        let memory = device.memory().unwrap_or_default();
         info.write(&cairn_device_info {
             struct_size: 0,
             kind: if device.is_gpu() { CAIRN_DEVICE_D3D12 } else { CAIRN_DEVICE_CPU },
             precision: precision_number(device.precision()),
             threads: u32::try_from(device.threads()).unwrap_or(u32::MAX),
             description: fixed_text(&device.describe()),
+            memory_budget_mib: mib(memory.granted),
+            memory_used_mib: mib(memory.used.saturating_add(MIB - 1)),
         });
         Ok(CAIRN_OK)
     })
@@ -139,6 +148,12 @@ pub unsafe extern "C" fn cairn_device_get_info(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_destroy(device: *mut cairn_device) -> cairn_result {
     call("cairn_device_destroy", || destroy(device))
+}
+
+const MIB: u64 = 1 << 20;
+
+fn mib(bytes: u64) -> u32 {
+    u32::try_from(bytes / MIB).unwrap_or(u32::MAX)
 }
 
 /// Checks what the header's options say.

@@ -4,8 +4,8 @@ use std::ffi::c_void;
 
 use super::results::{Failure, Outcome};
 use super::structs::{describe, read};
-use crate::Picture;
 use crate::texels::{Encoder, Texel, swap_red_and_blue};
+use crate::{Colours, Picture};
 
 /// Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default.
 pub const CAIRN_FORMAT_RGBA8: u32 = 0;
@@ -13,6 +13,9 @@ pub const CAIRN_FORMAT_RGBA8: u32 = 0;
 pub const CAIRN_FORMAT_BGRA8: u32 = 1;
 /// Four half floats to a pixel, red first, 0 to 1; for targets only.
 pub const CAIRN_FORMAT_RGBA16F: u32 = 2;
+
+/// Four bytes to a pixel: ten bits of red, the lowest, of green and of blue, two of alpha; for targets only.
+pub const CAIRN_FORMAT_RGB10A2: u32 = 3;
 
 /// A picture in the host's memory that the library reads, only during the call it is given to.
 #[repr(C)]
@@ -42,7 +45,7 @@ describe!(cairn_picture, [], { struct_size, format, width, height, pixels, size,
 pub struct cairn_target {
     /// sizeof(cairn_target)
     pub struct_size: u32,
-    /// CAIRN_FORMAT_RGBA8, CAIRN_FORMAT_BGRA8 or CAIRN_FORMAT_RGBA16F
+    /// CAIRN_FORMAT_RGBA8, CAIRN_FORMAT_BGRA8, CAIRN_FORMAT_RGBA16F or CAIRN_FORMAT_RGB10A2
     pub format: u32,
     /// In pixels; must be the picture's.
     pub width: u32,
@@ -99,6 +102,7 @@ fn texel(number: u32, field: &str) -> Outcome<Texel> {
         CAIRN_FORMAT_RGBA8 => Ok(Texel::Rgba8),
         CAIRN_FORMAT_BGRA8 => Ok(Texel::Bgra8),
         CAIRN_FORMAT_RGBA16F => Ok(Texel::Rgba16F),
+        CAIRN_FORMAT_RGB10A2 => Ok(Texel::Rgb10A2),
         other => Err(Failure::argument(&format!("{field}.format"), format!("{other} is no format of this library"))),
     }
 }
@@ -111,8 +115,8 @@ pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Out
     // SAFETY: the caller's promise is the same.
     let from = unsafe { read(from, name) }?;
     let format = texel(from.format, name)?;
-    if format == Texel::Rgba16F {
-        return Err(Failure::argument(&format!("{name}.format"), "half floats are for targets only"));
+    if !matches!(format, Texel::Rgba8 | Texel::Bgra8) {
+        return Err(Failure::argument(&format!("{name}.format"), "this format is for targets only"));
     }
     let rows = Rows::check(&from, format, name)?;
     let mut picture = Picture::new(from.width, from.height)?;
@@ -132,7 +136,7 @@ pub(super) struct Target {
     pixels: *mut u8,
     rows: Rows,
     format: Texel,
-    linear: bool,
+    colours: Colours,
 }
 
 impl Target {
@@ -149,22 +153,26 @@ impl Target {
             let why = format!("{width} x {height} pixels where {} x {} come", size.0, size.1);
             return Err(Failure::argument(&format!("{name}.width"), why));
         }
-        Ok(Self { pixels: pixels.cast(), rows, format, linear: false })
+        Ok(Self { pixels: pixels.cast(), rows, format, colours: Colours::Shown })
     }
 
-    /// The same place, for linear light if `linear`.
-    pub(super) fn in_linear_light(self, linear: bool) -> Outcome<Self> {
-        if linear && self.format != Texel::Rgba16F {
-            let why = "linear light needs more than 8 bits";
-            return Err(Failure::argument("target.format", why).remedy("Use CAIRN_FORMAT_RGBA16F"));
+    /// The same place, for a picture in `colours`.
+    pub(super) fn in_colours(self, colours: Colours) -> Outcome<Self> {
+        if !colours.fit(self.format) {
+            let remedy = match colours {
+                Colours::Hdr10 { .. } => "Use CAIRN_FORMAT_RGB10A2",
+                _ => "Use CAIRN_FORMAT_RGBA16F",
+            };
+            let why = format!("it does not hold {colours:?}");
+            return Err(Failure::argument("target.format", why).remedy(remedy));
         }
-        Ok(Self { linear, ..self })
+        Ok(Self { colours, ..self })
     }
 
     /// Writes a picture of the size that was checked.
     pub(super) fn write(self, picture: &Picture) {
-        let Self { pixels, rows, format, linear } = self;
-        let encoder = Encoder::new(format, linear);
+        let Self { pixels, rows, format, colours } = self;
+        let encoder = Encoder::new(format, colours);
         let from = picture.rgba().chunks_exact(picture.width() as usize * 4);
         for (i, row) in from.take(rows.count).enumerate() {
             // SAFETY: row `i` lies within the size that was checked; nobody else uses it, by the promise of `new`.
@@ -224,7 +232,7 @@ mod tests {
     #[test]
     fn half_floats_are_written_in_either_light() {
         let picture = Picture::from_rgba(1, 1, vec![0, 128, 255, 51]).unwrap();
-        for (linear, middle) in [(false, 128.0 / 255.0), (true, 0.215_86)] {
+        for (colours, middle) in [(Colours::Shown, 128.0 / 255.0), (Colours::Linear, 0.215_86)] {
             let mut back = [0_u16; 4];
             let to = cairn_target {
                 struct_size: size_of::<cairn_target>() as u32,
@@ -237,12 +245,12 @@ mod tests {
             };
             // SAFETY: the bytes are there.
             let place = |to: &cairn_target| unsafe { Target::new(to, (1, 1), "target") };
-            place(&to).unwrap().in_linear_light(linear).unwrap().write(&picture);
+            place(&to).unwrap().in_colours(colours).unwrap().write(&picture);
             let [red, green, blue, alpha] = back.map(|bits| f16::from_bits(bits).to_f32());
             assert_eq!((red, blue), (0.0, 1.0));
             assert!((green - middle).abs() < 3e-4 && (alpha - 0.2).abs() < 1e-4, "{green} {alpha}");
             let eight = cairn_target { format: CAIRN_FORMAT_RGBA8, ..to };
-            assert_eq!(place(&eight).unwrap().in_linear_light(linear).is_err(), linear);
+            assert_eq!(place(&eight).unwrap().in_colours(colours).is_err(), colours == Colours::Linear);
             assert!(place(&cairn_target { size: 7, ..to }).is_err());
         }
     }
@@ -266,7 +274,8 @@ mod tests {
             cairn_picture { row_pitch: 9, ..good },
             cairn_picture { row_pitch: u64::MAX, ..good },
             cairn_picture { format: CAIRN_FORMAT_RGBA16F, ..good },
-            cairn_picture { format: 3, ..good },
+            cairn_picture { format: CAIRN_FORMAT_RGB10A2, ..good },
+            cairn_picture { format: 4, ..good },
             cairn_picture { width: 3, ..good },
         ] {
             assert_eq!(result(bad).unwrap_err(), CAIRN_ERROR_INVALID_ARGUMENT, "{bad:?}");

@@ -15,7 +15,7 @@
 //! | `d3d12` | experimental: what an engine's own Direct3D 12 objects come through |
 //!
 //! Behind them, and not in the header: `boundary` is the one way in, where panics end; `handles` the table behind every handle,
-//! with a `gate` for each object; `structs` and `text` read and write foreign memory;
+//! with a `gate` for each object; `preferences` are what a host wants of frames; `structs` and `text` read and write foreign memory;
 //! `worker` has a rollout's queue; `record` is what the interface promises.
 #![allow(non_camel_case_types, reason = "the names are the header's")]
 #![allow(clippy::missing_safety_doc, reason = "the header says once, for all functions, what pointers must be")]
@@ -43,6 +43,7 @@ pub mod world;
 mod boundary;
 mod gate;
 mod handles;
+mod preferences;
 mod structs;
 mod text;
 mod worker;

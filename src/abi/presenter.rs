@@ -1,7 +1,5 @@
 //! Presenters: which frame is due when, and its picture.
 
-use std::ffi::c_char;
-
 use std::time::Duration;
 
 use parking_lot::Mutex;
@@ -13,13 +11,13 @@ use super::d3d12::{Guard, To};
 use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
 use super::images::{Target, cairn_target};
+use super::preferences::{choose, colours};
 use super::results::{
     CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result,
 };
-use super::structs::{Out, check_out, describe, read_or_default};
-use super::text::fixed_text;
-use crate::framegen::cpu::CpuGenerator;
-use crate::framegen::{FrameGenerator, Phases};
+use super::structs::{Out, check_out, describe, read_or_default, slice};
+use crate::Colours;
+use crate::framegen::Phases;
 use crate::present::pacing::Interval;
 use crate::present::presenter::{Presenter, PresenterOptions, Shown, ShownSource};
 use crate::runtime::Device;
@@ -40,11 +38,18 @@ pub const CAIRN_PRESENTER_CATCH_UP: u32 = 2;
 /// A flag of cairn_presenter_options: frames are generated also where the anchor brings as many decoded pictures as there
 /// are frames to an anchor.
 pub const CAIRN_PRESENTER_NO_DECODED: u32 = 4;
+/// A flag of cairn_presenter_options: in frames of another shape than the anchors' these keep theirs, in the middle, with black beside
+/// or above them. Without it they are stretched.
+pub const CAIRN_PRESENTER_LETTERBOX: u32 = 8;
 
 /// Display-referred sRGB, as pictures are.
 pub const CAIRN_COLOUR_SRGB: u32 = 0;
 /// Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F only.
 pub const CAIRN_COLOUR_LINEAR: u32 = 1;
+/// scRGB: linear light of the same primaries, 1 being 80 nits; for CAIRN_FORMAT_RGBA16F only.
+pub const CAIRN_COLOUR_SCRGB: u32 = 2;
+/// HDR10: the curve of PQ with the primaries of BT.2020; for CAIRN_FORMAT_RGB10A2 only.
+pub const CAIRN_COLOUR_HDR10: u32 = 3;
 
 /// A frame is an anchor.
 pub const CAIRN_FRAME_ANCHOR: u32 = 1;
@@ -73,16 +78,17 @@ pub struct cairn_presenter(());
 
 /// What lies behind a handle of a presenter.
 pub(super) struct Presenting {
-    presenter: Presenter,
-    linear: bool,
-    /// How the generator of shaders is preferred.
+    pub(super) presenter: Presenter,
+    colours: Colours,
+    /// How AMD's generator is preferred, and that of shaders.
+    fsr: u32,
     shader: u32,
     /// The generator on the processor; empty where it is not used.
     generator: &'static str,
     /// Why a preference was not met.
     preference: String,
     /// What frames for Direct3D 12 are recorded with.
-    recording: Mutex<Recording>,
+    pub(super) recording: Mutex<Recording>,
 }
 
 impl Handle for cairn_presenter {
@@ -102,7 +108,8 @@ impl Presenting {
         if !device.is_gpu() {
             return Err(Failure::no_d3d12());
         }
-        let asked = Asked { presenter: &self.presenter, linear: self.linear, shader: self.shader };
+        let Self { presenter, colours, fsr, shader, .. } = self;
+        let asked = Asked { presenter, colours: *colours, fsr: *fsr, shader: *shader };
         // SAFETY: the caller's promise.
         unsafe { self.recording.lock().record(&asked, device, now, to) }
     }
@@ -113,12 +120,10 @@ impl Presenting {
     }
 
     /// The generator of the frame that was made last, and why no other is used.
-    fn used(&self) -> (&'static str, String) {
-        match self.recording.lock().used(&self.presenter) {
-            None => (self.generator, self.preference.clone()),
-            Some((true, why)) => ("shader", why),
-            Some((false, why)) => (self.generator, why),
-        }
+    pub(super) fn used(&self) -> (String, String) {
+        let used = self.recording.lock().used(&self.presenter);
+        let (recorded, why) = used.unwrap_or_else(|| (None, self.preference.clone()));
+        (recorded.unwrap_or_else(|| self.generator.to_owned()), why)
     }
 }
 
@@ -126,7 +131,8 @@ impl Presenting {
 #[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door reads it"))]
 pub(super) struct Asked<'a> {
     pub(super) presenter: &'a Presenter,
-    pub(super) linear: bool,
+    pub(super) colours: Colours,
+    pub(super) fsr: u32,
     pub(super) shader: u32,
 }
 
@@ -147,15 +153,16 @@ pub struct cairn_presenter_options {
     /// Nanoseconds from when an anchor comes until it is due, at most 60 seconds; 0 for an interval. Frames between need the
     /// anchor after, so that less than (multiplier - 1) / multiplier of an interval makes frames late.
     pub delay_ns: u64,
-    /// CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED
+    /// CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED, CAIRN_PRESENTER_LETTERBOX
     pub flags: u32,
     /// Anchors that may wait for their time, 1 to CAIRN_MAX_QUEUE; 0 for 4.
     pub capacity: u32,
     /// Where motion comes from when an anchor comes without guidance: CAIRN_MOTION_AUTO and so on.
     pub motion: u32,
-    /// CAIRN_COLOUR_SRGB or CAIRN_COLOUR_LINEAR
+    /// CAIRN_COLOUR_SRGB to CAIRN_COLOUR_HDR10
     pub colour_space: u32,
-    /// AMD FidelityFX frame generation, for Direct3D 12: CAIRN_PREFER_AUTO and so on.
+    /// AMD FidelityFX frame generation, for frames half way between two anchors that are recorded for Direct3D 12:
+    /// CAIRN_PREFER_AUTO and so on. Needs the library's own shaders, which make all others.
     pub fsr: u32,
     /// The library's own shaders, for Direct3D 12.
     pub shader: u32,
@@ -163,10 +170,14 @@ pub struct cairn_presenter_options {
     pub cpu: u32,
     /// 0
     pub reserved: u32,
+    /// How bright the white of pictures is in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.
+    pub white_nits: u32,
+    /// 0
+    pub reserved_too: u32,
 }
-describe!(cairn_presenter_options, [], {
+describe!(cairn_presenter_options, [64], {
     struct_size, multiplier, width, height, interval_ns, delay_ns, flags, capacity, motion, colour_space, fsr, shader, cpu,
-    reserved,
+    reserved, white_nits, reserved_too,
 });
 
 /// A frame of a presenter.
@@ -194,50 +205,6 @@ pub struct cairn_frame {
     pub flags: u32,
 }
 describe!(cairn_frame, [], { struct_size, source, position, since_ns, until_ns, previous, current, t, flags });
-
-/// What a presenter has done since it was made.
-#[repr(C)]
-#[derive(Debug, Clone, Copy)]
-pub struct cairn_presenter_statistics {
-    /// sizeof(cairn_presenter_statistics)
-    pub struct_size: u32,
-    /// 0
-    pub reserved: u32,
-    /// Anchors that came.
-    pub anchors: u64,
-    /// Those that came after they were due.
-    pub late_anchors: u64,
-    /// Nanoseconds that time stood still for late ones.
-    pub slipped_ns: u64,
-    /// Frames drawn that were anchors. A frame drawn again counts again, here and below.
-    pub shown_anchors: u64,
-    /// Frames drawn that anchors brought with them.
-    pub shown_decoded: u64,
-    /// Frames drawn that were generated between anchors.
-    pub shown_generated: u64,
-    /// Frames drawn that were generated beyond the last anchor.
-    pub shown_extrapolated: u64,
-    /// Frames drawn that stood.
-    pub shown_held: u64,
-    /// Those of all of them that were the same as the one drawn before.
-    pub repeated: u64,
-    /// Those that a cut kept from being generated.
-    pub cuts: u64,
-    /// Nanoseconds of finding motion and depth.
-    pub guidance_ns: u64,
-    /// Nanoseconds of generating.
-    pub generate_ns: u64,
-    /// Nanoseconds of resizing.
-    pub resize_ns: u64,
-    /// The generator that is used, such as "cpu"; empty where there is none.
-    pub generator: [c_char; 32],
-    /// Why a generator that might be better is not used, for people; UTF-8.
-    pub preference: [c_char; 160],
-}
-describe!(cairn_presenter_statistics, [], {
-    struct_size, reserved, anchors, late_anchors, slipped_ns, shown_anchors, shown_decoded, shown_generated,
-    shown_extrapolated, shown_held, repeated, cuts, guidance_ns, generate_ns, resize_ns, generator, preference,
-});
 
 /// Makes a presenter.
 ///
@@ -340,17 +307,107 @@ pub unsafe extern "C" fn cairn_presenter_draw(
         let presenting = enter_alone(presenter)?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
-        if presenting.shader == CAIRN_PREFER_REQUIRE {
-            let why = "the shader generator, which options.shader requires, makes no frames in memory";
+        let required = [("fsr", presenting.fsr), ("shader", presenting.shader)];
+        if let Some((name, _)) = required.into_iter().find(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE) {
+            let why = format!("the {name} generator, which options.{name} requires, makes no frames in memory");
             return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why)
                 .remedy("Record frames for Direct3D 12, or do not require it"));
         }
         let Some(size) = presenting.presenter.size() else { return Ok(CAIRN_NOT_READY) };
         // SAFETY: the host's promise about `target`.
-        let target = unsafe { Target::new(target, size, "target") }?.in_linear_light(presenting.linear)?;
+        let target = unsafe { Target::new(target, size, "target") }?.in_colours(presenting.colours)?;
         let shown = presenting.presenter.draw(now_ns, size, |picture| target.write(picture))?;
         let Some(shown) = shown else { return Ok(CAIRN_NOT_READY) };
         frame.into_iter().for_each(|frame| frame.write(&to_header(&shown)));
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Changes the size of the frames, as a window's changes. The stream goes on, and what is drawn next has the new size.
+///
+/// width, height: as in cairn_presenter_options; 0 both ways for the anchors'.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: any thread, at any time, also while a frame is drawn.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_resize(
+    presenter: *const cairn_presenter,
+    width: u32,
+    height: u32,
+) -> cairn_result {
+    call("cairn_presenter_resize", || {
+        let presenting = enter(presenter)?;
+        presenting.presenter.resize(((width, height) != (0, 0)).then_some((width, height)))?;
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD. Without it that is told from
+/// colours that do not move. The generator of shaders heeds it; that of the processor does not. cairn_presenter_reset forgets it.
+///
+/// mask: a byte to a pixel of an anchor, row by row from the top left, 0 where nothing lies over it; null, with 0 for all the rest, for
+/// nothing known.
+/// size: bytes of mask: width * height.
+/// width, height: the anchors' size.
+///
+/// Ownership: the mask is copied, on success; on failure nothing is.
+/// Threads: any thread, at any time, also while a frame is drawn.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for another size than that of the anchors that
+/// have come; CAIRN_ERROR_OUT_OF_MEMORY.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_set_overlay(
+    presenter: *const cairn_presenter,
+    mask: *const u8,
+    size: usize,
+    width: u32,
+    height: u32,
+) -> cairn_result {
+    call("cairn_presenter_set_overlay", || {
+        let presenting = enter(presenter)?;
+        if mask.is_null() && (size, width, height) == (0, 0, 0) {
+            presenting.presenter.set_overlay(None)?;
+            return Ok(CAIRN_OK);
+        }
+        let sides = 1..=crate::MAX_SIDE;
+        if !sides.contains(&width) || !sides.contains(&height) {
+            return Err(Failure::argument("width", format!("{width} x {height} pixels")));
+        }
+        let needed = u64::from(width) * u64::from(height);
+        if size as u64 != needed {
+            return Err(Failure::argument("size", format!("{size} bytes where {needed} are due")));
+        }
+        // SAFETY: so many bytes may be read there by the host's promise.
+        let mask = unsafe { slice(mask, size, "mask") }?;
+        let mut copied = Vec::new();
+        copied.try_reserve_exact(size).map_err(|_| {
+            let why = format!("a mask of {size} bytes cannot be kept");
+            crate::Error::new(crate::ErrorKind::OutOfMemory, why)
+        })?;
+        copied.extend_from_slice(mask);
+        presenting.presenter.set_overlay(Some(((width, height), copied)))?;
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Holds frames for Direct3D 12 to a budget of the device's time. Where it is too little for all of them, only every second, third or sixth
+/// frame of an interval is made, as the multiplier has it, and the others repeat the one before; where it is enough again, more are. It goes
+/// by the times that the device says of frames that have run. What it does is logged, and the statistics say it.
+///
+/// frame_ns: nanoseconds of the device's time for each frame that is shown, on average over an interval, what is done once to an anchor among
+/// it; 0 for no budget.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_set_budget(presenter: *const cairn_presenter, frame_ns: u64) -> cairn_result {
+    call("cairn_presenter_set_budget", || {
+        let budget = (frame_ns > 0).then(|| Duration::from_nanos(frame_ns));
+        enter(presenter)?.presenter.set_budget(budget)?;
         Ok(CAIRN_OK)
     })
 }
@@ -365,47 +422,6 @@ pub unsafe extern "C" fn cairn_presenter_draw(
 pub unsafe extern "C" fn cairn_presenter_reset(presenter: *const cairn_presenter) -> cairn_result {
     call("cairn_presenter_reset", || {
         enter(presenter)?.presenter.reset();
-        Ok(CAIRN_OK)
-    })
-}
-
-/// Says what a presenter has done, and with what.
-///
-/// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
-/// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
-/// Since: 0.1.0
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn cairn_presenter_get_statistics(
-    presenter: *const cairn_presenter,
-    statistics: *mut cairn_presenter_statistics,
-) -> cairn_result {
-    call("cairn_presenter_get_statistics", || {
-        let presenting = enter(presenter)?;
-        // SAFETY: the host's promise about `statistics`.
-        let statistics = unsafe { Out::new(statistics, "statistics") }?;
-        // First, as it may find out more.
-        let (generator, preference) = presenting.used();
-        let done = presenting.presenter.statistics();
-        statistics.write(&cairn_presenter_statistics {
-            struct_size: 0,
-            reserved: 0,
-            anchors: done.anchors,
-            late_anchors: done.late,
-            slipped_ns: done.slipped_ns,
-            shown_anchors: done.shown_anchors,
-            shown_decoded: done.decoded,
-            shown_generated: done.generated,
-            shown_extrapolated: done.extrapolated,
-            shown_held: done.held,
-            repeated: done.repeated,
-            cuts: done.cuts,
-            guidance_ns: nanoseconds(done.guidance),
-            generate_ns: nanoseconds(done.generate),
-            resize_ns: nanoseconds(done.resize),
-            generator: fixed_text(generator),
-            preference: fixed_text(&preference),
-        });
         Ok(CAIRN_OK)
     })
 }
@@ -432,23 +448,22 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
             return Err(wrong("multiplier", why).remedy("Use 1, 2, 3, 4 or 6"));
         }
     };
-    let known = CAIRN_PRESENTER_HOLD_LATE | CAIRN_PRESENTER_CATCH_UP | CAIRN_PRESENTER_NO_DECODED;
+    let known =
+        CAIRN_PRESENTER_HOLD_LATE | CAIRN_PRESENTER_CATCH_UP | CAIRN_PRESENTER_NO_DECODED | CAIRN_PRESENTER_LETTERBOX;
     if options.flags & !known != 0 {
         return refuse("flags", format!("{:#x} has an unknown bit", options.flags));
     }
-    if options.reserved != 0 {
-        return refuse("reserved", "it must be 0".into());
+    for (field, value) in [("reserved", options.reserved), ("reserved_too", options.reserved_too)] {
+        if value != 0 {
+            return refuse(field, "it must be 0".into());
+        }
     }
     let capacity = match options.capacity {
         0 => 4,
         capacity @ 1..=super::rollout::CAIRN_MAX_QUEUE => capacity,
         other => return refuse("capacity", format!("{other} anchors cannot wait")),
     };
-    let linear = match options.colour_space {
-        CAIRN_COLOUR_SRGB => false,
-        CAIRN_COLOUR_LINEAR => true,
-        other => return refuse("colour_space", format!("{other} is no colour space of this library")),
-    };
+    let colours = colours(options.colour_space, options.white_nits)?;
     let (generator, preference) = choose(options)?;
     let interval = match options.interval_ns {
         0 => None,
@@ -462,6 +477,7 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
         extrapolate: options.flags & CAIRN_PRESENTER_HOLD_LATE == 0,
         decoded: options.flags & CAIRN_PRESENTER_NO_DECODED == 0,
         size: ((options.width, options.height) != (0, 0)).then_some((options.width, options.height)),
+        letterbox: options.flags & CAIRN_PRESENTER_LETTERBOX != 0,
         capacity: capacity as usize,
         motion: motion_source(options.motion, "options.motion")?,
     };
@@ -472,51 +488,14 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
     }
     Ok(Presenting {
         presenter,
-        linear,
+        colours,
+        fsr: options.fsr,
         shader: options.shader,
         generator: name,
         preference,
         recording: Mutex::default(),
     })
 }
-
-/// The generator that the preferences lead to, and why others are not used.
-fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<dyn FrameGenerator>>, String)> {
-    let preferences = [("fsr", options.fsr), ("shader", options.shader), ("cpu", options.cpu)];
-    for (name, preference) in preferences {
-        if preference > CAIRN_PREFER_NEVER {
-            let why = format!("{preference} is no preference");
-            return Err(Failure::argument(&format!("options.{name}"), why));
-        }
-    }
-    let required = preferences.iter().filter(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE);
-    if required.count() > 1 {
-        return Err(Failure::argument("options.cpu", "only one generator can be required"));
-    }
-    let missing = || {
-        let failure = if HAS_SHADERS { Failure::new(CAIRN_ERROR_UNSUPPORTED, ELSEWHERE) } else { Failure::no_d3d12() };
-        failure.remedy("Use the cpu generator")
-    };
-    for (name, preference) in &preferences[..if HAS_SHADERS { 1 } else { 2 }] {
-        if *preference == CAIRN_PREFER_REQUIRE {
-            return Err(missing().field(format!("options.{name}")));
-        }
-    }
-    let wanted: Vec<_> = preferences[..2].iter().filter(|(_, p)| *p == CAIRN_PREFER_AUTO).map(|(n, _)| *n).collect();
-    let reason = if wanted.is_empty() || options.cpu == CAIRN_PREFER_REQUIRE {
-        String::new()
-    } else {
-        format!("{}: {}", wanted.join(", "), missing())
-    };
-    let generator: Option<Box<dyn FrameGenerator>> = match (options.cpu, options.shader) {
-        (CAIRN_PREFER_NEVER, _) | (_, CAIRN_PREFER_REQUIRE) => None,
-        _ => Some(Box::new(CpuGenerator::new())),
-    };
-    Ok((generator, reason))
-}
-
-/// Why what is in memory is not made by a device.
-const ELSEWHERE: &str = "frames are made with it where they are recorded for Direct3D 12";
 
 pub(super) fn to_header(shown: &Shown) -> cairn_frame {
     let source = match shown.source {
@@ -539,8 +518,4 @@ pub(super) fn to_header(shown: &Shown) -> cairn_frame {
         t: shown.t,
         flags: cut | repeated,
     }
-}
-
-fn nanoseconds(time: Duration) -> u64 {
-    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }

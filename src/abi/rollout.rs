@@ -1,6 +1,7 @@
 //! Rollouts: running instances of a world.
 
 use std::ffi::c_char;
+use std::time::Duration;
 
 use super::anchor::cairn_anchor;
 use super::boundary::call;
@@ -9,10 +10,10 @@ use super::handles::{Handle, Kind, destroy, enter, enter_alone, insert};
 use super::images::{cairn_picture, read_picture};
 use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
-use super::text::{fixed_text, optional_text};
+use super::text::{fixed_text, optional_text, required_text};
 use super::worker::{Job, Running};
 use super::world::cairn_world;
-use crate::world::{OperatingPoint, Rollout, Stage, StepInfo};
+use crate::world::{OperatingPoint, Rollout, Schedule, Stage, StepInfo};
 
 /// The longest queue there may be.
 pub const CAIRN_MAX_QUEUE: u32 = 64;
@@ -254,6 +255,35 @@ pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cai
         let mut core = running.alone()?;
         core.rollout.reset()?;
         core.cut_next = true;
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Holds latents to so much wall time each, decoding and all: they are made by the first of the schedules until that takes too long, then by
+/// one with fewer passes, and by one with more again where there is time. It goes by the times of the latents before, so that the same
+/// controls may give other pictures the next time. What it does is logged; cairn_step_info says with how many passes a latent was made, and
+/// cairn_rollout_info has the schedule of the next one. A restored state ends it.
+///
+/// latent_ns: nanoseconds for a latent.
+/// schedules: one to eight as in operating points, a space between them, each with fewer passes than the one before:
+/// "stock explicit:1:0.5:0 explicit:1:0"; none, "", for no budget any more, which leaves the schedule as it is.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_set_budget(
+    rollout: *mut cairn_rollout,
+    latent_ns: u64,
+    schedules: *const c_char,
+) -> cairn_result {
+    call("cairn_rollout_set_budget", || {
+        let running = enter_alone(rollout)?;
+        // SAFETY: the host's promise about `schedules`.
+        let text = unsafe { required_text(schedules, "schedules") }?;
+        let schedules: Vec<Schedule> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+        running.alone()?.rollout.set_budget(Duration::from_nanos(latent_ns), &schedules)?;
         Ok(CAIRN_OK)
     })
 }

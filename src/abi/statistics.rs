@@ -1,10 +1,15 @@
-//! Figures of a rollout.
+//! Figures of a rollout, and of a presenter.
+
+use std::ffi::c_char;
+use std::time::Duration;
 
 use super::boundary::call;
 use super::handles::enter;
+use super::presenter::cairn_presenter;
 use super::results::{CAIRN_OK, cairn_result};
 use super::rollout::{cairn_rollout, nanoseconds};
 use super::structs::{Out, describe};
+use super::text::fixed_text;
 
 /// What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time.
 #[repr(C)]
@@ -85,4 +90,131 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
         });
         Ok(CAIRN_OK)
     })
+}
+
+/// What a presenter has done since it was made.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_presenter_statistics {
+    /// sizeof(cairn_presenter_statistics)
+    pub struct_size: u32,
+    /// 0
+    pub reserved: u32,
+    /// Anchors that came.
+    pub anchors: u64,
+    /// Those that came after they were due.
+    pub late_anchors: u64,
+    /// Nanoseconds that time stood still for late ones.
+    pub slipped_ns: u64,
+    /// Frames drawn that were anchors. A frame drawn again counts again, here and below.
+    pub shown_anchors: u64,
+    /// Frames drawn that anchors brought with them.
+    pub shown_decoded: u64,
+    /// Frames drawn that were generated between anchors.
+    pub shown_generated: u64,
+    /// Frames drawn that were generated beyond the last anchor.
+    pub shown_extrapolated: u64,
+    /// Frames drawn that stood.
+    pub shown_held: u64,
+    /// Those of all of them that were the same as the one drawn before.
+    pub repeated: u64,
+    /// Those that a cut kept from being generated.
+    pub cuts: u64,
+    /// Nanoseconds of finding motion and depth.
+    pub guidance_ns: u64,
+    /// Nanoseconds of generating.
+    pub generate_ns: u64,
+    /// Nanoseconds of resizing.
+    pub resize_ns: u64,
+    /// The last frame's generator, such as "cpu" or, with its provider's version, "fsr 3.1.5"; empty for none.
+    pub generator: [c_char; 32],
+    /// Why a generator that might be better is not used, for people; UTF-8.
+    pub preference: [c_char; 160],
+    /// Anchors that wait for their time, as of the latest time that was heard of.
+    pub waiting: u32,
+    /// Frames for Direct3D 12 that are recorded and have not run.
+    pub under_way: u32,
+    /// Frames for Direct3D 12 whose time on the device is known. What else the queue ran meanwhile is in their times.
+    pub device_frames: u64,
+    /// Nanoseconds of them on the device, all together.
+    pub device_frames_ns: u64,
+    /// Nanoseconds of the longest.
+    pub device_frame_longest_ns: u64,
+    /// Nanoseconds of the last.
+    pub device_frame_last_ns: u64,
+    /// Lists of the presenter's own whose time on the device is known: those that bring pictures there, find motion and depth, and
+    /// prepare what frames of a pair have in common.
+    pub device_lists: u64,
+    /// Nanoseconds of them on the device, all together.
+    pub device_lists_ns: u64,
+    /// Nanoseconds of the longest.
+    pub device_list_longest_ns: u64,
+    /// Frames to an anchor that are made where cairn_presenter_set_budget holds them to a budget; the others repeat the one before. 0 where
+    /// there never was a budget.
+    pub made_to_anchor: u32,
+    /// How often that has changed.
+    pub budget_changes: u32,
+}
+describe!(cairn_presenter_statistics, [304], {
+    struct_size, reserved, anchors, late_anchors, slipped_ns, shown_anchors, shown_decoded, shown_generated,
+    shown_extrapolated, shown_held, repeated, cuts, guidance_ns, generate_ns, resize_ns, generator, preference, waiting,
+    under_way, device_frames, device_frames_ns, device_frame_longest_ns, device_frame_last_ns, device_lists, device_lists_ns,
+    device_list_longest_ns, made_to_anchor, budget_changes,
+});
+
+/// Says what a presenter has done, and with what.
+///
+/// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_get_statistics(
+    presenter: *const cairn_presenter,
+    statistics: *mut cairn_presenter_statistics,
+) -> cairn_result {
+    call("cairn_presenter_get_statistics", || {
+        let presenting = enter(presenter)?;
+        // SAFETY: the host's promise about `statistics`.
+        let statistics = unsafe { Out::new(statistics, "statistics") }?;
+        // First, as it may find out more.
+        let (generator, preference) = presenting.used();
+        let done = presenting.presenter.statistics();
+        let device = presenting.recording.lock().figures();
+        statistics.write(&cairn_presenter_statistics {
+            struct_size: 0,
+            reserved: 0,
+            anchors: done.anchors,
+            late_anchors: done.late,
+            slipped_ns: done.slipped_ns,
+            shown_anchors: done.shown_anchors,
+            shown_decoded: done.decoded,
+            shown_generated: done.generated,
+            shown_extrapolated: done.extrapolated,
+            shown_held: done.held,
+            repeated: done.repeated,
+            cuts: done.cuts,
+            guidance_ns: in_ns(done.guidance),
+            generate_ns: in_ns(done.generate),
+            resize_ns: in_ns(done.resize),
+            generator: fixed_text(&generator),
+            preference: fixed_text(&preference),
+            waiting: u32::try_from(presenting.presenter.waiting(0)).unwrap_or(u32::MAX),
+            under_way: device.under_way,
+            device_frames: device.frames.count,
+            device_frames_ns: in_ns(device.frames.total),
+            device_frame_longest_ns: in_ns(device.frames.longest),
+            device_frame_last_ns: in_ns(device.frames.last),
+            device_lists: device.lists.count,
+            device_lists_ns: in_ns(device.lists.total),
+            device_list_longest_ns: in_ns(device.lists.longest),
+            made_to_anchor: done.made_to_anchor,
+            budget_changes: u32::try_from(done.budget_changes).unwrap_or(u32::MAX),
+        });
+        Ok(CAIRN_OK)
+    })
+}
+
+fn in_ns(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }

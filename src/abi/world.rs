@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::boundary::call;
 use super::device::{cairn_device, precision, precision_number};
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
-use super::results::{CAIRN_OK, Outcome, cairn_result};
+use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read};
 use super::text::{copy_text, fixed_text, optional_text};
 use crate::bundle::{Bundle, OpenOptions};
@@ -63,6 +63,10 @@ impl Handle for cairn_world {
 
 impl Object for LoadedWorld {}
 
+/// A flag of cairn_world_options: where the global window is too wide for memory_limit, or for what an adapter has left, the widest one
+/// that is not takes its place, and cairn_rollout_info says which; without it such a world is refused.
+pub const CAIRN_WORLD_FIT_WINDOW: u32 = 1;
+
 /// Which world to load, and how.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
@@ -83,9 +87,13 @@ pub struct cairn_world_options {
     pub progress: cairn_load_callback,
     /// Handed to the callback.
     pub user: *mut c_void,
+    /// CAIRN_WORLD_FIT_WINDOW
+    pub flags: u32,
+    /// 0
+    pub reserved: u32,
 }
-describe!(cairn_world_options, [], {
-    struct_size, precision, path, operating_point, memory_limit, progress, user,
+describe!(cairn_world_options, [48], {
+    struct_size, precision, path, operating_point, memory_limit, progress, user, flags, reserved,
 });
 
 /// What a world is.
@@ -323,6 +331,12 @@ fn load(
     point: Option<&str>,
     options: &cairn_world_options,
 ) -> Outcome<LoadedWorld> {
+    if options.flags & !CAIRN_WORLD_FIT_WINDOW != 0 {
+        return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
+    }
+    if options.reserved != 0 {
+        return Err(Failure::argument("options.reserved", "it must be 0"));
+    }
     let point = point.map(str::parse::<OperatingPoint>).transpose()?;
     let report = Report { callback: options.progress, user: options.user, stopped: AtomicBool::new(false) };
     let read = |progress: crate::bundle::OpenProgress| report.tell(CAIRN_LOAD_READING, progress.done, progress.total);
@@ -340,12 +354,14 @@ fn load(
         global_window: Some(point.global_window),
         precision: precision(options.precision, "options.precision")?,
         memory_limit: Some(options.memory_limit).filter(|limit| *limit > 0),
+        fit_window: options.flags & CAIRN_WORLD_FIT_WINDOW != 0,
     };
     let prepared = Cell::new(0);
     let world = World::load_with(device, &bundle, world_options, &|total| {
         report.tell(CAIRN_LOAD_PREPARING, prepared.replace(prepared.get() + 1), total);
         report.check()
     })?;
+    let point = OperatingPoint { global_window: world.global_window(), ..point };
     Ok(LoadedWorld { licence: bundle.licence_text().map(str::to_owned), world, point })
 }
 

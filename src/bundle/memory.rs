@@ -153,7 +153,7 @@ impl Bundle {
         })
     }
 
-    fn footprint(&self, kind: GraphKind, precision: Precision, g: u32) -> Result<Footprint> {
+    pub(super) fn footprint(&self, kind: GraphKind, precision: Precision, g: u32) -> Result<Footprint> {
         footprint(self.model(kind, precision)?.onnx, Subject { manifest: &self.manifest, kind, precision }, g)
     }
 

@@ -13,6 +13,7 @@ mod memory;
 mod names;
 mod onnx;
 mod open;
+mod work;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -23,6 +24,7 @@ pub use manifest::*;
 pub use memory::{MemoryNeed, available_memory};
 pub use onnx::operators;
 pub use open::{OpenOptions, OpenProgress};
+pub use work::{GraphWork, Work};
 
 use crate::{Error, ErrorKind, Result};
 use container::Container;

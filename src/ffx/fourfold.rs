@@ -4,7 +4,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use super::bindings::{Coordinates, CreateFlags, Dimensions};
+use super::bindings::{Coordinates, CreateFlags, Dimensions, MemoryUsage};
 use super::textures::{GROUP, Memory, Pictures, TextureGenerator, TextureOptions, motion_size_at, texture};
 use super::{Api, Shot};
 use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
@@ -26,11 +26,20 @@ pub struct FourfoldGenerator {
     ring: Frames,
     half: TextureGenerator,
     quarters: TextureGenerator,
+    /// Of frames without interface, the one half way; made for the first that is given.
+    bare: Option<Bare>,
     gpu: Gpu,
+    api: Api,
     halfway: Kernel,
     /// Motion and depth half way, of the size rendered at.
     between: Option<(Dimensions, [ID3D12Resource; 2])>,
     options: TextureOptions,
+}
+
+/// What makes frames without interface half way, and where they are.
+struct Bare {
+    generator: TextureGenerator,
+    half: ID3D12Resource,
 }
 
 /// What shaders write.
@@ -50,19 +59,21 @@ impl FourfoldGenerator {
     pub fn new(gpu: &Gpu, api: &Api, options: &TextureOptions) -> Result<Self> {
         let half = TextureGenerator::new(gpu, api, options)?;
         let choice = half.provider().version.family().map_or(options.choice, super::Choice::Require);
-        let second = TextureOptions { choice, self_test: false, hudless: None, ..*options };
+        let second = TextureOptions { choice, self_test: false, ..*options };
         Ok(Self {
             ring: Frames::new(gpu, gpu.frames(), ROOM)?,
             quarters: TextureGenerator::new(gpu, api, &second)?,
             half,
+            bare: None,
             gpu: gpu.clone(),
+            api: *api,
             halfway: Kernel::new(
                 gpu,
                 include_bytes!("../gpu/shaders/fsr_halfway.dxbc"),
                 Shape { constants: 5, inputs: 2, outputs: 2 },
             )?,
             between: None,
-            options: *options,
+            options: second,
         })
     }
 
@@ -71,7 +82,7 @@ impl FourfoldGenerator {
         &mut self.half
     }
 
-    /// What both keep on the device, and what is between them.
+    /// What both keep on the device, and with the second what is between them.
     ///
     /// # Errors
     /// What the library answers.
@@ -82,12 +93,24 @@ impl FourfoldGenerator {
             let size = unsafe { self.gpu.device().GetResourceAllocationInfo(0, &[texture.GetDesc()]) };
             quarters.own += size.SizeInBytes;
         }
+        if let Some(bare) = &mut self.bare {
+            let more = bare.generator.memory()?;
+            // SAFETY: a live device and resource.
+            let size = unsafe { self.gpu.device().GetResourceAllocationInfo(0, &[bare.half.GetDesc()]) };
+            quarters.own += more.own + size.SizeInBytes;
+            quarters.provider = quarters
+                .provider
+                .zip(more.provider)
+                .map(|(a, b)| MemoryUsage { total: a.total + b.total, aliasable: a.aliasable + b.aliasable });
+        }
         Ok([half, quarters])
     }
 
     /// Generates the three frames, on the device's queue for frames, in the order in which they are shown; the moment when all are
-    /// there. The half goes to `pictures.output`, which shaders can read, and the quarters to the two others; of the frame's
-    /// options, what is shown without interface and distortion are none of these.
+    /// there. The half goes to `pictures.output`, which shaders can read, and the quarters to the two others.
+    ///
+    /// Frames without interface cost a third generator, which makes the one half way of them; the first that is given starts anew. A
+    /// lens is taken to distort alike at the half and at the frame.
     ///
     /// # Errors
     /// As of [`TextureGenerator::generate`]. What of the three was submitted before is then of no use, and the next starts anew.
@@ -96,17 +119,12 @@ impl FourfoldGenerator {
         if done.is_err() {
             self.half.forget();
             self.quarters.forget();
+            self.forget_bare();
         }
         done
     }
 
     fn all(&mut self, pictures: &Pictures<'_>, quarters: [Resting<'_>; 2], shot: &Shot) -> Result<Moment> {
-        for (field, given) in [("hudless", pictures.hudless.is_some()), ("distortion", pictures.distortion.is_some())] {
-            if given {
-                let why = "the frame half way has none";
-                return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
-            }
-        }
         let head = &self.options.head;
         let motion_size = motion_size_at(head, shot.render_size);
         let rendered = shot.render_size;
@@ -115,23 +133,64 @@ impl FourfoldGenerator {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("motion"));
         }
         let is_inverted = head.flags.contains(CreateFlags::DEPTH_INVERTED);
-        let starts = shot.reset || !self.half.follows();
+        let follows = self.half.follows()
+            && (pictures.hudless.is_none() || self.bare.as_ref().is_some_and(|bare| bare.generator.follows()));
+        let starts = shot.reset || !follows;
+        let shot = &Shot { reset: starts, ..*shot };
+        let bare = match &pictures.hudless {
+            Some(hudless) => Some(self.bare(hudless, pictures, shot)?),
+            None => {
+                self.forget_bare();
+                None
+            }
+        };
+        let bare = bare.as_ref().map(|resource| Resting { resource, state: WRITTEN });
         self.half.generate(pictures, shot)?;
         let between = self.between(rendered)?.clone();
         let [motion, depth] = between.each_ref().map(|resource| Resting { resource, state: WRITTEN });
         self.carry(pictures, [&motion, &depth], shot, is_inverted)?;
         // Half of the way, in half of the time.
         let Coordinates { x, y } = shot.motion_scale;
-        let halved = Shot {
-            motion_scale: Coordinates { x: x / 2.0, y: y / 2.0 },
-            frame_time: shot.frame_time / 2.0,
-            reset: starts,
-            ..*shot
-        };
+        let halved =
+            Shot { motion_scale: Coordinates { x: x / 2.0, y: y / 2.0 }, frame_time: shot.frame_time / 2.0, ..*shot };
         let [first, last] = quarters;
-        let to_half = Pictures { color: pictures.output, output: first, motion, depth, ..*pictures };
+        let to_half = Pictures { color: pictures.output, output: first, motion, depth, hudless: bare, ..*pictures };
         self.quarters.generate(&to_half, &halved)?;
         self.quarters.generate(&Pictures { output: last, ..*pictures }, &halved)
+    }
+
+    /// The frame without interface half way.
+    fn bare(&mut self, hudless: &Resting<'_>, pictures: &Pictures<'_>, shot: &Shot) -> Result<ID3D12Resource> {
+        let TextureOptions { mut head, hudless: format, .. } = self.options;
+        let bare = match &mut self.bare {
+            Some(bare) => bare,
+            none => {
+                self.gpu.owns(hudless.resource, "hudless")?;
+                head.back_buffer_format = format.unwrap_or(head.back_buffer_format);
+                let options = TextureOptions { head, hudless: None, ..self.options };
+                // SAFETY: a live resource.
+                let wanted = unsafe { hudless.resource.GetDesc() }.Format;
+                none.insert(Bare {
+                    generator: TextureGenerator::new(&self.gpu, &self.api, &options)?,
+                    half: texture(&self.gpu, head.display_size, wanted)?,
+                })
+            }
+        };
+        let output = Resting { resource: &bare.half, state: WRITTEN };
+        let pictures = Pictures { color: *hudless, output, hudless: None, ..*pictures };
+        // What the provider says of it is of the colour; here that is the frame without interface.
+        bare.generator.generate(&pictures, shot).map_err(|why| match why.offending_field() {
+            Some("color") => why.field("hudless"),
+            _ => why,
+        })?;
+        Ok(bare.half.clone())
+    }
+
+    /// Of frames without interface the next one starts anew.
+    fn forget_bare(&mut self) {
+        if let Some(bare) = &mut self.bare {
+            bare.generator.forget();
+        }
     }
 
     /// Textures for what is half way.

@@ -158,6 +158,10 @@ pub struct Generator {
     follows: bool,
 }
 
+// SAFETY: its structs point to links of their own, to the library's context, which calls of one thread after the other may use, and
+// to objects of Direct3D 12, which are free-threaded.
+unsafe impl Send for Generator {}
+
 impl Generator {
     /// Makes a generator, as [`Context::create`] makes its context. `hudless` is the format of frames without interface, where it is
     /// another than that of frames.

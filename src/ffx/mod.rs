@@ -8,6 +8,8 @@
 mod api;
 pub mod bindings;
 mod chain;
+#[cfg(windows)]
+mod clean_motion;
 mod context;
 #[cfg(windows)]
 mod fourfold;
@@ -24,6 +26,8 @@ mod requirements;
 mod resource;
 #[cfg(windows)]
 mod self_test;
+#[cfg(windows)]
+mod texture_upscaler;
 #[cfg(windows)]
 mod textures;
 mod upscaler;
@@ -44,7 +48,9 @@ pub use provider::{Choice, Dialect, Family, Version, choose, versions};
 #[cfg(windows)]
 pub use requirements::{Needed, Requirement, requirements};
 #[cfg(windows)]
+pub use texture_upscaler::{TextureUpscaler, UpscalePictures};
+#[cfg(windows)]
 pub use textures::{Memory, Pictures, TextureGenerator, TextureOptions};
-pub use upscaler::{UpscaleFrame, UpscaleShot, Upscaler};
+pub use upscaler::{ReactiveMask, UpscaleFrame, UpscaleShot, Upscaler};
 #[cfg(windows)]
 pub use watch::Seen;

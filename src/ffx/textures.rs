@@ -7,9 +7,10 @@ use windows::core::Interface;
 use super::bindings::{
     Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, MemoryUsage, Resource, ResourceState, SurfaceFormat,
 };
+use super::clean_motion::CleanMotion;
 use super::watch::Watch;
 use super::{Api, Choice, Frame, Generator, Provider, Seen, Shot, Version, self_test};
-use crate::gpu::compute::{self, Frames, Kernel, Resting, Shape, View};
+use crate::gpu::compute::{self, Frames, Resting};
 use crate::gpu::{Gpu, Moment, written_texture};
 use crate::{Error, ErrorKind, Result};
 
@@ -74,9 +75,7 @@ pub struct TextureGenerator {
     ring: Frames,
     generator: Generator,
     gpu: Gpu,
-    scrub: Kernel,
-    /// Motion as a provider is given it.
-    clean: ID3D12Resource,
+    motion: CleanMotion,
     /// Frames for targets that shaders may not write.
     between: Option<ID3D12Resource>,
     watch: Option<Watch>,
@@ -93,22 +92,14 @@ pub struct Memory {
 }
 
 /// What shaders read and write.
-const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
-const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
+pub(super) const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+pub(super) const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
 /// Sides of a group of threads.
 pub(super) const GROUP: u32 = 8;
 
-/// Formats that motion is read in.
-const MOTION: [DXGI_FORMAT; 4] = [
-    DXGI_FORMAT_R16G16_FLOAT,
-    DXGI_FORMAT_R32G32_FLOAT,
-    DXGI_FORMAT_R16G16B16A16_FLOAT,
-    DXGI_FORMAT_R32G32B32A32_FLOAT,
-];
-
-/// Descriptors of a frame: two to clean its motion, four to watch it.
-const ROOM: u32 = 6;
+/// Descriptors of a frame: those to clean its motion, and four to watch it.
+const ROOM: u32 = CleanMotion::ROOM + 4;
 
 impl TextureGenerator {
     /// Makes a generator on `gpu`. Where the provider that runs fails the test, one of the other family is tried, unless one is
@@ -151,14 +142,11 @@ impl TextureGenerator {
         let device = gpu.device().as_raw();
         // SAFETY: a live device, of which the generator holds a reference as long as the context lives.
         let generator = unsafe { Generator::create(api, device, choice, head, options.hudless) }?;
-        let size = motion_size(&head);
-        let code = include_bytes!("../gpu/shaders/fsr_motion.dxbc");
         Ok(Self {
             ring: Frames::new(gpu, gpu.frames(), ROOM)?,
             generator,
             gpu: gpu.clone(),
-            scrub: Kernel::new(gpu, code, Shape { constants: 4, inputs: 1, outputs: 1 })?,
-            clean: texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT)?,
+            motion: CleanMotion::new(gpu, motion_size(&head))?,
             between: None,
             watch: if options.watch { Some(Watch::new(gpu)?) } else { None },
             refused: Vec::new(),
@@ -175,7 +163,7 @@ impl TextureGenerator {
     /// # Errors
     /// What the library answers.
     pub fn memory(&mut self) -> Result<Memory> {
-        let own = [Some(&self.clean), self.between.as_ref()].into_iter().flatten().map(|texture| {
+        let own = [Some(self.motion.texture()), self.between.as_ref()].into_iter().flatten().map(|texture| {
             // SAFETY: a live device and resource.
             unsafe { self.gpu.device().GetResourceAllocationInfo(0, &[texture.GetDesc()]) }.SizeInBytes
         });
@@ -199,9 +187,9 @@ impl TextureGenerator {
     /// `InvalidArgument` with the field for what a provider would fail, hang or crash on; what the library answers;
     /// `DeviceRemoved`, `OutOfMemory`. Nothing is submitted then.
     pub fn generate(&mut self, pictures: &Pictures<'_>, shot: &Shot) -> Result<Moment> {
-        let Self { ring, generator, gpu, scrub, clean, between, watch, .. } = self;
+        let Self { ring, generator, gpu, motion, between, watch, .. } = self;
         let mut frame = ring.begin()?;
-        let mut parts = Parts { gpu, generator: &mut *generator, scrub, clean, between, watch: watch.as_mut() };
+        let mut parts = Parts { gpu, generator: &mut *generator, motion, between, watch: watch.as_mut() };
         let watched = parts.record(&mut frame, pictures, shot);
         let moment = watched.and_then(|watched| Ok((watched, frame.submit(gpu.frames())?)));
         // What the library has of a frame that does not run is none to go on with.
@@ -227,9 +215,9 @@ impl TextureGenerator {
         pictures: &Pictures<'_>,
         shot: &Shot,
     ) -> Result<()> {
-        let Self { ring, generator, gpu, scrub, clean, between, watch, .. } = self;
+        let Self { ring, generator, gpu, motion, between, watch, .. } = self;
         let mut frame = ring.begin_in(list, until)?;
-        let mut parts = Parts { gpu, generator: &mut *generator, scrub, clean, between, watch: watch.as_mut() };
+        let mut parts = Parts { gpu, generator: &mut *generator, motion, between, watch: watch.as_mut() };
         let watched = parts.record(&mut frame, pictures, shot);
         drop(frame);
         let watched = watched.inspect_err(|_| generator.forget())?;
@@ -264,8 +252,7 @@ impl std::fmt::Debug for TextureGenerator {
 struct Parts<'a> {
     gpu: &'a Gpu,
     generator: &'a mut Generator,
-    scrub: &'a Kernel,
-    clean: &'a mut ID3D12Resource,
+    motion: &'a mut CleanMotion,
     between: &'a mut Option<ID3D12Resource>,
     watch: Option<&'a mut Watch>,
 }
@@ -302,14 +289,7 @@ impl Parts<'_> {
         let between = between.map(|resource| Resting { resource, state: WRITTEN });
         let output = between.unwrap_or(pictures.output);
 
-        // SAFETY: a live resource.
-        let had = unsafe { self.clean.GetDesc() };
-        if (had.Width, had.Height) != (motion.width.into(), motion.height) {
-            // What is under way holds the one before.
-            *self.clean = texture(self.gpu, motion, DXGI_FORMAT_R16G16_FLOAT)?;
-        }
-        let clean = Resting { resource: self.clean, state: WRITTEN };
-        self.clean_motion(frame, &pictures.motion, &clean, motion, shot.motion_scale)?;
+        let clean = self.motion.record(self.gpu, frame, &pictures.motion, motion, shot.motion_scale)?;
         let inputs = [Some(clean), Some(pictures.color), Some(pictures.depth), pictures.hudless, pictures.distortion];
         for input in inputs.iter().flatten() {
             frame.bring(input, READ)?;
@@ -320,7 +300,7 @@ impl Parts<'_> {
             color,
             output: Resource::of(output.resource, ResourceState::UNORDERED_ACCESS),
             depth,
-            motion: Resource::of(self.clean, INPUT),
+            motion: Resource::of(clean.resource, INPUT),
             hudless,
             distortion,
             shot: *shot,
@@ -349,31 +329,6 @@ impl Parts<'_> {
         }
         Ok(watched)
     }
-
-    /// Motion without what holds a device up.
-    fn clean_motion(
-        &self,
-        frame: &mut compute::Frame<'_>,
-        motion: &Resting<'_>,
-        clean: &Resting<'_>,
-        size: Dimensions,
-        scale: Coordinates,
-    ) -> Result<()> {
-        // SAFETY: a live resource.
-        let format = unsafe { motion.resource.GetDesc() }.Format;
-        if !MOTION.contains(&format) {
-            let why = format!("motion of DXGI format {} is not read", format.0);
-            return Err(Error::new(ErrorKind::InvalidArgument, why).field("motion").remedy("Use halves or floats"));
-        }
-        // What a half can hold, where the scale is nearly 0.
-        const LARGEST: f32 = 65504.0;
-        let limit = |side: u32, scale: f32| (side as f32 / scale.abs()).min(LARGEST);
-        let limits = [limit(size.width, scale.x), limit(size.height, scale.y)].map(f32::to_bits);
-        let constants = [size.width, size.height, limits[0], limits[1]];
-        let groups = [size.width.div_ceil(GROUP), size.height.div_ceil(GROUP), 1];
-        let (from, to) = (View::Texture(*motion, format), View::Texture(*clean, DXGI_FORMAT_R16G16_FLOAT));
-        frame.run(self.scrub, &constants, &[from], &[to], groups)
-    }
 }
 
 /// The size of the largest motion that a generator is given.
@@ -386,7 +341,7 @@ pub(super) fn motion_size_at(made: &CreateFrameGeneration, rendered: Dimensions)
 }
 
 /// Refuses what is no picture of that size.
-fn picture(gpu: &Gpu, given: &Resting<'_>, size: Dimensions, field: &str) -> Result<()> {
+pub(super) fn picture(gpu: &Gpu, given: &Resting<'_>, size: Dimensions, field: &str) -> Result<()> {
     gpu.owns(given.resource, field)?;
     // SAFETY: a live resource.
     let found = unsafe { given.resource.GetDesc() };

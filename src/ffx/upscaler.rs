@@ -4,8 +4,9 @@ use std::ffi::c_void;
 use std::ptr::null_mut;
 
 use super::bindings::{
-    Coordinates, CreateUpscale, Dimensions, DispatchUpscale, MemoryUsage, QualityMode, QueryJitter, QueryJitterPhases,
-    QueryRenderSize, QueryUpscaleResources, Resource, UpscaleCreateFlags, UpscaleFlags, UpscaleResources,
+    Coordinates, CreateUpscale, Dimensions, DispatchReactiveMask, DispatchUpscale, MemoryUsage, QualityMode,
+    QueryJitter, QueryJitterPhases, QueryRenderSize, QueryUpscaleResources, ReactiveFlags, Resource,
+    UpscaleCreateFlags, UpscaleFlags, UpscaleResources,
 };
 use super::{Api, Camera, Chain, Choice, Context, Provider, message};
 use crate::{Error, ErrorKind, Result};
@@ -79,6 +80,48 @@ impl UpscaleShot {
     }
 }
 
+/// How a mask is found from a frame and the same without what is transparent: how far the two are apart, times the scale.
+#[derive(Debug, Clone, Copy)]
+pub struct ReactiveMask {
+    /// The size rendered at.
+    pub render_size: Dimensions,
+    /// What the distance is multiplied by, 0 or more.
+    pub scale: f32,
+    /// With [`ReactiveFlags::THRESHOLD`]: up to here the mask is 0.
+    pub threshold: f32,
+    /// And above, this, from 0 to 1.
+    pub value: f32,
+    /// How colours are compared.
+    pub flags: ReactiveFlags,
+}
+
+impl ReactiveMask {
+    /// One for frames of that size: the length of the difference as it is.
+    pub fn of(render_size: Dimensions) -> Self {
+        Self { render_size, scale: 1.0, threshold: 0.2, value: 0.9, flags: ReactiveFlags::empty() }
+    }
+
+    fn fault(&self) -> Option<(&'static str, &'static str)> {
+        let known = ReactiveFlags::TONEMAP
+            | ReactiveFlags::INVERSE_TONEMAP
+            | ReactiveFlags::THRESHOLD
+            | ReactiveFlags::COMPONENTS_MAX;
+        if let Some(why) = self.render_size.fault() {
+            return Some(("render_size", why));
+        }
+        if !(self.scale.is_finite() && self.scale >= 0.0) {
+            return Some(("scale", "it must be 0 or more"));
+        }
+        if !(0.0..=1.0).contains(&self.threshold) {
+            return Some(("threshold", "it must be from 0 to 1"));
+        }
+        if !(0.0..=1.0).contains(&self.value) {
+            return Some(("value", "it must be from 0 to 1"));
+        }
+        (!(self.flags - known).is_empty()).then_some(("flags", "there is one that is not known"))
+    }
+}
+
 /// Makes frames larger, from what each of them and those before show. Its struct is made once, and altered for each frame.
 ///
 /// Threads: may be sent to another thread between calls; calls take turns. What it recorded must have run before it is dropped, and
@@ -89,6 +132,10 @@ pub struct Upscaler {
     /// What the library has of the frame before can be gone on with.
     follows: bool,
 }
+
+// SAFETY: its struct points to links of its own, to the library's context, which calls of one thread after the other may use, and to
+// objects of Direct3D 12, which are free-threaded.
+unsafe impl Send for Upscaler {}
 
 impl Upscaler {
     /// Makes an upscaler, as [`Context::create`] makes its context.
@@ -256,6 +303,57 @@ impl Upscaler {
         unsafe { self.context.dispatch(&mut self.dispatch) }?;
         self.follows = true;
         Ok(())
+    }
+
+    /// Records where a frame's past is not to be trusted into `command_list`: a mask of the size rendered at, for
+    /// [`UpscaleFrame::reactive`], from the frame `color` and the same without what is transparent.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with the field, before anything is recorded, for what a provider would fail on; else what the library answers.
+    ///
+    /// # Safety
+    /// As of [`record`](Self::record).
+    pub unsafe fn find_reactive(
+        &mut self,
+        command_list: *mut c_void,
+        opaque: Resource,
+        color: Resource,
+        output: Resource,
+        mask: &ReactiveMask,
+    ) -> Result<()> {
+        let refuse = |field: &str, why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+        if command_list.is_null() {
+            return refuse("command_list", "it is null");
+        }
+        if let Some((field, why)) = mask.fault() {
+            return refuse(field, why);
+        }
+        let (size, largest) = (mask.render_size, self.context.made_with().max_render_size);
+        if size.width > largest.width || size.height > largest.height {
+            return refuse("render_size", "it is larger than what the upscaler was made for");
+        }
+        for (field, resource) in [("opaque", &opaque), ("color", &color), ("output", &output)] {
+            if let Some(why) = resource.fault(size) {
+                return refuse(field, why);
+            }
+        }
+        if [opaque.resource, color.resource].contains(&output.resource) {
+            return refuse("output", "it is one of the frames");
+        }
+        let mut dispatch = Chain::new(DispatchReactiveMask {
+            command_list,
+            opaque,
+            color,
+            output,
+            render_size: size,
+            scale: mask.scale,
+            threshold: mask.threshold,
+            value: mask.value,
+            flags: mask.flags,
+            ..Default::default()
+        });
+        // SAFETY: the caller's promise about the list and the resources; the context is our own.
+        unsafe { self.context.dispatch(&mut dispatch) }
     }
 
     /// Lets the next frame start anew, as [`UpscaleShot::reset`] does.

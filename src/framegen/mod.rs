@@ -1,6 +1,10 @@
 //! Generated frames: pictures between two anchors.
 
 pub mod cpu;
+#[cfg(windows)]
+pub mod device;
+#[cfg(windows)]
+pub mod fsr;
 mod pair;
 #[cfg(windows)]
 pub mod shader;

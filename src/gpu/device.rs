@@ -104,6 +104,11 @@ impl Gpu {
         self.0.luid
     }
 
+    /// What its adapter calls itself. Tries no other adapter, and makes no device on it.
+    pub(crate) fn adapter_name(&self) -> Option<String> {
+        adapter::find(Some(self.luid())).ok().map(|(_, described)| described.description)
+    }
+
     /// Why it is gone, when it is: driver replaced, command hung, adapter taken out. Nothing made on it works then; all of it can
     /// be released as ever, and a new device be made.
     pub fn removed(&self) -> Option<Error> {

@@ -6,6 +6,7 @@
 
 mod adapter;
 mod budget;
+mod clock;
 pub mod compute;
 mod device;
 mod failure;
@@ -22,6 +23,8 @@ mod uploads;
 
 pub use adapter::{Adapter, adapters};
 pub use budget::Budget;
+pub(crate) use clock::Marks;
+pub use clock::Spent;
 pub use device::Gpu;
 pub(crate) use failure::failed_on;
 pub(crate) use memory::{Heap, Shared, buffer};

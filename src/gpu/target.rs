@@ -6,7 +6,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use super::Gpu;
 use super::texture::names_state;
 use crate::texels::Texel;
-use crate::{Error, ErrorKind, Result};
+use crate::{Colours, Error, ErrorKind, Result};
 
 /// An engine's texture, the state it is in when a list comes to it, and the one it is left in.
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Looks whether a frame of `size`, in `linear` light if so, can be written to it by a list of `kind`; what it is.
+    /// Looks whether a frame of `size` in `colours` can be written to it by a list of `kind`; what it is.
     ///
     /// # Errors
     /// `InvalidArgument` for a texture of another kind, size, format or device, and for states that the texture cannot be in or the
@@ -31,14 +31,18 @@ impl Target {
         gpu: &Gpu,
         kind: D3D12_COMMAND_LIST_TYPE,
         size: (u32, u32),
-        linear: bool,
+        colours: Colours,
     ) -> Result<(D3D12_RESOURCE_DESC, Texel)> {
         gpu.owns(&self.texture, "target")?;
         // SAFETY: a live resource.
         let desc = unsafe { self.texture.GetDesc() };
         let texel = check(&desc, size)?;
-        if linear && texel != Texel::Rgba16F {
-            return Err(refuse("target", "linear light needs more bits").remedy("Use R16G16B16A16_FLOAT"));
+        if !colours.fit(texel) {
+            let remedy = match colours {
+                Colours::Hdr10 { .. } => "Use R10G10B10A2_UNORM",
+                _ => "Use R16G16B16A16_FLOAT",
+            };
+            return Err(refuse("target", format!("it does not hold {colours:?}")).remedy(remedy));
         }
         for (field, state) in [("before", self.before), ("after", self.after)] {
             check_state(field, state, &desc, kind)?;

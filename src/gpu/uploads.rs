@@ -8,7 +8,7 @@ use super::target::{Target, check_list};
 use super::texture::{barrier, copy, first_level, layout, placed};
 use super::{Gpu, Moment};
 use crate::texels::{Encoder, Texel};
-use crate::{Error, ErrorKind, Picture, Result};
+use crate::{Colours, Error, ErrorKind, Picture, Result};
 
 /// A ring of memory from which command lists of an engine's copy pictures into its textures. A copy needs nothing of a texture but
 /// that it is one: no view, and no access for shaders.
@@ -41,7 +41,7 @@ pub struct Place<'a> {
     layout: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,
     size: (u32, u32),
     texel: Texel,
-    linear: bool,
+    colours: Colours,
 }
 
 impl Uploads {
@@ -56,8 +56,8 @@ impl Uploads {
         &self.gpu
     }
 
-    /// Prepares for a picture of `size` to be copied by `list`, an engine's open one, into `target`, in `linear` light if so. Waits
-    /// where three lists before it have not run.
+    /// Prepares for a picture of `size` to be copied by `list`, an engine's open one, into `target`, in `colours`.
+    /// Waits where three lists before it have not run.
     ///
     /// # Errors
     /// `InvalidArgument` for a list of another type than the queue for frames or of another device, for a texture of another kind,
@@ -68,16 +68,16 @@ impl Uploads {
         list: ID3D12GraphicsCommandList,
         target: Target,
         size: (u32, u32),
-        linear: bool,
+        colours: Colours,
     ) -> Result<Place<'_>> {
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
         let kind = check_list(&self.gpu, &list)?;
-        let (desc, texel) = target.check(&self.gpu, kind, size, linear)?;
+        let (desc, texel) = target.check(&self.gpu, kind, size, colours)?;
         let (layout, bytes) = layout(&self.gpu, &desc);
         let slot = self.free_next(bytes)?;
-        Ok(Place { uploads: self, slot, list, target, layout, size, texel, linear })
+        Ok(Place { uploads: self, slot, list, target, layout, size, texel, colours })
     }
 
     /// A slot with room for so many bytes that no list uses.
@@ -101,12 +101,12 @@ impl Uploads {
 impl Place<'_> {
     /// Writes the picture, which has the size that was said, and records its copy.
     pub fn fill(self, picture: &Picture) -> Result<()> {
-        let Self { uploads, slot, list, target, layout, size, texel, linear } = self;
+        let Self { uploads, slot, list, target, layout, size, texel, colours } = self;
         assert_eq!(picture.size(), size, "the size that was checked");
         let Some((memory, _)) = &mut uploads.slots[slot].memory else {
             return Err(Error::new(ErrorKind::InvalidState, "the place has no memory"));
         };
-        let (encoder, len) = (Encoder::new(texel, linear), size.0 as usize * texel.bytes());
+        let (encoder, len) = (Encoder::new(texel, colours), size.0 as usize * texel.bytes());
         let more = len.saturating_sub(uploads.row.len());
         uploads
             .row

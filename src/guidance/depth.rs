@@ -198,8 +198,9 @@ impl DepthMap {
         }
     }
 
-    /// The depth of everything, where all is known to have one.
-    pub(crate) fn even(&self) -> Option<f32> {
+    /// The depth of everything, where all is known to have one: after [`fill`](Self::fill), or of a map that nobody wrote to
+    /// since it was made. It says nothing of edges then, which generators take for found in pictures.
+    pub fn even(&self) -> Option<f32> {
         self.depth.first().copied().filter(|_| self.is_even)
     }
 

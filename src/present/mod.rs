@@ -1,7 +1,10 @@
 //! The timeline: what is shown when, at which size.
 
+mod area;
 #[cfg(windows)]
 pub mod device;
+mod drawer;
+mod governor;
 mod motion;
 pub mod pacing;
 pub mod presenter;

@@ -2,17 +2,17 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::motion::Extractors;
+use super::drawer::Drawer;
+use super::governor::Governor;
 pub use super::motion::{MotionSource, extract};
 use super::pacing::{Due, DueFrame, Interval, Pacer, Pacing};
 pub use super::statistics::PresenterStatistics;
-use super::upscale::{Filter, Upscaler};
-use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
-use crate::guidance::{Guidance, paper};
+use crate::framegen::{FrameGenerator, Outcome, Phases};
+use crate::guidance::Guidance;
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind, Picture, Result};
 
@@ -33,6 +33,8 @@ pub struct PresenterOptions {
     pub decoded: bool,
     /// `(width, height)` of the frames; `None`: that of the anchors.
     pub size: Option<(u32, u32)>,
+    /// Whether anchors keep their shape in frames of another, with black beside or above them; otherwise they are stretched.
+    pub letterbox: bool,
     /// Anchors that may wait for their time.
     pub capacity: usize,
     /// Where motion comes from when an anchor comes without guidance.
@@ -90,6 +92,12 @@ struct Stream {
     first: u64,
     slots: VecDeque<Slot>,
     size: Option<(u32, u32)>,
+    /// Size of the frames where it is not the anchors'.
+    wanted: Option<(u32, u32)>,
+    /// What lies over the anchors.
+    overlay: Option<Arc<Overlay>>,
+    /// Where frames are held to a budget.
+    governor: Option<Governor>,
     statistics: PresenterStatistics,
 }
 
@@ -101,6 +109,14 @@ pub(super) struct Slot {
     pub(super) cut: bool,
 }
 
+/// What lies over anchors and stands still, like a HUD: a byte to a pixel, 0 where there is nothing.
+#[derive(Debug)]
+pub(super) struct Overlay {
+    pub(super) size: (u32, u32),
+    #[cfg_attr(not(windows), expect(dead_code, reason = "it is for frames that a device makes"))]
+    pub(super) mask: Vec<u8>,
+}
+
 /// How a frame comes about.
 pub(super) enum Plan {
     Copy { anchor: Arc<KeptAnchor>, picture: usize },
@@ -108,8 +124,8 @@ pub(super) enum Plan {
     Beyond { previous: Option<Slot>, last: Slot, index: u64, t: f32 },
 }
 
-/// What a drawn picture shows: the resets before it, and the frame.
-pub(super) type Drawn = (u64, DueFrame);
+/// What a drawn picture shows: the resets before it, the frame, and its size where that is not the anchors'.
+pub(super) type Drawn = (u64, DueFrame, Option<(u32, u32)>);
 
 /// A frame that is due.
 pub(super) struct Taken {
@@ -117,20 +133,12 @@ pub(super) struct Taken {
     pub(super) plan: Plan,
     /// Number of resets before it.
     pub(super) epoch: u64,
+    /// Size of the frames where it is not the anchors'.
+    pub(super) size: Option<(u32, u32)>,
+    /// What lies over the anchors.
+    #[cfg_attr(not(windows), expect(dead_code, reason = "it is for frames that a device makes"))]
+    pub(super) overlay: Option<Arc<Overlay>>,
     pub(super) key: Drawn,
-}
-
-/// What draws, with its working memory.
-struct Drawer {
-    generator: Option<Box<dyn FrameGenerator>>,
-    extractors: Extractors,
-    /// Guidance of the pair that ends with an anchor: reset and index.
-    guidance: Option<((u64, u64), Guidance)>,
-    generated: Option<Picture>,
-    upscaler: Option<Upscaler>,
-    resized: Option<Picture>,
-    drawn: Option<Drawn>,
-    outcome: Outcome,
 }
 
 impl Presenter {
@@ -143,12 +151,7 @@ impl Presenter {
         // What the pacer refuses, it shall refuse now and not when the first anchor comes.
         options.pacer(Interval::per_second(1)?)?;
         let refuse = |field: &str, cause: String| Err(Error::new(ErrorKind::InvalidArgument, cause).field(field));
-        if let Some((width, height)) = options.size {
-            let sides = 1..=crate::MAX_SIDE;
-            if !sides.contains(&width) || !sides.contains(&height) {
-                return refuse("size", format!("frames of {width} x {height} pixels cannot be made"));
-            }
-        }
+        check_size(options.size)?;
         if options.capacity == 0 {
             return refuse("capacity", "no anchor could ever wait".into());
         }
@@ -156,19 +159,19 @@ impl Presenter {
         slots.try_reserve(options.capacity.saturating_add(3)).map_err(|_| {
             Error::new(ErrorKind::OutOfMemory, format!("{} anchors cannot wait", options.capacity)).field("capacity")
         })?;
-        let stream =
-            Stream { pacer: None, epoch: 0, first: 0, slots, size: None, statistics: PresenterStatistics::default() };
-        let drawer = Drawer {
-            generator,
-            extractors: Extractors::default(),
-            guidance: None,
-            generated: None,
-            upscaler: None,
-            resized: None,
-            drawn: None,
-            outcome: Outcome::Held,
+        let stream = Stream {
+            pacer: None,
+            epoch: 0,
+            first: 0,
+            slots,
+            size: None,
+            wanted: options.size,
+            overlay: None,
+            governor: None,
+            statistics: PresenterStatistics::default(),
         };
-        let phases = drawer.generator.as_ref().map(|generator| generator.phases());
+        let phases = generator.as_ref().map(|generator| generator.phases());
+        let drawer = Drawer::new(generator);
         Ok(Self { options, phases, stream: Mutex::new(stream), drawer: Mutex::new(drawer) })
     }
 
@@ -190,6 +193,9 @@ impl Presenter {
         fits(size, stream.size.unwrap_or(size), "anchor").map_err(|e| e.remedy("Reset the presenter first"))?;
         if let Some(guidance) = &guidance {
             fits(guidance.size(), size, "guidance")?;
+        }
+        if let Some(overlay) = &stream.overlay {
+            fits(size, overlay.size, "anchor").map_err(|e| e.remedy("Say what lies over anchors of this size"))?;
         }
         if stream.pacer.is_none() {
             let interval = match (self.options.interval, anchor.latents_per_second()) {
@@ -228,13 +234,88 @@ impl Presenter {
     /// Which frame is due at `now`; none before the first anchor came.
     pub fn query(&self, now: u64) -> Option<Shown> {
         let mut stream = self.stream.lock();
-        let due = stream.pacer.as_mut()?.due(now)?;
+        let due = stream.due(now)?;
         self.resolve(&stream, due, self.phases).map(|(shown, _)| shown)
     }
 
     /// `(width, height)` of the frames; none before the first anchor, where the options do not say.
     pub fn size(&self) -> Option<(u32, u32)> {
-        self.options.size.or_else(|| self.stream.lock().size)
+        let stream = self.stream.lock();
+        stream.wanted.or(stream.size)
+    }
+
+    /// Changes the size of the frames, as a window's changes; `None`: that of the anchors. The stream goes on, and the next frame has it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE).
+    pub fn resize(&self, size: Option<(u32, u32)>) -> Result<()> {
+        check_size(size)?;
+        self.stream.lock().wanted = size;
+        Ok(())
+    }
+
+    /// Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD: `mask` has a byte to a pixel of
+    /// an anchor, `size.0` times `size.1` of them row by row, and 0 where there is nothing; `None`: nothing is known, and it is told from
+    /// colours that do not move. A [`reset`](Self::reset) forgets it. The `shader` generator heeds it, on a device; the `cpu` generator
+    /// does not.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for another number of bytes, and for another size than that of the anchors that have come.
+    pub fn set_overlay(&self, overlay: Option<((u32, u32), Vec<u8>)>) -> Result<()> {
+        let refuse = |cause: String| Err(Error::new(ErrorKind::InvalidArgument, cause).field("overlay"));
+        let mut stream = self.stream.lock();
+        stream.overlay = match overlay {
+            None => None,
+            Some((size, mask)) => {
+                if mask.len() as u64 != u64::from(size.0) * u64::from(size.1) || mask.is_empty() {
+                    return refuse(format!("{} bytes for {} x {} pixels", mask.len(), size.0, size.1));
+                }
+                if let Some(have) = stream.size.filter(|have| *have != size) {
+                    return refuse(format!("{} x {} pixels over {} x {}", size.0, size.1, have.0, have.1));
+                }
+                Some(Arc::new(Overlay { size, mask }))
+            }
+        };
+        Ok(())
+    }
+
+    /// Holds frames to so much of a device's time for each that is shown, on average over an interval, what is done once to an anchor among it;
+    /// `None`: to nothing. Where it is too little, only every second, third or sixth frame of an interval is made, as the multiplier has
+    /// it, and the others repeat the one before; where it is enough again, more are. It goes by what the device says of frames that have
+    /// run, and does nothing where frames are made by the processor. What it does is logged, and [`statistics`](Self::statistics) has it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a time of 0.
+    pub fn set_budget(&self, per_frame: Option<Duration>) -> Result<()> {
+        if per_frame == Some(Duration::ZERO) {
+            return Err(Error::new(ErrorKind::InvalidArgument, "no frame takes no time").field("budget"));
+        }
+        let governor = per_frame.map(|budget| Governor::new(budget, self.options.multiplier));
+        let mut stream = self.stream.lock();
+        stream.statistics.made_to_anchor = self.options.multiplier;
+        stream.governor = governor;
+        Ok(())
+    }
+
+    /// Takes note of what a device has spent on so many frames more, and decides how many are made.
+    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "a device says it"))]
+    pub(super) fn note_spent(&self, frames: u64, spent: Duration) {
+        let mut stream = self.stream.lock();
+        let Stream { governor: Some(governor), statistics, .. } = &mut *stream else { return };
+        if let Some(decision) = governor.note(frames, spent) {
+            statistics.made_to_anchor = decision.made;
+            statistics.budget_changes += 1;
+            drop(stream);
+            let (before, made, took) = (decision.before, decision.made, decision.took);
+            log::info!(
+                "{made} frames to an anchor are made instead of {before}: one took {took:?} of the device's time"
+            );
+        }
+    }
+
+    /// Whether anchors keep their shape in frames of another.
+    pub fn keeps_shape(&self) -> bool {
+        self.options.letterbox
     }
 
     /// `(width, height)` of the anchors; none before the first.
@@ -249,11 +330,14 @@ impl Presenter {
     /// `InvalidArgument` when frames have not `size`, or latents are needed and the anchors have none; `OutOfMemory`.
     pub fn draw(&self, now: u64, size: (u32, u32), write: impl FnOnce(&Picture)) -> Result<Option<Shown>> {
         let mut drawer = self.drawer.lock();
-        let phases = drawer.generator.as_ref().map(|generator| generator.phases());
-        let Some(Taken { mut shown, plan, epoch, key }) = self.take(now, phases) else { return Ok(None) };
+        let phases = drawer.phases();
+        let Some(Taken { mut shown, plan, epoch, size: wanted, key, .. }) = self.take(now, phases) else {
+            return Ok(None);
+        };
         shown.repeated = drawer.drawn == Some(key);
         let mut figures = PresenterStatistics::default();
-        let picture = drawer.make(&plan, epoch, &self.options, size, shown.repeated, &mut figures)?;
+        let options = PresenterOptions { size: wanted, ..self.options.clone() };
+        let picture = drawer.make(&plan, epoch, &options, size, shown.repeated, &mut figures)?;
         write(picture);
         drawer.drawn = Some(key);
         if !matches!(plan, Plan::Copy { .. }) && drawer.outcome != Outcome::Generated {
@@ -267,10 +351,11 @@ impl Presenter {
     /// The frame that is due at `now`, to be made by whoever does `phases`; none before the first anchor came.
     pub(super) fn take(&self, now: u64, phases: Option<Phases>) -> Option<Taken> {
         let mut stream = self.stream.lock();
-        let due = stream.pacer.as_mut()?.due(now)?;
+        let due = stream.due(now)?;
         let (shown, plan) = self.resolve(&stream, due, phases)?;
         let frame = if self.options.extrapolate { due.frame } else { stands(due.frame) };
-        Some(Taken { shown, plan, epoch: stream.epoch, key: (stream.epoch, frame) })
+        let (epoch, size, overlay) = (stream.epoch, stream.wanted, stream.overlay.clone());
+        Some(Taken { shown, plan, epoch, size, overlay, key: (epoch, frame, size) })
     }
 
     /// Counts a frame that was made.
@@ -305,6 +390,7 @@ impl Presenter {
         stream.slots.clear();
         stream.first = 0;
         stream.size = None;
+        stream.overlay = None;
         stream.epoch += 1;
     }
 
@@ -341,6 +427,10 @@ impl Presenter {
             (shown(ShownSource::Held, number, number, 0.0, cut), plan)
         };
         match due.frame {
+            // One that stands for a frame that is not made.
+            DueFrame::Anchor(index) if !due.position.is_multiple_of(self.options.multiplier.into()) => {
+                Some(held(slot(index)?, false))
+            }
             DueFrame::Anchor(index) => {
                 let (of, plan) = held(slot(index)?, false);
                 Some((Shown { source: ShownSource::Anchor, ..of }, plan))
@@ -379,6 +469,26 @@ impl Presenter {
     }
 }
 
+impl Stream {
+    /// The frame that is due at `now`, or the one before it that is shown in its place.
+    fn due(&mut self, now: u64) -> Option<Due> {
+        let due = self.pacer.as_mut()?.due(now)?;
+        let Some(governor) = &self.governor else { return Some(due) };
+        let frame = match due.frame {
+            DueFrame::Between { previous, step } => match governor.step(step) {
+                0 => DueFrame::Anchor(previous),
+                step => DueFrame::Between { previous, step },
+            },
+            DueFrame::Beyond { last, step } => match governor.step(step) {
+                0 => DueFrame::Anchor(last),
+                step => DueFrame::Beyond { last, step },
+            },
+            other => other,
+        };
+        Some(Due { frame, ..due })
+    }
+}
+
 /// A late anchor's frames where nothing is extrapolated: the last anchor.
 fn stands(frame: DueFrame) -> DueFrame {
     match frame {
@@ -394,118 +504,16 @@ impl PresenterOptions {
     }
 }
 
-impl Drawer {
-    /// The picture of `plan` in the size of the frames; `again` when it is the last one made.
-    fn make<'a>(
-        &'a mut self,
-        plan: &'a Plan,
-        epoch: u64,
-        options: &PresenterOptions,
-        size: (u32, u32),
-        again: bool,
-        times: &mut PresenterStatistics,
-    ) -> Result<&'a Picture> {
-        if !again {
-            self.drawn = None;
-            self.generate(plan, epoch, options, times)?;
+/// Refuses a size that frames cannot have.
+fn check_size(size: Option<(u32, u32)>) -> Result<()> {
+    let sides = 1..=crate::MAX_SIDE;
+    match size {
+        Some((width, height)) if !sides.contains(&width) || !sides.contains(&height) => {
+            let cause = format!("frames of {width} x {height} pixels cannot be made");
+            Err(Error::new(ErrorKind::InvalidArgument, cause).field("size"))
         }
-        let made = match plan {
-            Plan::Copy { anchor, picture } => anchor.read(*picture)?,
-            Plan::Between { .. } | Plan::Beyond { .. } => self.generated.as_ref().ok_or_else(nothing_made)?,
-        };
-        let wanted = options.size.unwrap_or(made.size());
-        if wanted != size {
-            let cause = format!("{} x {} pixels where frames have {} x {}", size.0, size.1, wanted.0, wanted.1);
-            return Err(Error::new(ErrorKind::InvalidArgument, cause).field("target"));
-        }
-        if wanted == made.size() {
-            return Ok(made);
-        }
-        let start = Instant::now();
-        let fits = |u: &Upscaler| u.from_size() == made.size() && u.to_size() == wanted;
-        if !self.upscaler.as_ref().is_some_and(fits) {
-            self.upscaler = Some(Upscaler::new(made.size(), wanted, Filter::Lanczos3)?);
-        }
-        let resized = of_size(&mut self.resized, wanted)?;
-        if let Some(upscaler) = self.upscaler.as_mut().filter(|_| !again) {
-            upscaler.upscale(made, resized)?;
-        }
-        times.resize += start.elapsed();
-        Ok(resized)
+        _ => Ok(()),
     }
-
-    /// Fills `generated` where the plan is to generate.
-    fn generate(
-        &mut self,
-        plan: &Plan,
-        epoch: u64,
-        options: &PresenterOptions,
-        times: &mut PresenterStatistics,
-    ) -> Result<()> {
-        let (previous, current, index, t) = match plan {
-            Plan::Copy { .. } => return Ok(()),
-            Plan::Between { previous, current, index, t } => (Some(previous), current, *index, *t),
-            Plan::Beyond { previous, last, index, t } => (previous.as_ref(), last, *index, *t),
-        };
-        let start = Instant::now();
-        if current.guidance.is_none() && self.guidance.as_ref().is_none_or(|(of, _)| *of != (epoch, index)) {
-            let previous = &previous.ok_or_else(nothing_made)?.anchor;
-            self.extract(options.motion, previous, &current.anchor, (epoch, index))?;
-        }
-        let guidance = match &current.guidance {
-            Some(guidance) => guidance,
-            None => self.guidance.as_ref().map(|(_, guidance)| guidance).ok_or_else(nothing_made)?,
-        };
-        times.guidance += start.elapsed();
-        let start = Instant::now();
-        let generator = self.generator.as_mut().ok_or_else(nothing_made)?;
-        let picture = current.anchor.picture()?;
-        let out = of_size(&mut self.generated, picture.size())?;
-        let report = match plan {
-            Plan::Between { previous, .. } => {
-                let mut pair = AnchorPair::new(previous.anchor.picture()?, picture, guidance)?;
-                if let Some(guidance) = &previous.guidance {
-                    pair = pair.with_previous_depth(guidance.depth())?;
-                }
-                generator.generate(&pair, t, out)?
-            }
-            _ => generator.extrapolate(&Anchor::new(picture, guidance)?, t, out)?,
-        };
-        self.outcome = report.outcome;
-        times.generate += start.elapsed();
-        Ok(())
-    }
-
-    /// Motion and depth of a pair, kept under `key`.
-    fn extract(
-        &mut self,
-        source: MotionSource,
-        previous: &KeptAnchor,
-        current: &KeptAnchor,
-        key: (u64, u64),
-    ) -> Result<()> {
-        let (width, height) = current.size();
-        let mut guidance = match self.guidance.take() {
-            Some((_, guidance)) => guidance,
-            None => Guidance::new(width, height, paper::PROJECTION)?,
-        };
-        self.extractors.fill(source, previous, current, &mut guidance)?;
-        self.guidance = Some((key, guidance));
-        Ok(())
-    }
-}
-
-/// The buffer, which becomes one of `size` if it is another.
-fn of_size(buffer: &mut Option<Picture>, size: (u32, u32)) -> Result<&mut Picture> {
-    if buffer.as_ref().is_none_or(|picture| picture.size() != size) {
-        *buffer = Some(Picture::new(size.0, size.1)?);
-    }
-    buffer.as_mut().ok_or_else(nothing_made)
-}
-
-/// Cannot come about: what is asked for was put there just before.
-fn nothing_made() -> Error {
-    Error::new(ErrorKind::InvalidState, "nothing was generated yet")
 }
 
 #[cfg(test)]

@@ -27,6 +27,10 @@ pub struct PresenterStatistics {
     pub repeated: u64,
     /// Held ones among them for which there was a cut.
     pub cuts: u64,
+    /// Frames of an interval that are made, where frames are held to a budget; the others repeat the one before.
+    pub made_to_anchor: u32,
+    /// How often that has changed.
+    pub budget_changes: u64,
     /// Time spent on motion and depth.
     pub guidance: Duration,
     /// Time spent on generating.

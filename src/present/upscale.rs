@@ -157,15 +157,23 @@ fn mix_columns(row: &[[f32; 4]], columns: &Table, out: &mut [[u8; 4]]) {
 
 /// The taps of every output position along one axis.
 #[derive(Debug)]
-struct Table {
+pub(super) struct Table {
     /// Taps per position.
-    width: usize,
+    pub(super) width: usize,
     first: Vec<u32>,
     weights: Vec<f32>,
 }
 
 impl Table {
-    fn new(from: u32, to: u32, filter: Filter) -> Result<Self> {
+    pub(super) fn new(from: u32, to: u32, filter: Filter) -> Result<Self> {
+        if from == to {
+            // Every kernel is 0 at whole distances.
+            let mut first = filled(to as usize)?;
+            first.iter_mut().zip(0..).for_each(|(first, i)| *first = i);
+            let mut weights = filled(to as usize)?;
+            weights.fill(1.0);
+            return Ok(Self { width: 1, first, weights });
+        }
         let ratio = f64::from(from) / f64::from(to);
         let stretch = ratio.max(1.0);
         let reach = filter.radius() * stretch;
@@ -190,7 +198,7 @@ impl Table {
     }
 
     /// The first source position of output position `i`, and the weights from there on.
-    fn taps(&self, i: usize) -> (usize, &[f32]) {
+    pub(super) fn taps(&self, i: usize) -> (usize, &[f32]) {
         (self.first[i] as usize, &self.weights[i * self.width..(i + 1) * self.width])
     }
 }

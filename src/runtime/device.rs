@@ -34,6 +34,15 @@ pub(super) trait Backend: Send + Sync {
     }
 }
 
+/// Memory of a graphics device, in bytes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct DeviceMemory {
+    /// What the system grants to this process: beyond it, it makes room by moving things out, and everything is slow.
+    pub granted: u64,
+    /// What the process uses already, an engine's textures and worlds alike.
+    pub used: u64,
+}
+
 /// A device that runs worlds. Cheap to clone; every clone is the same device.
 ///
 /// Threads: may be used from any thread at any time.
@@ -83,13 +92,22 @@ impl Device {
         false
     }
 
+    /// What may be used of the memory of a graphics device, as the system says at this moment; none for a processor, and where the system does
+    /// not say.
+    pub fn memory(&self) -> Option<DeviceMemory> {
+        #[cfg(windows)]
+        return self
+            .gpu()
+            .and_then(|gpu| gpu.budget().ok().flatten())
+            .map(|budget| DeviceMemory { granted: budget.granted, used: budget.used });
+        #[cfg(not(windows))]
+        None
+    }
+
     /// Bytes that may still be used of the memory of a graphics device, as the system says at this moment; none for a processor, whose
     /// memory is the system's, and where nobody says.
     pub fn room(&self) -> Option<u64> {
-        #[cfg(windows)]
-        return self.gpu().and_then(|gpu| gpu.budget().ok().flatten()).map(|budget| budget.room());
-        #[cfg(not(windows))]
-        None
+        self.memory().map(|memory| memory.granted.saturating_sub(memory.used))
     }
 
     /// Threads that share one pass, the caller's own among them.

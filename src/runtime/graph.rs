@@ -1,13 +1,14 @@
 //! A session: one graph, loaded from memory and checked against what its user expects.
 
 use std::ffi::CString;
-use std::sync::Arc;
 
 use ort::AsPointer;
 use ort::session::Session;
 use ort::session::builder::SessionBuilder;
 use ort::value::{Outlet, TensorElementType, ValueType};
 
+#[cfg(windows)]
+use super::directml::Captures;
 use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, ErrorKind, Result};
@@ -44,6 +45,8 @@ pub(crate) struct Graph {
     session: Session,
     tensors: Vec<(CString, TensorSpec)>,
     inputs: usize,
+    #[cfg(windows)]
+    captures: Captures,
 }
 
 impl Graph {
@@ -54,7 +57,7 @@ impl Graph {
         model: &ModelSource<'_>,
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
-    ) -> Result<Arc<Self>> {
+    ) -> Result<Self> {
         add_external(&mut builder, model)?;
         let session = make(&format!("load the {what}"), || builder.commit_from_memory(model.onnx))?;
         compare(what, "input", session.inputs(), &inputs)?;
@@ -69,7 +72,27 @@ impl Graph {
                 Ok((name, spec))
             })
             .collect::<Result<_>>()?;
-        Ok(Arc::new(Self { session, tensors, inputs: count }))
+        #[cfg(windows)]
+        let captures = Captures::refused("the session allows none");
+        Ok(Self {
+            session,
+            tensors,
+            inputs: count,
+            #[cfg(windows)]
+            captures,
+        })
+    }
+
+    /// The same of a session that was made to allow these.
+    #[cfg(windows)]
+    pub(super) fn with_captures(self, captures: Captures) -> Self {
+        Self { captures, ..self }
+    }
+
+    /// Passes that are captured.
+    #[cfg(windows)]
+    pub(super) fn captures(&self) -> &Captures {
+        &self.captures
     }
 
     pub(super) fn session(&self) -> &Session {

@@ -100,6 +100,25 @@ pub(crate) trait Lane: Send {
     /// What was moved so far.
     fn bytes(&self) -> Bytes;
 
+    /// Time on the device of runs or copies that are done; none on a device that is no Direct3D 12 one.
+    #[cfg(windows)]
+    fn spent(&mut self, on: Work<'_>) -> Option<crate::gpu::Spent> {
+        let _ = on;
+        None
+    }
+
+    /// What the processor has done besides its own work; none on a device that is no Direct3D 12 one.
+    #[cfg(windows)]
+    fn elsewhere(&self) -> Option<Elsewhere> {
+        None
+    }
+
+    /// Which bound runs are captured; none on a device that is no Direct3D 12 one.
+    #[cfg(windows)]
+    fn captured(&self) -> Option<super::Captured> {
+        None
+    }
+
     /// Room on the device for a copy of `latent` and for `pictures` pictures of `size`; none on a device that is no Direct3D 12 one.
     #[cfg(windows)]
     fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<super::Snapshot>> {
@@ -113,6 +132,26 @@ pub(crate) trait Lane: Send {
         let _ = (decoded, latent, into);
         Err(crate::Error::new(crate::ErrorKind::Unsupported, "the device keeps no pictures"))
     }
+}
+
+/// Wall time of a lane that is not the library's own.
+#[cfg(windows)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Elsewhere {
+    /// Inside ONNX Runtime, which makes the device's command lists and gives them to the queue.
+    pub inside: std::time::Duration,
+    /// Waiting for the device.
+    pub waited: std::time::Duration,
+}
+
+/// What a lane times on its device.
+#[cfg(windows)]
+#[derive(Clone, Copy)]
+pub(crate) enum Work<'a> {
+    /// Runs of a graph that is bound in the lane, through whichever binding.
+    Runs(&'a Arc<Graph>),
+    /// Copies that were written down once.
+    Repeated,
 }
 
 /// A decoder's pictures in a buffer of one lane.

@@ -22,15 +22,17 @@ mod pin;
 mod stop;
 
 pub use cpu::CpuOptions;
-pub use device::Device;
-#[cfg(windows)]
-pub use directml::DirectMlOptions;
+pub use device::{Device, DeviceMemory};
 #[cfg(windows)]
 pub(crate) use directml::Snapshot;
+#[cfg(windows)]
+pub use directml::{Captured, DirectMlOptions};
 pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
 #[cfg(windows)]
-pub(crate) use lane::Decoded;
+pub use lane::Elsewhere;
 pub(crate) use lane::{BindingId, BufferId, CopiesId, KeptCopy, Lane, Region};
+#[cfg(windows)]
+pub(crate) use lane::{Decoded, Work};
 pub use library::Ort;
 pub(crate) use stop::StopLane;

@@ -74,6 +74,21 @@ impl Lane for StopLane {
     }
 
     #[cfg(windows)]
+    fn spent(&mut self, on: super::Work<'_>) -> Option<crate::gpu::Spent> {
+        self.inner.spent(on)
+    }
+
+    #[cfg(windows)]
+    fn elsewhere(&self) -> Option<super::Elsewhere> {
+        self.inner.elsewhere()
+    }
+
+    #[cfg(windows)]
+    fn captured(&self) -> Option<super::Captured> {
+        self.inner.captured()
+    }
+
+    #[cfg(windows)]
     fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<super::Snapshot>> {
         self.inner.room_on_device(latent, pictures, size)
     }

@@ -2,8 +2,11 @@
 
 mod anchor;
 mod autoencoder;
+mod budget;
 mod contract;
 mod controls;
+#[cfg(windows)]
+mod device_times;
 #[cfg(test)]
 mod fault_tests;
 #[cfg(test)]
@@ -33,6 +36,8 @@ mod world;
 
 pub use anchor::KeptAnchor;
 pub use controls::{ControlInput, MAX_MOUSE};
+#[cfg(windows)]
+pub use device_times::DeviceTimes;
 pub use keys::{Key, KeySet};
 pub use kv_memory::Part;
 pub use noise::{NoiseKey, fill_noise};

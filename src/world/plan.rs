@@ -283,6 +283,11 @@ impl Planner {
         self.cache_mode
     }
 
+    /// Other noise levels for the plans that follow.
+    pub(super) fn set_table(&mut self, table: SigmaTable) {
+        self.table = table;
+    }
+
     /// Noise levels of a latent step.
     pub fn sigma_table(&self) -> &SigmaTable {
         &self.table

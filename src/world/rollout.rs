@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::autoencoder::Autoencoder;
+use super::budget::LatentBudget;
 use super::controls::ControlInput;
 use super::kv_memory::{KvMemory, Part};
 use super::numbers;
@@ -44,6 +45,8 @@ pub struct Rollout {
     to_render: Bilinear,
     statistics: Statistics,
     stop: Arc<AtomicBool>,
+    /// What latents are held to.
+    pub(super) budget: Option<LatentBudget>,
 }
 
 /// What a frozen pass computes, for parity tests and research.
@@ -89,6 +92,7 @@ impl Rollout {
             to_render: Bilinear::new(world.decoded_size(), world.render_size()),
             statistics: Statistics::default(),
             stop,
+            budget: None,
             world: world.clone(),
         })
     }
@@ -128,7 +132,10 @@ impl Rollout {
     /// # Errors
     /// As [`append`](Self::append).
     pub fn step(&mut self, input: &ControlInput) -> Result<StepInfo> {
-        self.with_plan(|planner, plan| planner.plan_step_into(input, plan), Self::execute)
+        let start = Instant::now();
+        let made = self.with_plan(|planner, plan| planner.plan_step_into(input, plan), Self::execute)?;
+        self.note_latent(start.elapsed());
+        Ok(made)
     }
 
     /// Executes a plan to the letter, whoever made it: denoise passes, cache pass, decoding, commit.

@@ -129,6 +129,7 @@ impl Rollout {
         }
         self.planner = planner;
         self.point = point;
+        self.budget = None;
         self.forget_host_latent();
         Ok(())
     }

@@ -18,6 +18,9 @@ pub struct WorldOptions {
     pub precision: Option<Precision>,
     /// Bytes this world with its bundle and one rollout may take. `None`: what the system has available.
     pub memory_limit: Option<u64>,
+    /// Where the global window is too wide for the memory that there is, the widest one that is not takes its place;
+    /// [`World::global_window`] says which. Otherwise such a world is refused.
+    pub fit_window: bool,
 }
 
 /// A loaded bundle: sessions, weights and geometry.
@@ -70,15 +73,18 @@ impl World {
                 .remedy("Use another precision, or build the bundle with it"));
         }
         let global_window = options.global_window.unwrap_or(geometry.global.window);
-        let need = bundle.memory_need(precision, global_window)?;
-        // The bundle itself is in memory already.
-        let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
-        if let Some(limit) = limit {
-            need.check_fits(limit)?;
-        }
-        if let Some(room) = device.room() {
-            need.check_fits_on_device(room)?;
-        }
+        let fits = |g: u32| {
+            let need = bundle.memory_need(precision, g)?;
+            // The bundle itself is in memory already.
+            let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
+            limit.map_or(Ok(()), |limit| need.check_fits(limit))?;
+            device.room().map_or(Ok(()), |room| need.check_fits_on_device(room))?;
+            Ok(need)
+        };
+        let (global_window, need) = match options.fit_window {
+            true => widest(global_window, geometry.global.dilation, fits)?,
+            false => (global_window, fits(global_window)?),
+        };
 
         let shapes = Shapes::new(manifest, global_window);
         let sessions = GraphKind::ALL.len() as u64;
@@ -216,5 +222,52 @@ impl std::fmt::Debug for World {
             self.precision,
             self.device.describe()
         )
+    }
+}
+
+/// The widest window up to `wanted` in steps of the dilation that fits, and what `fits` says of it; wider ones need more.
+fn widest<T>(wanted: u32, dilation: u32, fits: impl Fn(u32) -> Result<T>) -> Result<(u32, T)> {
+    let too_wide = |e: &Error| e.kind() == ErrorKind::OutOfMemory;
+    let refused = match fits(wanted) {
+        Err(e) if too_wide(&e) && dilation > 0 && wanted > dilation => e,
+        found => return found.map(|found| (wanted, found)),
+    };
+    // The narrowest one, at least, or there is none.
+    let mut best = match fits(dilation) {
+        Err(e) if too_wide(&e) => return Err(refused),
+        found => (dilation, found?),
+    };
+    let (mut low, mut high) = (1, wanted / dilation);
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        match fits(middle * dilation) {
+            Err(e) if too_wide(&e) => high = middle,
+            found => (low, best) = (middle, (middle * dilation, found?)),
+        }
+    }
+    Ok(best)
+}
+
+#[cfg(test)]
+mod widest_tests {
+    use super::*;
+
+    #[test]
+    fn the_widest_window_that_fits_is_found() {
+        let room = |most: u32| {
+            move |g: u32| match g {
+                g if g > most => Err(Error::new(ErrorKind::OutOfMemory, format!("g{g}"))),
+                g => Ok(2 * g),
+            }
+        };
+        for (wanted, most, expected) in
+            [(512, 600, 512), (512, 511, 504), (512, 100, 96), (512, 8, 8), (8, 8, 8), (16, 15, 8)]
+        {
+            assert_eq!(widest(wanted, 8, room(most)).unwrap(), (expected, 2 * expected), "{wanted} of {most}");
+        }
+        // Of all that is too wide, what was asked for is told.
+        assert_eq!(widest(64, 8, room(7)).unwrap_err().cause(), "g64");
+        let broken = |_: u32| Err::<u32, _>(Error::new(ErrorKind::Device, "lost"));
+        assert_eq!(widest(64, 8, broken).unwrap_err().kind(), ErrorKind::Device);
     }
 }

@@ -126,6 +126,7 @@ struct row {
     C2(cairn_rollout_get_info, SHARED(ROLLOUT), FILLED(cairn_rollout_info))                                           \
     C3(cairn_rollout_append, ALONE(ROLLOUT), READ(cairn_picture), FILLED_OR_NULL(cairn_step_info))                    \
     C3(cairn_rollout_step, ALONE(ROLLOUT), READ(cairn_controls), FILLED_OR_NULL(cairn_step_info))                     \
+    C3(cairn_rollout_set_budget, ALONE(ROLLOUT), NUMBER(100000000), TEXT)                                             \
     C1(cairn_rollout_reset, ALONE(ROLLOUT))                                                                           \
     C2(cairn_rollout_get_anchor, SHARED(ROLLOUT), RESULT(cairn_anchor *))                                             \
     C3(cairn_rollout_submit, SHARED(QUEUE), READ(cairn_controls), RESULT(uint64_t))                                   \
@@ -151,6 +152,10 @@ struct row {
     C4(cairn_presenter_push, SHARED(PRESENTER), SHARED(ANCHOR), SHARED_OR_NULL(GUIDANCE), NUMBER(100000000))          \
     C3(cairn_presenter_query, SHARED(PRESENTER), NUMBER(100000000), FILLED(cairn_frame))                              \
     C4(cairn_presenter_draw, ALONE(PRESENTER), NUMBER(100000000), READ(cairn_target), FILLED_OR_NULL(cairn_frame))    \
+    C3(cairn_presenter_resize, SHARED(PRESENTER), CHOICE(0, 16384), CHOICE(0, 16384))                                 \
+    C5(cairn_presenter_set_overlay, SHARED(PRESENTER), BYTES(uint8_t), COUNT(WIDTH * HEIGHT), NUMBER(WIDTH),          \
+       NUMBER(HEIGHT))                                                                                                \
+    C2(cairn_presenter_set_budget, SHARED(PRESENTER), NUMBER(4000000))                                                \
     C1(cairn_presenter_reset, SHARED(PRESENTER))                                                                      \
     C2(cairn_presenter_get_statistics, SHARED(PRESENTER), FILLED(cairn_presenter_statistics))                         \
     C1(cairn_presenter_destroy, SHARED(PRESENTER))                                                                    \
@@ -259,6 +264,8 @@ static const struct field fields[] = {
     FIELD(cairn_world_options, precision, CHOICE_FIELD, 2),
     FIELD(cairn_world_options, path, TEXT_FIELD, 0),
     FIELD(cairn_world_options, operating_point, TEXT_FIELD, 0),
+    FIELD(cairn_world_options, flags, FLAGS_FIELD, 1),
+    FIELD(cairn_world_options, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_rollout_options, queue_capacity, CHOICE_FIELD, CAIRN_MAX_QUEUE),
     FIELD(cairn_rollout_options, operating_point, TEXT_FIELD, 0),
     FIELD(cairn_picture, format, CHOICE_FIELD, 1),
@@ -278,14 +285,16 @@ static const struct field fields[] = {
     FIELD(cairn_guidance_data, vertical_fov, REAL_FIELD, 0),
     FIELD(cairn_guidance_data, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_presenter_options, multiplier, CHOICE_FIELD, 6),
-    FIELD(cairn_presenter_options, flags, FLAGS_FIELD, 7),
+    FIELD(cairn_presenter_options, flags, FLAGS_FIELD, 15),
     FIELD(cairn_presenter_options, capacity, CHOICE_FIELD, CAIRN_MAX_QUEUE),
     FIELD(cairn_presenter_options, motion, CHOICE_FIELD, 2),
-    FIELD(cairn_presenter_options, colour_space, CHOICE_FIELD, 1),
+    FIELD(cairn_presenter_options, colour_space, CHOICE_FIELD, 3),
     FIELD(cairn_presenter_options, fsr, CHOICE_FIELD, 2),
     FIELD(cairn_presenter_options, shader, CHOICE_FIELD, 2),
     FIELD(cairn_presenter_options, cpu, CHOICE_FIELD, 2),
     FIELD(cairn_presenter_options, reserved, CHOICE_FIELD, 0),
+    FIELD(cairn_presenter_options, white_nits, CHOICE_FIELD, 10000),
+    FIELD(cairn_presenter_options, reserved_too, CHOICE_FIELD, 0),
 };
 enum { FIELDS = sizeof fields / sizeof fields[0] };
 

@@ -101,6 +101,16 @@ static void wrong_handles(int i)
     a[i].pointer = right;
 }
 
+/* A struct had this size before fields were added to it. */
+static int earlier_size(const struct shape *shape, uint32_t size)
+{
+    const uint32_t sizes[][2] = {{sizeof(cairn_presenter_options), 64}, {sizeof(cairn_presenter_statistics), 304},
+        {sizeof(cairn_device_info), 144}, {sizeof(cairn_world_options), 48}};
+    int found = 0;
+    for (int i = 0; i < 4; i++) found |= shape->size == sizes[i][0] && size == sizes[i][1];
+    return found;
+}
+
 static void wrong_structs(int i)
 {
     const struct shape *shape = &row->shapes[i];
@@ -113,6 +123,7 @@ static void wrong_structs(int i)
     }
     a[i].pointer = right;
     for (uint32_t size = 0; size < 4200; size++) {
+        if (earlier_size(shape, size)) continue;
         if (size == shape->size || (size > shape->size && size <= 4096 && size % shape->align == 0)) continue;
         memcpy(right, &size, sizeof size);
         refused(CAIRN_ERROR_STRUCT_SIZE, "a wrong struct_size");

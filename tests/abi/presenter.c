@@ -162,9 +162,66 @@ static void a_second_of_frames_is_drawn(void)
     CHECK(done.shown_anchors + done.shown_generated == 200 && done.shown_generated > 130 && done.repeated > 120);
     CHECK(strcmp(done.generator, "cpu") == 0 && done.preference[0] == 0);
     CHECK(done.generate_ns > 0 && done.guidance_ns > 0);
+    /* Nothing was made by a device, and all anchors but the last have had their time. */
+    CHECK(done.device_frames == 0 && done.device_lists_ns == 0 && done.under_way == 0 && done.waiting <= 1);
+    CHECK(done.made_to_anchor == 0 && done.budget_changes == 0);
+    OK(cairn_presenter_set_budget(presenter, 4000000));
+    OK(cairn_presenter_get_statistics(presenter, &done));
+    CHECK(done.made_to_anchor > 1 && done.budget_changes == 0);
+    OK(cairn_presenter_set_budget(presenter, 0));
+    /* A host of before has a shorter struct. */
+    struct { cairn_presenter_statistics statistics; uint64_t behind; } earlier = {.behind = 7};
+    earlier.statistics.struct_size = 304;
+    earlier.statistics.waiting = 0x5a5a5a5a;
+    OK(cairn_presenter_get_statistics(presenter, &earlier.statistics));
+    CHECK(earlier.statistics.anchors == 17 && earlier.statistics.waiting == 0x5a5a5a5a && earlier.behind == 7);
+    /* A target must have the size that frames have now. */
+    OK(cairn_presenter_resize(presenter, WIDTH / 2, HEIGHT / 2));
+    cairn_target half = {.struct_size = sizeof half, .width = WIDTH / 2, .height = HEIGHT / 2, .pixels = pixels,
+        .size = sizeof pixels};
+    OK(cairn_presenter_draw(presenter, 2000000000, &half, NULL));
+    OK(cairn_presenter_resize(presenter, 0, 0));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_draw(presenter, 2000000000, &half, NULL));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_resize(presenter, 16385, 1));
+    /* What lies over the anchors has their size. */
+    static uint8_t mask[WIDTH * HEIGHT];
+    OK(cairn_presenter_set_overlay(presenter, mask, sizeof mask, WIDTH, HEIGHT));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_set_overlay(presenter, mask, WIDTH * (HEIGHT - 1), WIDTH, HEIGHT - 1));
+    OK(cairn_presenter_set_overlay(presenter, NULL, 0, 0, 0));
     OK(cairn_presenter_reset(presenter));
     ANSWERS(CAIRN_NOT_READY, cairn_presenter_query(presenter, 2000000000, &asked));
     OK(cairn_presenter_destroy(presenter));
+}
+
+/* White of pictures has the same number everywhere in HDR10 and scRGB: that of so many nits. */
+static void colours_beyond_white_have_the_numbers_of_their_standards(void)
+{
+    const struct { uint32_t space, format, nits; } cases[] = {
+        {CAIRN_COLOUR_HDR10, CAIRN_FORMAT_RGB10A2, 0}, {CAIRN_COLOUR_HDR10, CAIRN_FORMAT_RGB10A2, 100},
+        {CAIRN_COLOUR_SCRGB, CAIRN_FORMAT_RGBA16F, 160}, {CAIRN_COLOUR_SCRGB, CAIRN_FORMAT_RGBA16F, 80},
+    };
+    const uint64_t white[] = {594, 520, 0x4000, 0x3c00};
+    static uint8_t bytes[WIDTH * HEIGHT * 4];
+    memset(bytes, 0xff, sizeof bytes);
+    cairn_picture picture = {.struct_size = sizeof picture, .width = WIDTH, .height = HEIGHT, .pixels = bytes, .size = sizeof bytes};
+    cairn_anchor *anchor;
+    OK(cairn_anchor_create(&picture, 0, 0, &anchor));
+    for (int i = 0; i < 4; i++) {
+        cairn_presenter_options options = {.struct_size = sizeof options, .interval_ns = 60000000,
+            .colour_space = cases[i].space, .white_nits = cases[i].nits};
+        cairn_presenter *presenter = make_presenter(&options);
+        OK(cairn_presenter_push(presenter, anchor, NULL, 0));
+        static uint64_t pixels[WIDTH * HEIGHT];
+        cairn_target target = {.struct_size = sizeof target, .format = cases[i].format, .width = WIDTH, .height = HEIGHT,
+            .pixels = pixels, .size = sizeof pixels};
+        OK(cairn_presenter_draw(presenter, 90000000, &target, NULL));
+        uint64_t level = cases[i].format == CAIRN_FORMAT_RGB10A2 ? pixels[7] & 1023 : pixels[7] & 0xffff;
+        CHECK(level + 1 >= white[i] && level <= white[i] + 1);
+        target.format = CAIRN_FORMAT_RGBA8;
+        ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_draw(presenter, 90000000, &target, NULL));
+        OK(cairn_presenter_destroy(presenter));
+    }
+    OK(cairn_anchor_destroy(anchor));
 }
 
 static void frames_have_the_size_and_format_asked_for(void)
@@ -415,6 +472,7 @@ int main(void)
     RUN(frames_are_those_of_the_reference);
     RUN(a_second_of_frames_is_drawn);
     RUN(frames_have_the_size_and_format_asked_for);
+    RUN(colours_beyond_white_have_the_numbers_of_their_standards);
     RUN(preferences_are_met_or_refused);
     RUN(guidance_goes_in_and_out);
     RUN(asking_does_not_wait_for_a_picture);

@@ -251,6 +251,29 @@ static void a_state_goes_on_bit_for_bit(void)
     OK(cairn_rollout_destroy(other));
 }
 
+#ifdef CAIRN_WORLD_FIT_WINDOW /* Budgets are not in the first header, as that is not. */
+static void latents_are_held_to_a_budget(void)
+{
+    cairn_rollout *rollout = make_seeded(1);
+    cairn_controls c = controls(0);
+    uint32_t passes[6];
+    /* Nothing is made in a nanosecond. */
+    OK(cairn_rollout_set_budget(rollout, 1, "stock explicit:1:0.5:0"));
+    for (int i = 0; i < 6; i++) {
+        cairn_step_info info = {.struct_size = sizeof info};
+        OK(cairn_rollout_step(rollout, &c, &info));
+        passes[i] = info.denoise_passes;
+    }
+    CHECK(passes[0] > 2 && passes[1] == passes[0] && passes[2] == passes[0]);
+    CHECK(passes[3] == 2 && passes[4] == 2 && passes[5] == 2);
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_set_budget(rollout, 1, "explicit:1:0.5:0 stock"));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_set_budget(rollout, 1, "fast"));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_set_budget(rollout, 0, "stock"));
+    OK(cairn_rollout_set_budget(rollout, 0, ""));
+    OK(cairn_rollout_destroy(rollout));
+}
+#endif
+
 static void wrong_controls_are_refused(void)
 {
     cairn_rollout *rollout = make_seeded(1);
@@ -366,6 +389,9 @@ int main(void)
     RUN(a_held_queue_goes_step_by_step);
     RUN(cancelling_leaves_the_rollout_whole);
     RUN(a_state_goes_on_bit_for_bit);
+#ifdef CAIRN_WORLD_FIT_WINDOW
+    RUN(latents_are_held_to_a_budget);
+#endif
     RUN(wrong_controls_are_refused);
     RUN(destroying_ends_who_waits);
     RUN(everything_may_go_in_every_order);

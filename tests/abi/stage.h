@@ -162,7 +162,8 @@ static void good_arguments(const struct row *row, struct argument a[MOST_ARGUMEN
         a[i].number = shape->kind == COUNT_ARGUMENT && shape->good == 0 ? saved_size : shape->good;
         a[i].real = 1;
         if (shape->kind == HANDLE_ARGUMENT) a[i].pointer = objects[shape->object];
-        if (shape->kind == TEXT_ARGUMENT) memcpy(&rooms[i], STATE_FILE, sizeof STATE_FILE);
+        /* A schedule, or the name of a file. */
+        if (shape->kind == TEXT_ARGUMENT) strcpy((char *)&rooms[i], strstr(row->name, "set_budget") ? "stock" : STATE_FILE);
         if (shape->kind == READ_ARGUMENT) good_struct(shape->number, &rooms[i]);
         if (shape->kind == FILLED_ARGUMENT || shape->kind == RESULT_ARGUMENT || shape->kind == ROOM_ARGUMENT) {
             memset(&rooms[i], pattern, 8192);

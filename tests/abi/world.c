@@ -66,6 +66,13 @@ static void what_cannot_be_loaded_is_refused(void)
     options.memory_limit = 1;
     ANSWERS(CAIRN_ERROR_OUT_OF_MEMORY, cairn_world_load(device, &options, &world));
     CHECK(strstr(message(), "MiB are needed") != NULL);
+#ifdef CAIRN_WORLD_FIT_WINDOW /* Not in the first header. */
+    /* Not even the narrowest window fits into a byte; and all of it into what there is. */
+    options.flags = CAIRN_WORLD_FIT_WINDOW;
+    ANSWERS(CAIRN_ERROR_OUT_OF_MEMORY, cairn_world_load(device, &options, &world));
+    options.flags = 2;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, &options, &world));
+#endif
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, NULL, &world));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, &good, NULL));
     CHECK(world == (cairn_world *)(uintptr_t)0x1234);

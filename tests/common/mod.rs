@@ -39,7 +39,7 @@ pub fn device() -> Device {
     #[cfg(windows)]
     if std::env::var_os("CAIRN_TEST_DEVICE").is_some_and(|name| name == "d3d12") {
         let gpu = cairn::gpu::Gpu::on_adapter(None).expect("an adapter");
-        let options = cairn::runtime::DirectMlOptions { deterministic: true, profile: None };
+        let options = cairn::runtime::DirectMlOptions { deterministic: true, ..Default::default() };
         return Device::directml(&ort(), &gpu, options).expect("DirectML");
     }
     Device::cpu(&ort(), CpuOptions { threads: Some(2), deterministic: true }).expect("a CPU device")

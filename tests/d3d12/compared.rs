@@ -63,6 +63,7 @@ pub(crate) struct Guided {
     motion: Kept,
     depth: Kept,
     tiles: [u32; 2],
+    depth_is_even: bool,
 }
 
 impl Guided {
@@ -70,7 +71,12 @@ impl Guided {
         let (field, depth) = (guidance.motion(), guidance.depth());
         let size = (field.columns(), field.vectors().len() as u32 / field.columns());
         let motion = filled(gpu, size, DXGI_FORMAT_R16G16_FLOAT, bytemuck::cast_slice(field.vectors()));
-        Self { motion, depth: depth_texture(gpu, depth), tiles: [field.tile(), depth.tile()] }
+        Self {
+            motion,
+            depth: depth_texture(gpu, depth),
+            tiles: [field.tile(), depth.tile()],
+            depth_is_even: depth.even().is_some(),
+        }
     }
 
     pub(crate) fn textures(&self) -> GuidanceTextures<'_> {
@@ -79,6 +85,7 @@ impl Guided {
             motion_tile: self.tiles[0],
             depth: self.depth.resting(),
             depth_tile: self.tiles[1],
+            depth_is_even: self.depth_is_even,
             hud: None,
         }
     }

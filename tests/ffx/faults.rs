@@ -2,7 +2,8 @@
 
 use super::*;
 
-/// A queue for frames that stands until it is opened.
+/// A queue for frames that stands until it is opened. To be kept until the queue has gone through: a driver may still look at a fence that
+/// its queue waits for when the processor has signalled it.
 struct Gate(ID3D12Fence);
 
 impl Gate {
@@ -14,7 +15,7 @@ impl Gate {
         Self(fence)
     }
 
-    fn open(self) {
+    fn open(&self) {
         // SAFETY: a live fence.
         unsafe { self.0.Signal(1) }.expect("a signal");
     }
@@ -61,7 +62,7 @@ fn a_target_that_is_let_go_of_under_way_is_held_until_its_frame_has_run() {
     _ = generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated");
     drop(textures);
     std::thread::scope(|scope| {
-        scope.spawn(move || {
+        scope.spawn(|| {
             std::thread::sleep(std::time::Duration::from_millis(50));
             gate.open();
         });

@@ -65,7 +65,59 @@ fn three_frames_between_two_lie_at_their_quarters() {
 }
 
 #[test]
-fn what_the_half_cannot_have_is_refused_and_a_failure_starts_anew() {
+fn an_interface_stands_in_all_three_and_a_lens_counts_in_each() {
+    let (stage, library) = playing(&[]);
+    let gpu = gpu();
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let mut generator = FourfoldGenerator::new(&gpu, api, &options()).expect("generators");
+    let textures = panning(&gpu);
+    let [first, last] = [(); 2].map(|()| Textures::new(&gpu, SIZE).output);
+    let quarters = [first.resting(), last.resting()];
+    let hudless = texture(&gpu, (SIZE.width, SIZE.height), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON);
+    let sign = [250, 10, 240, 255];
+    let in_sign = |x: u32, y: u32| (48..80).contains(&x) && (32..64).contains(&y);
+    // Without an interface first: with the first frame that has one history starts anew, of all of them.
+    textures.fill(&textures.color, moved(-STEP));
+    generator.generate(&of(&textures), quarters, &Shot::of(SIZE)).expect("generated").wait().expect("it has run");
+    let without = generator.memory().expect("an answer")[1];
+    for number in [0, 1, 2] {
+        textures.fill(&hudless, moved(STEP * number));
+        textures.fill(&textures.color, |x, y| if in_sign(x, y) { sign } else { moved(STEP * number)(x, y) });
+        let with = Pictures { hudless: Some(hudless.resting()), ..of(&textures) };
+        generator.generate(&with, quarters, &Shot::of(SIZE)).expect("generated").wait().expect("it has run");
+        for (found, part) in [(&first, STEP / 4), (&textures.output, HALF), (&last, STEP - STEP / 4)] {
+            let at = if number == 0 { 0 } else { STEP * (number - 1) + part };
+            let expected = |x: u32, y: u32| if in_sign(x, y) { sign } else { moved(at)(x, y) };
+            let error = off(&textures.pixels(found), INNER, expected);
+            assert!(error <= 3, "frame {number}, {part} of {STEP}: {error}");
+        }
+    }
+    let with = generator.memory().expect("an answer")[1];
+    assert!(with.own > without.own, "a third generator is counted");
+    let totals = [with, without].map(|memory| memory.provider.expect("it can say").total);
+    assert!(totals[0] > totals[1]);
+
+    // A lens that moves nothing is none; one that does shows in each.
+    let lens = texture(&gpu, (SIZE.width, SIZE.height), DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_COMMON);
+    let mut seen = Vec::new();
+    for by in [None, Some(0.0), Some(-4.0)] {
+        let mut generator = FourfoldGenerator::new(&gpu, api, &options()).expect("generators");
+        by.inspect(|by| textures.fill(&lens, |_, _| halves(by / SIZE.width as f32, 0.0)));
+        let pictures = Pictures { distortion: by.map(|_| lens.resting()), ..of(&textures) };
+        for number in [0, 1] {
+            textures.fill(&textures.color, moved(STEP * number));
+            generator.generate(&pictures, quarters, &Shot::of(SIZE)).expect("generated").wait().expect("it has run");
+        }
+        seen.push([&first, &textures.output, &last].map(|found| textures.pixels(found)));
+    }
+    assert!(seen[0] == seen[1], "no lens, and one that does nothing");
+    assert!(seen[0].iter().zip(&seen[2]).all(|(without, with)| without != with));
+    assert!(gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn what_does_not_fit_is_refused_and_a_failure_starts_anew() {
     let (stage, library) = playing(&[]);
     let gpu = gpu();
     let api = library.api(Effect::FrameGeneration).expect("there");
@@ -76,8 +128,7 @@ fn what_the_half_cannot_have_is_refused_and_a_failure_starts_anew() {
     let quarters = [first.resting(), last.resting()];
     let pictures = of(&textures);
     for (field, spoilt, quarters) in [
-        ("hudless", Pictures { hudless: Some(pictures.color), ..pictures }, quarters),
-        ("distortion", Pictures { distortion: Some(pictures.motion), ..pictures }, quarters),
+        ("hudless", Pictures { hudless: Some(small.color.resting()), ..pictures }, quarters),
         ("output", pictures, [small.output.resting(), quarters[1]]),
         ("depth", Pictures { depth: small.depth.resting(), ..pictures }, quarters),
     ] {

@@ -2,7 +2,7 @@
 #![allow(dead_code, unused_imports, reason = "each test program uses its part")]
 
 use cairn::ffx::bindings::{Dimensions, Resource, ResourceState};
-use cairn::ffx::{Frame, Shot};
+use cairn::ffx::{Frame, Pictures, Shot};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
@@ -57,6 +57,18 @@ impl Textures {
             hudless: Resource::default(),
             distortion: Resource::default(),
             shot: Shot { reset, ..Shot::of(self.size) },
+        }
+    }
+
+    /// The same frame for generators in textures.
+    pub(crate) fn pictures(&self) -> Pictures<'_> {
+        Pictures {
+            color: self.color.resting(),
+            output: self.output.resting(),
+            depth: self.depth.resting(),
+            motion: self.motion.resting(),
+            hudless: None,
+            distortion: None,
         }
     }
 

@@ -79,5 +79,5 @@ pub(crate) fn alone(test: &str, act: impl FnOnce()) {
     let ended =
         Command::new(own).args(["--exact", test, "--nocapture"]).env(VARIABLE, test).output().expect("a process");
     let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
-    assert!(ended.status.success() && out.contains("1 passed"), "{out}\n{err}");
+    assert!(ended.status.success() && out.contains("1 passed"), "{}: {out}\n{err}", ended.status);
 }

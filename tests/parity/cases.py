@@ -1,13 +1,26 @@
 """The rollouts that are checked, by what is particular about them; options are the trace program's."""
 
+import os
+
+# Where the rollouts run: `cpu`, or `d3d12` for DirectML.
+DEVICE = os.environ.get("PARITY_DEVICE", "cpu")
+# Two short rollouts in place of all: what there is time for in every run of the tests on a device that a processor plays.
+SHORT = os.environ.get("PARITY_CASES") == "short"
+
 F32 = 1e-4
 F16 = 1e-2
 BOUND = {"f32": F32, "f16": F16}
 # A mutant must miss its bound by this factor.
 MISSED_BY = 10
 
+# Longer than local layers remember, and over two write steps of a global layer: slots are filled, hidden and taken anew.
+SHORT_CASES: dict[str, dict] = {
+    "short": {"latents": 6, "append": "0,3", "schedule": "explicit:1:0.5:0"},
+    "short, half precision": {"latents": 6, "append": "0,3", "schedule": "explicit:1:0.5:0", "precision": "f16"},
+}
+
 # `tiny` remembers 4 latents in local layers and 16 in global ones: both rings wrap twice in 32 commits.
-CASES: dict[str, dict] = {
+LONG_CASES: dict[str, dict] = {
     "separate cache pass": {"latents": 36},
     "fused cache pass": {"latents": 36, "cache": "fused", "schedule": "refined:6"},
     "every second latent kept": {
@@ -30,8 +43,10 @@ CASES: dict[str, dict] = {
     "half precision, fused": {"latents": 36, "cache": "fused", "schedule": "refined:6", "precision": "f16"},
 }
 
+CASES = SHORT_CASES if SHORT else LONG_CASES
+
 # The autoencoder knows nothing of caches and windows.
-PICTURES = ("no picture at the start", "pictures appended on the way", "half precision")
+PICTURES = tuple(CASES) if SHORT else ("no picture at the start", "pictures appended on the way", "half precision")
 
 # The real windows, 16 / 8 / 128. Two wraps of the global ring are 256 latents; two passes each keep it short.
 WINDOW: dict = {

@@ -1,12 +1,14 @@
 """Where the bundles are, how the trace program is built and run, and the rollouts that several tests look at."""
 
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from cases import DEVICE
 from comparison import Runner, Trace
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -57,14 +59,21 @@ def run(bundles: Path, program: Path, tmp_path_factory: pytest.TempPathFactory) 
     `oracle_bundle` is what the oracle reads where the bundle that runs is a faulty copy.
     """
     done: dict[tuple, Trace] = {}
+    # Words before the program's own: what runs a Windows program on a machine that has no Windows.
+    runner = shlex.split(os.environ.get("PARITY_RUNNER", ""))
 
     def run(bundle: str | Path = "tiny", oracle_bundle: Path | None = None, **options: str | int) -> Trace:
         key = (bundle, *sorted(options.items()))
         if key not in done:
             path, folder = bundles / bundle, tmp_path_factory.mktemp("trace")
             arguments = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
+            arguments.append(f"--device={DEVICE}")
             result = subprocess.run(
-                [program, path, folder, *arguments], capture_output=True, text=True, encoding="utf-8", check=False
+                [*runner, program, path, folder, *arguments],
+                capture_output=True,
+                text=True,
+                encoding="utf-8",
+                check=False,
             )
             command = f"{program.name} {path} {' '.join(arguments)}"
             assert result.returncode == 0, f"{command}\n{result.stdout}{result.stderr}"

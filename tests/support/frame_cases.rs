@@ -77,6 +77,10 @@ pub(crate) fn guidance(dice: &mut Dice, (width, height): (u32, u32)) -> Guidance
             *z = f32::from_bits(dice.bits() as u32);
         }
     }
+    if is_flat && boxes.len() % 2 == 1 {
+        // Said, not only so.
+        depth.fill(0.5);
+    }
     Guidance::from_parts(motion, depth).unwrap()
 }
 

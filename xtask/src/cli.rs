@@ -1,7 +1,6 @@
 //! The command line.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 
@@ -88,11 +87,10 @@ pub(crate) enum LabCommand {
                             as it is."
     )]
     Run {
-        /// The program, a path of this machine
-        program: PathBuf,
-        /// Its arguments, handed on as they are
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARG")]
-        arguments: Vec<OsString>,
+        /// The program, a path of this machine, and its arguments, handed on as they are
+        // One list: beside a place of its own for the program, the program's first argument could still be an option of this command.
+        #[arg(required = true, num_args = 1.., trailing_var_arg = true, value_name = "PROGRAM [ARG]")]
+        command: Vec<OsString>,
     },
 }
 
@@ -120,5 +118,19 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn what_follows_a_program_is_its_own() {
+        let given = ["a.exe", "--help", "-V", "--", "--all", "-"];
+        let parsed = Cli::try_parse_from(["xtask", "lab", "run"].into_iter().chain(given)).expect("a command");
+        let Command::Lab { command: Some(LabCommand::Run { command }) } = parsed.command else {
+            panic!("another command: {:?}", parsed.command);
+        };
+        assert_eq!(command, given);
+        // Without a program the option is this command's.
+        let help = Cli::try_parse_from(["xtask", "lab", "run", "--help"]).expect_err("its help");
+        assert_eq!(help.kind(), clap::error::ErrorKind::DisplayHelp);
+        assert!(Cli::try_parse_from(["xtask", "lab", "run"]).is_err());
     }
 }

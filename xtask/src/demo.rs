@@ -62,11 +62,15 @@ pub(crate) fn bench(clone: &Clone, arguments: &[String]) -> Result<(), String> {
     pass_through(command.args(arguments))
 }
 
-/// Builds the bench of the compute shaders for Windows and runs it in the lab, or on Windows itself.
+/// Builds for Windows and runs in the lab, or on Windows itself: the bench of the compute shaders, and the table of how near each
+/// generator's frames come to the true ones.
 pub(crate) fn bench_in_lab(clone: &Clone, arguments: &[String]) -> Result<(), String> {
-    let mut command = clone.cargo(["bench", "--quiet", "--package", "cairn", "--bench", "gpu"]);
-    for_windows(&mut command)?;
-    pass_through(command.arg("--").args(arguments))
+    for (package, bench) in [("cairn", "gpu"), ("scenes", "generators")] {
+        let mut command = clone.cargo(["bench", "--quiet", "--package", package, "--bench", bench]);
+        for_windows(&mut command)?;
+        pass_through(command.arg("--").args(arguments))?;
+    }
+    Ok(())
 }
 
 /// Formats, applies what clippy can mend, and writes the C header and its record anew.

@@ -19,8 +19,10 @@ use clone::Clone;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     // What stands between a program and its caller is as little as can be.
-    if let Command::Lab { command: Some(LabCommand::Run { program, arguments }) } = &cli.command {
-        return lab::run(program, arguments).unwrap_or_else(|why| failed(&why));
+    if let Command::Lab { command: Some(LabCommand::Run { command }) } = &cli.command
+        && let [program, arguments @ ..] = command.as_slice()
+    {
+        return lab::run(program.as_ref(), arguments).unwrap_or_else(|why| failed(&why));
     }
     let result = Clone::find().and_then(|clone| match cli.command {
         Command::Lab { .. } => lab::build().map(|()| true),

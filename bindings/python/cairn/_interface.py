@@ -14,6 +14,7 @@ from ctypes import (
     c_float,
     c_int32,
     c_size_t,
+    c_uint8,
     c_uint16,
     c_uint32,
     c_uint64,
@@ -79,9 +80,11 @@ REQUIREMENT_OPTIONAL = 4
 
 LOAD_READING = 1
 LOAD_PREPARING = 2
+WORLD_FIT_WINDOW = 1
 FORMAT_RGBA8 = 0
 FORMAT_BGRA8 = 1
 FORMAT_RGBA16F = 2
+FORMAT_RGB10A2 = 3
 MAX_QUEUE = 64
 STEP_COMMITTED = 1
 FOREVER = 0xFFFFFFFFFFFFFFFF
@@ -99,8 +102,11 @@ PREFER_NEVER = 2
 PRESENTER_HOLD_LATE = 1
 PRESENTER_CATCH_UP = 2
 PRESENTER_NO_DECODED = 4
+PRESENTER_LETTERBOX = 8
 COLOUR_SRGB = 0
 COLOUR_LINEAR = 1
+COLOUR_SCRGB = 2
+COLOUR_HDR10 = 3
 FRAME_ANCHOR = 1
 FRAME_DECODED = 2
 FRAME_GENERATED = 3
@@ -134,6 +140,8 @@ class DeviceInfo(Sized):
         ("precision", c_uint32),
         ("threads", c_uint32),
         ("description", c_char * 128),
+        ("memory_budget_mib", c_uint32),
+        ("memory_used_mib", c_uint32),
     ]
 
 
@@ -182,6 +190,8 @@ class WorldOptions(Sized):
         ("memory_limit", c_uint64),
         ("progress", load_callback),
         ("user", c_void_p),
+        ("flags", c_uint32),
+        ("reserved", c_uint32),
     ]
 
 
@@ -378,6 +388,8 @@ class PresenterOptions(Sized):
         ("shader", c_uint32),
         ("cpu", c_uint32),
         ("reserved", c_uint32),
+        ("white_nits", c_uint32),
+        ("reserved_too", c_uint32),
     ]
 
 
@@ -414,6 +426,17 @@ class PresenterStatistics(Sized):
         ("resize_ns", c_uint64),
         ("generator", c_char * 32),
         ("preference", c_char * 160),
+        ("waiting", c_uint32),
+        ("under_way", c_uint32),
+        ("device_frames", c_uint64),
+        ("device_frames_ns", c_uint64),
+        ("device_frame_longest_ns", c_uint64),
+        ("device_frame_last_ns", c_uint64),
+        ("device_lists", c_uint64),
+        ("device_lists_ns", c_uint64),
+        ("device_list_longest_ns", c_uint64),
+        ("made_to_anchor", c_uint32),
+        ("budget_changes", c_uint32),
     ]
 
 
@@ -453,6 +476,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "rollout_get_info": (_handle, POINTER(RolloutInfo)),
     "rollout_append": (_handle, POINTER(Picture), POINTER(StepInfo)),
     "rollout_step": (_handle, POINTER(Controls), POINTER(StepInfo)),
+    "rollout_set_budget": (_handle, c_uint64, _text),
     "rollout_reset": (_handle,),
     "rollout_get_anchor": (_handle, _new),
     "rollout_submit": (_handle, POINTER(Controls), _ticket),
@@ -477,6 +501,9 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "presenter_push": (_handle, _handle, _handle, c_uint64),
     "presenter_query": (_handle, c_uint64, POINTER(Frame)),
     "presenter_draw": (_handle, c_uint64, POINTER(Target), POINTER(Frame)),
+    "presenter_resize": (_handle, c_uint32, c_uint32),
+    "presenter_set_overlay": (_handle, POINTER(c_uint8), c_size_t, c_uint32, c_uint32),
+    "presenter_set_budget": (_handle, c_uint64),
     "presenter_reset": (_handle,),
     "presenter_get_statistics": (_handle, POINTER(PresenterStatistics)),
     "presenter_destroy": (_handle,),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ctypes import POINTER, byref, c_float, c_uint16
+from ctypes import POINTER, byref, c_float, c_uint8, c_uint16
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
@@ -165,7 +165,9 @@ class Frame:
 @dataclass(frozen=True)
 class PresenterStatistics:
     """What a presenter has done since it was made. `generator` is the one that is used, such as "cpu"; `preference` says why one
-    that might be better is not."""
+    that might be better is not. `waiting` anchors wait for their time, and `under_way` frames for Direct3D 12 have not run;
+    `device_frames` have, in `device_frames_ns` on the device, and so have `device_lists` that bring what frames are made of. Of the
+    frames of an anchor `made_to_anchor` are made where `set_budget` was called; `budget_changes` is how often that changed."""
 
     anchors: int
     late_anchors: int
@@ -182,6 +184,17 @@ class PresenterStatistics:
     resize_ns: int
     generator: str
     preference: str
+    waiting: int
+    under_way: int
+    device_frames: int
+    device_frames_ns: int
+    device_frame_longest_ns: int
+    device_frame_last_ns: int
+    device_lists: int
+    device_lists_ns: int
+    device_list_longest_ns: int
+    made_to_anchor: int
+    budget_changes: int
 
 
 class Presenter(Object):
@@ -206,6 +219,7 @@ class Presenter(Object):
         capacity: int = 0,
         motion: Motion = "auto",
         linear: bool = False,
+        letterbox: bool = False,
         fsr: Prefer = "auto",
         shader: Prefer = "auto",
         cpu: Prefer = "auto",
@@ -215,7 +229,8 @@ class Presenter(Object):
         `interval_ns` is from one anchor to the next; 0 is what the first anchor's rate says. `delay_ns` is from when an anchor
         comes until it is due; 0 is an interval. `hold_late` lets the last anchor stand where one is late; `catch_up` shows
         frames sooner after a late one; `decoded=False` generates frames also where the anchor brings them. `capacity` is how
-        many anchors may wait, 1 to 64; 0 is 4. `linear` writes linear light, into half floats only. `fsr`, `shader` and `cpu`
+        many anchors may wait, 1 to 64; 0 is 4. `linear` writes linear light, into half floats only. `letterbox` keeps the
+        anchors' shape in frames of another, with black around them; otherwise they are stretched. `fsr`, `shader` and `cpu`
         say which generators are wanted.
 
         Raises `InvalidArgument`; `Unsupported` for a required generator that is not there; `OutOfMemory`.
@@ -232,7 +247,7 @@ class Presenter(Object):
             if not 0 <= number < 1 << bits:
                 raise refuse(field, f"{number} is out of range", "Give a number that is not negative, or 0 for the default")
         flags = c.PRESENTER_HOLD_LATE * hold_late | c.PRESENTER_CATCH_UP * catch_up
-        flags |= c.PRESENTER_NO_DECODED * (not decoded)
+        flags |= c.PRESENTER_NO_DECODED * (not decoded) | c.PRESENTER_LETTERBOX * letterbox
         options = c.PresenterOptions(
             multiplier=multiplier,
             width=width,
@@ -247,7 +262,7 @@ class Presenter(Object):
             shader=_choose("shader", shader, _PREFERENCES),
             cpu=_choose("cpu", cpu, _PREFERENCES),
         )
-        self._wanted = self._size = (width, height)
+        self._wanted, self._anchors = (width, height), (0, 0)
         super().__init__(make("presenter_create", byref(options)))
 
     def push(self, anchor: Anchor, now_ns: int, guidance: Guidance | None = None) -> bool:
@@ -261,9 +276,9 @@ class Presenter(Object):
         """
         given = None if guidance is None else guidance._handle
         result = call("presenter_push", self._handle, anchor._handle, given, _time(now_ns))
-        if result == c.OK and self._size == (0, 0):
+        if result == c.OK and self._anchors == (0, 0):
             info = anchor.info
-            self._size = (info.width, info.height)
+            self._anchors = (info.width, info.height)
         return result == c.OK
 
     def query(self, now_ns: int) -> Frame | None:
@@ -280,7 +295,7 @@ class Presenter(Object):
         The pixels are `uint8` `[height, width, 4]` in a new array, or `out`, which may also be `float16`: display-referred, or linear
         light where the presenter was made so. Raises `InvalidArgument`, `Busy`, `OutOfMemory`.
         """
-        width, height = self._size
+        width, height = self._anchors if self._wanted == (0, 0) else self._wanted
         if width == 0 or height == 0:
             return None
         halves = isinstance(out, np.ndarray) and out.dtype == np.float16
@@ -289,10 +304,44 @@ class Presenter(Object):
         result = call("presenter_draw", self._handle, _time(now_ns), byref(struct), byref(frame))
         return None if result == c.NOT_READY else (Frame._of(frame), pixels)
 
+    def resize(self, size: tuple[int, int] = (0, 0)) -> None:
+        """Changes width and height of the frames, as a window's change; (0, 0) is the anchors'. The stream goes on.
+
+        Raises `InvalidArgument`.
+        """
+        width, height = size
+        if not (0 <= width < 1 << 32 and 0 <= height < 1 << 32):
+            raise refuse("size", f"{size} is out of range", "Give 1 to 16384 each way, or (0, 0) for the anchors'")
+        call("presenter_resize", self._handle, width, height)
+        self._wanted = size
+
+    def set_overlay(self, mask: Any | None) -> None:
+        """Says what lies over the anchors from the next frame on and stands still, like a HUD: `mask` is `[height, width]`
+        of the anchors' size, and anything but 0 is such a pixel; None for nothing known. Frames that a Direct3D device makes
+        heed it.
+
+        Raises `InvalidArgument`.
+        """
+        if mask is None:
+            call("presenter_set_overlay", self._handle, None, 0, 0, 0)
+            return
+        given = np.ascontiguousarray(np.asarray(mask) != 0, np.uint8)
+        if given.ndim != 2:
+            raise refuse("mask", f"has {given.ndim} dimensions", "Give [height, width]")
+        height, width = given.shape
+        pixels = given.ctypes.data_as(POINTER(c_uint8))
+        call("presenter_set_overlay", self._handle, pixels, given.size, width, height)
+
+    def set_budget(self, frame_ns: int) -> None:
+        """Holds frames that a Direct3D device makes to so many nanoseconds of its time each, on average over an interval; 0 is
+        no budget. Where that is too little, fewer frames of an interval are made, and the others repeat the one before.
+        """
+        call("presenter_set_budget", self._handle, _time(frame_ns))
+
     def reset(self) -> None:
         """Forgets all anchors and when they came: the next one is a first again."""
         call("presenter_reset", self._handle)
-        self._size = self._wanted
+        self._anchors = (0, 0)
 
     @property
     def statistics(self) -> PresenterStatistics:

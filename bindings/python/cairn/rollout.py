@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from ctypes import POINTER, byref, c_char, c_float, c_size_t, c_uint64, c_void_p
 from dataclasses import dataclass
 from typing import Self
@@ -180,6 +180,17 @@ class Rollout(Object):
     def anchor(self) -> Anchor:
         """A copy of the last anchor. Raises `InvalidArgument` before the first latent; `Busy` while a step is running."""
         return Anchor(make("rollout_get_anchor", self._handle))
+
+    def set_budget(self, latent_ns: int, schedules: Sequence[str]) -> None:
+        """Holds latents to `latent_ns` nanoseconds of wall time each: they are made by the first of `schedules`, such as
+        `["stock", "explicit:1:0.5:0"]`, until that takes too long, and then by one with fewer passes. It goes by the times of the
+        latents before, so that the same controls may give other pictures the next time. No schedules end it.
+
+        Raises `InvalidArgument`, and `Busy` while steps are queued.
+        """
+        if not 0 <= latent_ns < 1 << 64:
+            raise refuse("latent_ns", f"{latent_ns} is no time", "Give nanoseconds")
+        call("rollout_set_budget", self._handle, latent_ns, " ".join(schedules).encode())
 
     def reset(self) -> None:
         """Back to the start with the same seed: no latents, empty memory."""

@@ -152,6 +152,12 @@ class Device(Object):
         """Threads that share one pass."""
         return int(self._info().threads)
 
+    @property
+    def memory(self) -> tuple[int, int]:
+        """MiB of its adapter's memory that the system grants to this process now, and that it uses; (0, 0) where none says so."""
+        info = self._info()
+        return int(info.memory_budget_mib), int(info.memory_used_mib)
+
     def load_world(
         self,
         path: str | os.PathLike[str] | None = None,
@@ -159,6 +165,7 @@ class Device(Object):
         precision: Precision | None = None,
         operating_point: str | None = None,
         memory_limit: int = 0,
+        fit_window: bool = False,
         progress: Progress | None = None,
     ) -> World:
         """Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs.
@@ -167,7 +174,8 @@ class Device(Object):
         `path` is a bundle, a folder or a file; None is the world embedded in the library, where there is one. `precision` None
         is what the device is best at. `operating_point` is a preset, with changes after commas where needed, such as
         "coherence" or "stock,g64,native"; None is "stock" at the bundle's own window. `memory_limit` is in bytes for the world
-        and one rollout; 0 is what the system has available. `progress` is called on this thread.
+        and one rollout; 0 is what the system has available. `fit_window` narrows the global window where it is too wide for that,
+        instead of refusing; the rollout's operating point says which it is. `progress` is called on this thread.
 
         Raises `InvalidArgument`, `FileError`, `InvalidBundle`, `Unsupported`, `OutOfMemory` with figures, `DeviceError`;
         `Cancelled` when `progress` gave False; and what `progress` raises.
@@ -193,6 +201,7 @@ class Device(Object):
             path=encoded(path, "path"),
             operating_point=encoded(operating_point, "operating_point"),
             memory_limit=memory_limit,
+            flags=c.WORLD_FIT_WINDOW * fit_window,
             # Also without one of the caller's: it is where Ctrl+C is noticed.
             progress=c.load_callback(told),
         )

@@ -19,6 +19,7 @@ STRUCTS = {
 
 # By the C type's text, without const and the parameter's name. Handles are numbers: every pointer to one is void.
 TYPES = {
+    "uint8_t *": ctypes.POINTER(ctypes.c_uint8),
     "uint16_t *": ctypes.POINTER(ctypes.c_uint16),
     "uint32_t": ctypes.c_uint32,
     "int32_t": ctypes.c_int32,

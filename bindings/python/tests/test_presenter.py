@@ -98,6 +98,38 @@ def test_a_frame_goes_into_memory_of_the_caller_as_bytes_or_halves():
                 presenter.draw(SECOND, out=wrong)
 
 
+def test_frames_change_their_size_and_keep_their_shape_where_they_shall():
+    with cairn.Presenter(interval_ns=SECOND, letterbox=True) as presenter:
+        first, second = anchors(2)
+        presenter.push(first, 0)
+        presenter.push(second, SECOND)
+        assert presenter.draw(SECOND)[1].shape == (96, 160, 4)
+        presenter.resize((80, 80))
+        _, framed = presenter.draw(SECOND)
+        assert framed.shape == (80, 80, 4)
+        # 160 x 96 becomes 80 x 48: sixteen rows of black above it and below.
+        assert (framed[:16, :, :3] == 0).all() and (framed[64:, :, :3] == 0).all() and (framed[..., 3] == 255).all()
+        assert framed[16:64, :, :3].any(axis=(1, 2)).all()
+        presenter.resize()
+        assert presenter.draw(SECOND)[1].shape == (96, 160, 4)
+        with pytest.raises(cairn.InvalidArgument):
+            presenter.resize((0, 5))
+
+
+def test_overlays_and_budgets_are_said():
+    with cairn.Presenter(4, interval_ns=SECOND) as presenter:
+        presenter.push(anchors(1)[0], 0)
+        presenter.set_overlay(np.ones((96, 160), bool))
+        presenter.set_overlay(None)
+        for wrong in (np.ones((95, 160)), np.ones((96, 160, 1))):
+            with pytest.raises(cairn.InvalidArgument):
+                presenter.set_overlay(wrong)
+        assert presenter.statistics.made_to_anchor == 0
+        presenter.set_budget(2_000_000)
+        done = presenter.statistics
+        assert (done.made_to_anchor, done.budget_changes, done.waiting, done.device_frames) == (4, 0, 0, 0)
+
+
 def test_a_cut_and_a_full_queue_are_said():
     with cairn.Presenter(2, interval_ns=SECOND, capacity=2) as presenter:
         first, second, third = anchors(3)

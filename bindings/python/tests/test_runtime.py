@@ -296,6 +296,18 @@ def test_pause_and_single_step(rollout):
     rollout.step()
 
 
+def test_latents_are_held_to_a_budget(rollout):
+    # Nothing is made in a nanosecond.
+    rollout.set_budget(1, ["stock", "explicit:1:0.5:0"])
+    passes = [rollout.step(controls).denoise_passes for controls in WALK]
+    assert passes[0] == passes[1] == passes[2] > 2 and passes[3:] == [2, 2]
+    assert "explicit:1:0.5:0" in rollout.info.operating_point
+    for latent_ns, schedules in ((0, ["stock"]), (1, ["explicit:1:0.5:0", "stock"]), (1, ["fast"]), (-1, ["stock"])):
+        with pytest.raises(cairn.InvalidArgument):
+            rollout.set_budget(latent_ns, schedules)
+    rollout.set_budget(0, [])
+
+
 def test_a_second_step_beside_a_queued_one_is_busy(rollout):
     rollout.pause()
     ticket = rollout.submit()

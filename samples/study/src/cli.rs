@@ -12,6 +12,7 @@ use clap::{Parser, Subcommand as Subcommands};
 use crate::output::MANIFEST;
 use crate::progress::Progress;
 
+mod compare;
 mod demo;
 mod interpolate;
 mod quality;
@@ -64,6 +65,9 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Four seconds at 1920x1080 on the embedded world, and a short reconstruct
     Demo(demo::DemoArgs),
+    /// The paper's experiment: the same walks, run fewer and better, more often, and in three other ways
+    #[command(after_help = compare::EXAMPLES)]
+    Compare(compare::CompareArgs),
     /// Generates frames between true anchors of a scene, and shows how near they are to the true frames
     #[command(after_help = reconstruct::EXAMPLES)]
     Reconstruct(reconstruct::ReconstructArgs),
@@ -99,6 +103,7 @@ impl Command {
             Self::Rollout(args) => args.as_ref(),
             Self::Replay(args) => args,
             Self::Demo(args) => args,
+            Self::Compare(args) => args,
             Self::Reconstruct(args) => args,
             Self::Quality(args) => args,
             Self::WorldQuality(args) => args,
@@ -108,6 +113,9 @@ impl Command {
         }
     }
 }
+
+#[cfg(test)]
+pub(crate) use rollout::settings_of as rollout_settings;
 
 /// Runs the program with its arguments, the first of which is its name.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
@@ -212,10 +220,17 @@ mod tests {
 
     #[test]
     fn every_example_in_the_help_parses() {
-        let all = [EXAMPLES, reconstruct::EXAMPLES, quality::EXAMPLES, interpolate::EXAMPLES, score::EXAMPLES];
+        let all = [
+            EXAMPLES,
+            compare::EXAMPLES,
+            reconstruct::EXAMPLES,
+            quality::EXAMPLES,
+            interpolate::EXAMPLES,
+            score::EXAMPLES,
+        ];
         let joined = all.join("\n").replace("\\\n", " ");
         let examples: Vec<&str> = joined.lines().map(str::trim).filter(|l| l.starts_with("study ")).collect();
-        assert!(examples.len() >= 15);
+        assert!(examples.len() >= 18);
         for example in examples {
             let parsed = Cli::try_parse_from(example.split_whitespace()).unwrap_or_else(|e| panic!("{example}: {e}"));
             parsed.command.inner().check().unwrap_or_else(|e| panic!("{example}: {e}"));

@@ -130,7 +130,7 @@ fn d3d12(ort: &Ort, number: Option<u32>) -> Result<(Device, u32)> {
             .remedy("Use cpu, or name the software by its number: d3d12:0"),
     })?;
     let gpu = cairn::gpu::Gpu::on_adapter(Some(adapter.luid))?;
-    let options = cairn::runtime::DirectMlOptions { deterministic: true, profile: None };
+    let options = cairn::runtime::DirectMlOptions { deterministic: true, ..Default::default() };
     Ok((Device::directml(ort, &gpu, options)?, number))
 }
 

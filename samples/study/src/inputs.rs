@@ -8,6 +8,7 @@ use cairn::runtime::Ort;
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Picture, Result};
 
+use crate::latents::Latents;
 use crate::manifest::{Input, Inputs, absolute, digest_file, read_bounded, sha256};
 use crate::metrics::{Lpips, Net};
 use crate::picture;
@@ -21,6 +22,8 @@ const DEMO_SCRIPT: &str = include_str!("../../scripts/demo.txt");
 const MAX_PICTURE: u64 = 512 << 20;
 /// The library's own limit on scripts, and one byte, so that it is the library that refuses.
 const MAX_SCRIPT: u64 = (4 << 20) + 1;
+/// The largest file of latents, in bytes: hours of a large world.
+const MAX_LATENTS: u64 = 16 << 30;
 
 /// Other places for the inputs of a manifest.
 #[derive(Debug, Clone, Default)]
@@ -40,6 +43,8 @@ pub(crate) struct Loaded {
     pub(crate) script: ControlScript,
     /// At render size.
     pub(crate) seed: Picture,
+    /// Those to be decoded, where none are made.
+    pub(crate) latents: Option<Latents>,
     pub(crate) inputs: Inputs,
 }
 
@@ -59,6 +64,7 @@ pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<Loaded> {
         }
         None => None,
     };
+    let latents = settings.latents.as_deref().map(stored_latents).transpose()?;
     let (ort, onnxruntime) = onnxruntime(progress)?;
     let (bundle, world) = world(settings.world.as_deref(), progress)?;
     let render = bundle.manifest().picture.render;
@@ -71,8 +77,17 @@ pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<Loaded> {
         }
     };
     let script_input = describe(script_path, &script_bytes);
-    let inputs = Inputs { world, seed_picture, script: script_input, onnxruntime };
-    Ok(Loaded { bundle, ort, script, seed, inputs })
+    let (latents, latents_input) = latents.unzip();
+    let inputs = Inputs { world, seed_picture, script: script_input, latents: latents_input, onnxruntime };
+    Ok(Loaded { bundle, ort, script, seed, latents, inputs })
+}
+
+/// The latents of an earlier rollout.
+fn stored_latents(path: &Path) -> Result<(Latents, Input)> {
+    let bytes = read_bounded(path, MAX_LATENTS)?;
+    let name = absolute(path).display().to_string();
+    let latents = Latents::parse(&bytes).map_err(|e| in_file(&e, "--latents", &name))?;
+    Ok((latents, describe(name, &bytes)))
 }
 
 fn describe(path: String, bytes: &[u8]) -> Input {

@@ -67,6 +67,12 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let loaded = inputs::load(job.settings, job.progress)?;
     checked.point.check_for(loaded.bundle.geometry())?;
     job.progress.phase("loading the world");
+    let shape = loaded.bundle.geometry().latent;
+    let shape = [shape.channels, shape.height, shape.width];
+    let counts = checked.point.counts(checked.duration);
+    if let Some(latents) = &loaded.latents {
+        latents.check_for(shape, counts.latents)?;
+    }
     let options = WorldOptions { global_window: Some(checked.point.global_window), ..WorldOptions::default() };
     let Settings { device, threads, .. } = *job.settings;
     let device::Loaded { world, choice, fallback } =
@@ -88,11 +94,8 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let format = VideoFormat::new(size, rate);
     let sinks = sinks(&job.disk, &folder, job.settings.formats, [VIDEO, RAW], &format, threads)?;
     let recorder = Recorder::start(sinks, size)?;
-    let shape = loaded.bundle.geometry().latent;
-    let shape = [shape.channels, shape.height, shape.width];
     let latents = LatentFile::create(job.disk.as_ref(), &folder.join(LATENTS), shape)?;
 
-    let counts = checked.point.counts(checked.duration);
     let sheet = Sheet::new(world.render_size(), "latent");
     let mut stream = Stream::new(&checked, rollout, size, recorder, latents, sheet)?;
     job.progress.begin(job.limit.map_or(counts.presented, |l| l.presented));
@@ -125,7 +128,8 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
 
 /// The manifest as it stands before the first frame, so that a broken run leaves one.
 fn first_manifest(mut settings: Settings, loaded: &Loaded, device: &Device, checked: &Checked) -> Result<Manifest> {
-    for path in [&mut settings.world, &mut settings.seed_picture, &mut settings.script].into_iter().flatten() {
+    let Settings { world, seed_picture, script, latents, .. } = &mut settings;
+    for path in [world, seed_picture, script, latents].into_iter().flatten() {
         *path = absolute(path);
     }
     // A preset's name stands for its point and for nothing else.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use cairn::Result;
+use cairn::{Error, ErrorKind, Result};
 
 use crate::media::{Disk, GrowingFile};
 
@@ -52,6 +52,90 @@ fn header(count: u64, [c, h, w]: [u32; 3]) -> Vec<u8> {
     header
 }
 
+/// Latents that an earlier rollout stored.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Latents {
+    /// `[C, h, w]` of each.
+    shape: [u32; 3],
+    values: Vec<f32>,
+}
+
+/// The longest header that is read, in bytes: that of a file with one tensor is far shorter.
+const MAX_HEADER: usize = 1 << 16;
+
+impl Latents {
+    /// Reads the tensor `latents` of a safetensors file, f32 of shape `[count, C, h, w]`.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when it is no such file, or ends too early.
+    pub(crate) fn parse(bytes: &[u8]) -> Result<Self> {
+        #[derive(serde::Deserialize)]
+        struct Tensor {
+            dtype: String,
+            shape: [u32; 4],
+            data_offsets: [usize; 2],
+        }
+        #[derive(serde::Deserialize)]
+        struct Header {
+            latents: Tensor,
+        }
+        let wrong = |why: &str| {
+            Error::new(ErrorKind::InvalidArgument, format!("these are no stored latents: {why}"))
+                .remedy("Name the latents.safetensors that study rollout wrote")
+        };
+        let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(|| wrong("the file ends too early"))?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).ok().filter(|length| *length <= MAX_HEADER);
+        let (header, body) =
+            length.and_then(|n| rest.split_at_checked(n)).ok_or_else(|| wrong("it has no such header"))?;
+        let Header { latents } = serde_json::from_slice(header).map_err(|e| wrong(&e.to_string()))?;
+        let [count, shape @ ..] = latents.shape;
+        let bytes_of = latents.shape.iter().try_fold(4_usize, |all, &n| all.checked_mul(n as usize));
+        let data = body.get(latents.data_offsets[0]..latents.data_offsets[1]);
+        match data
+            .filter(|data| count > 0 && latents.dtype == "F32" && Some(data.len()) == bytes_of && !data.is_empty())
+        {
+            Some(data) => {
+                Ok(Self { shape, values: data.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect() })
+            }
+            None => Err(wrong("its tensor is no f32 of the size that it states")),
+        }
+    }
+
+    /// Latent `number`, `[C, h, w]`; none past the last.
+    pub(crate) fn get(&self, number: u64) -> Option<&[f32]> {
+        self.values.chunks_exact(self.len()).nth(usize::try_from(number).ok()?)
+    }
+
+    /// Refuses latents of another world's shape, and fewer than `wanted`.
+    ///
+    /// # Errors
+    /// `InvalidArgument`.
+    pub(crate) fn check_for(&self, shape: [u32; 3], wanted: u64) -> Result<()> {
+        let count = (self.values.len() / self.len()) as u64;
+        let refused = |cause: String, remedy: &str| {
+            Err(Error::new(ErrorKind::InvalidArgument, cause).field("--latents").remedy(remedy))
+        };
+        if self.shape != shape {
+            return refused(
+                format!("the stored latents are {:?}, this world's are {shape:?}", self.shape),
+                "Name the world that made them with --world",
+            );
+        }
+        if count < wanted {
+            return refused(
+                format!("{count} latents are stored, {wanted} are needed"),
+                "Use fewer --seconds, or the latents of a longer rollout",
+            );
+        }
+        Ok(())
+    }
+
+    /// Numbers in one latent.
+    fn len(&self) -> usize {
+        self.shape.iter().map(|&n| n as usize).product()
+    }
+}
+
 /// The first latent that differs between two such files of the same shape; none when one is not like that.
 pub(crate) fn first_difference(a: &[u8], b: &[u8]) -> Option<u64> {
     let (head_a, body_a) = a.split_at_checked(8 + HEADER)?;
@@ -88,6 +172,29 @@ mod tests {
         assert_eq!(json["latents"]["data_offsets"], serde_json::json!([0, 48]));
         assert_eq!(bytes.len(), 8 + len + 48);
         assert_eq!(bytes[bytes.len() - 4..], 2.5f32.to_le_bytes());
+    }
+
+    #[test]
+    fn stored_latents_are_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes = write(&folder.path().join("l.safetensors"), &[[1.0; 6], [2.5; 6]]);
+        let latents = Latents::parse(&bytes).unwrap();
+        assert_eq!((latents.get(0), latents.get(1), latents.get(2)), (Some(&[1.0; 6][..]), Some(&[2.5; 6][..]), None));
+        latents.check_for([1, 2, 3], 2).unwrap();
+        for (shape, wanted, words) in [([1, 3, 2], 2, "--world"), ([1, 2, 3], 3, "--seconds")] {
+            let error = latents.check_for(shape, wanted).unwrap_err();
+            assert!(error.kind() == ErrorKind::InvalidArgument && error.to_string().contains(words), "{error}");
+        }
+        // Whatever is cut off or changed in the header is told, and no size is believed.
+        for end in 0..bytes.len() {
+            assert!(Latents::parse(&bytes[..end]).is_err(), "{end}");
+        }
+        for (from, to) in [("F32", "F16"), ("[2,1,2,3]", "[0,1,2,3]"), ("[0,48]", "[48,0]"), ("latents", "Latents")] {
+            let text: Vec<u8> = String::from_utf8_lossy(&bytes[8..8 + HEADER]).replace(from, to).into_bytes();
+            let other = [&bytes[..8], &text, &bytes[8 + HEADER..]].concat();
+            assert!(Latents::parse(&other).is_err(), "{to}");
+        }
+        assert!(Latents::parse(&[0xff; 64]).is_err());
     }
 
     #[test]

@@ -8,8 +8,10 @@
 //! ```
 
 mod cli;
+mod compare;
 mod demo;
 mod device;
+mod generator;
 mod inputs;
 mod interpolate;
 mod job;

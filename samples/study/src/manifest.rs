@@ -52,6 +52,9 @@ pub struct Inputs {
     pub seed_picture: Input,
     /// The controls.
     pub script: Input,
+    /// The latents, where they are not made anew.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latents: Option<Input>,
     /// The ONNX Runtime library.
     pub onnxruntime: Input,
 }

@@ -208,7 +208,8 @@ fn inputs(then: &Inputs, now: &Inputs) -> Vec<Difference> {
         ("seed picture", &then.seed_picture, &now.seed_picture),
         ("script", &then.script, &now.script),
     ];
-    let changed = pairs.into_iter().filter(|(_, then, now)| then.sha256 != now.sha256);
+    let latents = then.latents.as_ref().zip(now.latents.as_ref()).map(|(then, now)| ("latents", then, now));
+    let changed = pairs.into_iter().chain(latents).filter(|(_, then, now)| then.sha256 != now.sha256);
     changed.map(|(name, then, now)| Difference::Input { name, how: changed_input(then, now) }).collect()
 }
 

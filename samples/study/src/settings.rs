@@ -8,6 +8,7 @@ use cairn::{Error, ErrorKind, MAX_SIDE, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::device::DeviceChoice;
+use crate::generator::GeneratorChoice;
 
 /// Which media are written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -54,6 +55,10 @@ pub struct Settings {
     pub seed_picture: Option<PathBuf>,
     /// None for the built-in script.
     pub script: Option<PathBuf>,
+    /// The stored latents of an earlier rollout, which are decoded in place of new ones. Seed picture, script and seed of
+    /// the noise then decide nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latents: Option<PathBuf>,
     /// The preset's name, where one was given: for people. What counts is `operating_point`.
     pub preset: Option<String>,
     /// As [`OperatingPoint`] writes it.
@@ -73,6 +78,9 @@ pub struct Settings {
     /// Where the world runs. A manifest has what `auto` came to.
     #[serde(default, skip_serializing_if = "DeviceChoice::is_cpu")]
     pub device: DeviceChoice,
+    /// What makes frames between anchors.
+    #[serde(default, skip_serializing_if = "GeneratorChoice::is_cpu")]
+    pub generator: GeneratorChoice,
 }
 
 /// Settings that have been understood.
@@ -80,6 +88,7 @@ pub(crate) struct Checked {
     pub(crate) point: OperatingPoint,
     pub(crate) duration: WorldTime,
     pub(crate) filter: Filter,
+    pub(crate) generator: GeneratorChoice,
 }
 
 impl Default for Settings {
@@ -89,6 +98,7 @@ impl Default for Settings {
             world: None,
             seed_picture: None,
             script: None,
+            latents: None,
             preset: Some(Preset::Coherence.name().into()),
             operating_point: Preset::Coherence.operating_point().to_string(),
             seconds: "4".into(),
@@ -98,6 +108,7 @@ impl Default for Settings {
             formats: Formats { mp4: true, ..Formats::default() },
             threads: None,
             device: DeviceChoice::Cpu,
+            generator: GeneratorChoice::Cpu,
         }
     }
 }
@@ -130,6 +141,7 @@ impl Settings {
                 .field("--threads")
                 .remedy("Use 1 to 1024"));
         }
+        self.generator.check(&point)?;
         let filter = match self.upscaler.as_str() {
             "lanczos" => Filter::Lanczos3,
             "catmull-rom" => Filter::CatmullRom,
@@ -139,7 +151,7 @@ impl Settings {
                     .remedy("Use lanczos or catmull-rom"));
             }
         };
-        Ok(Checked { point, duration, filter })
+        Ok(Checked { point, duration, filter, generator: self.generator })
     }
 }
 

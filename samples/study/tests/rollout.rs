@@ -97,6 +97,41 @@ fn every_preset_makes_exactly_its_frames() {
 }
 
 #[test]
+fn stored_latents_are_shown_again_at_another_rate() {
+    let folder = tempfile::tempdir().unwrap();
+    let formats = Formats { png: true, ..Formats::default() };
+    let first = folder.path().join("first");
+    make(&Settings { formats, ..short() }, &first);
+    let decoded = |name: &str, latents| {
+        let out = folder.path().join(name);
+        let operating_point = "decoded-60,g64,refined:4".into();
+        // Neither noise nor controls matter any more.
+        let script = folder.path().join("script.txt");
+        std::fs::write(&script, "cairn-controls 1\n0..1 hold S\n").unwrap();
+        (make(&Settings { formats, latents, operating_point, seed: 9, script: Some(script), ..short() }, &out), out)
+    };
+    let stored = first.join("latents.safetensors");
+    let (outcome, out) = decoded("decoded", Some(stored.clone()));
+    let manifest = read_checked(&out);
+    assert!(manifest.complete && outcome.failure.is_none());
+    assert_eq!(std::fs::read(out.join("latents.safetensors")).unwrap(), std::fs::read(&stored).unwrap());
+    // Its latents cost a cache pass each, and no denoising.
+    assert_eq!((manifest.counts.latents, manifest.counts.passes), (7, 7));
+    let frame = |out: &Path, number: u32| std::fs::read(out.join(format!("frames/{number:06}.png"))).unwrap();
+    for anchor in 0..7 {
+        assert_eq!(frame(&first, 2 * anchor), frame(&out, 4 * anchor), "anchor {anchor}");
+    }
+    let again = replay_of(&out.join("manifest.json"), &folder.path().join("again"), Overrides::default()).unwrap();
+    assert_eq!(again.differences, []);
+
+    let (_, other) = decoded("other", None);
+    assert_ne!(frame(&other, 4), frame(&out, 4), "without them the walk is another");
+    let short_of = Settings { latents: Some(stored), seconds: "2".into(), ..short() };
+    let error = make_on(Arc::new(RealDisk), &AtomicBool::new(false), &short_of, &folder.path().join("no")).unwrap_err();
+    assert!(error.to_string().contains("7 latents are stored, 31 are needed"), "{error}");
+}
+
+#[test]
 fn a_replay_says_what_differs() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("first");

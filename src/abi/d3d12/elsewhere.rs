@@ -7,7 +7,7 @@ use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
 };
 use super::super::results::{Failure, Outcome};
-use super::{Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
+use super::{DeviceFigures, Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
 use crate::Picture;
 use crate::present::presenter::{Presenter, Shown};
 use crate::runtime::Device;
@@ -65,7 +65,11 @@ impl Recording {
         Err(Failure::no_d3d12())
     }
 
-    pub(in crate::abi) fn used(&mut self, _: &Presenter) -> Option<(bool, String)> {
+    pub(in crate::abi) fn figures(&mut self) -> DeviceFigures {
+        DeviceFigures::default()
+    }
+
+    pub(in crate::abi) fn used(&mut self, _: &Presenter) -> Option<(Option<String>, String)> {
         None
     }
 }

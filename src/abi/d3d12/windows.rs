@@ -11,10 +11,10 @@ use super::super::presenter::{Asked, CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE};
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
-use super::{Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
+use super::{DeviceFigures, DeviceTimes, Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
 use crate::ffx::{self, Needed};
 use crate::framegen::shader::ShaderGenerator;
-use crate::gpu::compute::Frames;
+use crate::gpu::compute::{Frames, Spent};
 use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, read_texture};
 use crate::present::device::DeviceDrawer;
 use crate::present::presenter::{Presenter, Shown};
@@ -79,6 +79,9 @@ pub(in crate::abi) fn texture(anchor: &KeptAnchor, index: u32) -> Outcome<Guarde
 /// Whether frames can be made by shaders.
 pub(in crate::abi) const HAS_SHADERS: bool = true;
 
+/// Why AMD's generator has not made a frame, where it is used.
+const ONLY_HALF: &str = "fsr: it makes frames half way between two anchors, and no others";
+
 /// What frames are recorded with, once one is.
 #[derive(Default)]
 pub(in crate::abi) struct Recording {
@@ -86,10 +89,13 @@ pub(in crate::abi) struct Recording {
     /// Lists of our own for what is uploaded.
     lists: Option<Frames>,
     drawer: Option<DeviceDrawer>,
-    /// Why frames of a size are not made by shaders, for lists of a queue.
+    /// AMD's libraries, once they were looked for, and why the drawer has no provider of theirs.
+    amd: Option<crate::Result<ffx::Library>>,
+    without_fsr: String,
+    /// Why frames of anchors of a size are not made by shaders, for lists of a queue.
     failed: Option<(Gpu, (u32, u32), Error)>,
-    /// Whether the last frame was made by shaders, and why not.
-    used: Option<(bool, String)>,
+    /// Why the last frame was made by the processor; empty where the drawer made it.
+    used: Option<String>,
 }
 
 impl Recording {
@@ -117,8 +123,9 @@ impl Recording {
         let texture: direct3d::ID3D12Resource = unsafe { object(to.target.cast(), "target") }?;
         let [before, after] = [to.before, to.after].map(|state| direct3d::D3D12_RESOURCE_STATES(state.cast_signed()));
         let target = Target { texture, before, after };
+        let is_required = [asked.fsr, asked.shader].contains(&CAIRN_PREFER_REQUIRE);
         let why = if asked.shader == CAIRN_PREFER_NEVER {
-            "shader: it is not to be used".to_owned()
+            "shader: it is not to be used, and fsr cannot be without it".to_owned()
         } else {
             match self.drawer(gpu, asked, size, anchors) {
                 Ok(drawer) => {
@@ -126,17 +133,15 @@ impl Recording {
                         Some(list) => presenter.record(now, drawer, list, &target)?.map(|shown| (shown, None)),
                         None => presenter.submit(now, drawer, &target)?.map(|(shown, at)| (shown, Some(guard(&at)))),
                     };
-                    self.used = Some((true, "fsr: frames are not recorded with it".to_owned()));
+                    self.used = Some(String::new());
                     return Ok(made);
                 }
-                Err(why) if asked.shader == CAIRN_PREFER_REQUIRE || why.kind() == ErrorKind::DeviceRemoved => {
-                    return Err(why.into());
-                }
+                Err(why) if is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why.into()),
                 Err(why) => format!("shader: {why}"),
             }
         };
         let made = self.upload(asked, gpu, now, list, target, size)?;
-        self.used = Some((false, why));
+        self.used = Some(why);
         Ok(made)
     }
 
@@ -167,7 +172,7 @@ impl Recording {
             }
         };
         let Some(list) = list.or_else(|| own.as_ref().map(|frame| frame.list().clone())) else { return Ok(None) };
-        let (mut place, mut recorded) = (Some(uploads.place(list, target, size, asked.linear)?), Ok(()));
+        let (mut place, mut recorded) = (Some(uploads.place(list, target, size, asked.colours)?), Ok(()));
         let shown = asked.presenter.draw(now, size, |picture| {
             recorded = place.take().map_or(Ok(()), |place| place.fill(picture));
         })?;
@@ -185,32 +190,47 @@ impl Recording {
         size: (u32, u32),
         anchors: (u32, u32),
     ) -> crate::Result<&mut DeviceDrawer> {
-        let cannot = |why: String| Err(Error::new(ErrorKind::Unsupported, why).remedy("Use the cpu generator"));
-        if size != anchors {
-            let (of, to) = (format!("{} x {}", anchors.0, anchors.1), format!("{} x {}", size.0, size.1));
-            return cannot(format!("it does not scale anchors of {of} pixels to frames of {to}"));
-        }
         if let Some((of, at, why)) = &self.failed
             && of.frames().d3d12() == gpu.frames().d3d12()
-            && *at == size
+            && *at == anchors
         {
             return Err(why.clone());
         }
-        if !self.drawer.as_ref().is_some_and(|drawer| drawer.fits(gpu, size)) {
+        if !self.drawer.as_ref().is_some_and(|drawer| drawer.fits(gpu, anchors)) {
             // First, as there may not be room for both.
             self.drawer = None;
-            match DeviceDrawer::new(gpu, size, asked.linear) {
+            let made = DeviceDrawer::new(gpu, anchors, asked.colours);
+            match made.and_then(|drawer| self.with_fsr(drawer, asked.fsr)) {
                 Ok(made) => self.drawer = Some(made),
                 Err(why) => {
                     // Memory may be there the next time.
                     if matches!(why.kind(), ErrorKind::Unsupported | ErrorKind::Device) {
-                        self.failed = Some((gpu.clone(), size, why.clone()));
+                        self.failed = Some((gpu.clone(), anchors, why.clone()));
                     }
                     return Err(why);
                 }
             }
         }
-        self.drawer.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))
+        let drawer = self.drawer.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))?;
+        drawer.fit(size, asked.presenter.keeps_shape())?;
+        Ok(drawer)
+    }
+
+    /// The drawer with a provider of AMD's, where that is wanted and can be.
+    fn with_fsr(&mut self, mut drawer: DeviceDrawer, preference: u32) -> crate::Result<DeviceDrawer> {
+        self.without_fsr = "fsr: it is not to be used".to_owned();
+        if preference == CAIRN_PREFER_NEVER {
+            return Ok(drawer);
+        }
+        let is_required = preference == CAIRN_PREFER_REQUIRE;
+        let amd = self.amd.get_or_insert_with(|| ffx::Library::load(&ffx::LoadOptions::from_environment()));
+        let api = amd.as_ref().map_err(Error::clone).and_then(|library| library.api(ffx::Effect::FrameGeneration));
+        match api.and_then(|api| drawer.use_fsr(api, ffx::Choice::Any, is_required)) {
+            Ok(()) => self.without_fsr.clear(),
+            Err(why) if is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
+            Err(why) => self.without_fsr = format!("fsr: {why}"),
+        }
+        Ok(drawer)
     }
 
     /// Waits until all frames have run, and lets go of their targets.
@@ -218,12 +238,36 @@ impl Recording {
         Ok(self.drawer.as_mut().map_or(Ok(()), DeviceDrawer::finish)?)
     }
 
-    /// Whether the last frame was made by shaders, and why no other generator made it; none before the first.
-    pub(in crate::abi) fn used(&mut self, presenter: &Presenter) -> Option<(bool, String)> {
+    /// What frames have taken on the device.
+    pub(in crate::abi) fn figures(&mut self) -> DeviceFigures {
+        let times = |spent: Spent| {
+            let Spent { frames: count, total, longest, last } = spent;
+            DeviceTimes { count, total, longest, last }
+        };
+        let uploaded = self.lists.as_ref().map_or(0, Frames::under_way);
+        let Some(drawer) = &mut self.drawer else {
+            return DeviceFigures { under_way: uploaded as u32, ..DeviceFigures::default() };
+        };
+        DeviceFigures {
+            under_way: (drawer.under_way() + uploaded) as u32,
+            frames: times(drawer.spent()),
+            lists: times(drawer.spent_on_anchors()),
+        }
+    }
+
+    /// Who made the last frame, none for the processor, and why no other generator made it; none before the first.
+    pub(in crate::abi) fn used(&mut self, presenter: &Presenter) -> Option<(Option<String>, String)> {
         if let Some(drawer) = &mut self.drawer {
             presenter.look(drawer);
         }
-        self.used.clone()
+        let why = self.used.as_ref()?;
+        let Some(drawer) = self.drawer.as_ref().filter(|_| why.is_empty()) else { return Some((None, why.clone())) };
+        Some(match (drawer.made_by_fsr(), drawer.fsr_failed()) {
+            (Some(version), _) => (Some(format!("fsr {}", version.name)), String::new()),
+            (None, Some(failed)) => (Some("shader".to_owned()), format!("fsr: {failed}")),
+            (None, None) if self.without_fsr.is_empty() => (Some("shader".to_owned()), ONLY_HALF.to_owned()),
+            (None, None) => (Some("shader".to_owned()), self.without_fsr.clone()),
+        })
     }
 }
 

@@ -10,6 +10,7 @@ use std::collections::HashMap;
 use super::operators::{Call, Operand, infer};
 use super::proto::{Data, Dim, Graph, Node, Tensor};
 use super::{Check, Element, Fault, Shape, quoted};
+use crate::bundle::work::GraphWork;
 
 /// The largest intermediate value, in bytes of float32: `docs/bundle.md` section 4.
 pub(super) const MAX_VALUE: u64 = 256 << 20;
@@ -25,6 +26,8 @@ pub(in crate::bundle) struct Footprint {
     pub(in crate::bundle) peak: u64,
     /// The largest intermediate value.
     pub(in crate::bundle) largest: u64,
+    /// What a run does.
+    pub(in crate::bundle) work: GraphWork,
 }
 
 struct Value<'a> {
@@ -127,6 +130,9 @@ impl<'a> Walk<'a> {
         for &v in read.iter().filter(|_| !known) {
             self.read(v, i)?;
         }
+        if !known {
+            self.work(node, &read, &shapes)?;
+        }
         let origin = if known { Origin::Constant { held: false } } else { Origin::Node(i) };
         for (&name, shape) in node.outputs.iter().zip(shapes) {
             let size = bytes(&shape)?;
@@ -137,6 +143,31 @@ impl<'a> Walk<'a> {
                 self.values[value].owner = shared.map_or(value, |&v| self.values[v].owner);
                 self.values[value].last_use = i;
             }
+        }
+        Ok(())
+    }
+
+    /// Counts what a node does that runs: it reads the values `read` and makes those of `shapes`.
+    fn work(&mut self, node: &Node<'_>, read: &[usize], shapes: &[Shape]) -> Check<()> {
+        let dims = |n: usize| read.get(n).map_or(&[][..], |&v| &self.values[v].shape.dims);
+        // Products that are added up to one number of the output.
+        let terms = match node.operator {
+            "MatMul" => dims(0).last().copied().unwrap_or(0),
+            "Conv" => dims(1).iter().skip(1).fold(1_u64, |all, &n| all.saturating_mul(n)),
+            _ => 0,
+        };
+        let (mut numbers, mut moved) = (0_u64, 0_u64);
+        for shape in shapes {
+            numbers = numbers.saturating_add(shape.count().unwrap_or(u64::MAX));
+            moved = moved.saturating_add(bytes(shape)?);
+        }
+        for &v in read {
+            moved = moved.saturating_add(bytes(&self.values[v].shape)?);
+        }
+        let work = &mut self.footprint.work;
+        work.multiply_adds = work.multiply_adds.saturating_add(numbers.saturating_mul(terms));
+        if node.operator != "Reshape" {
+            work.bytes = work.bytes.saturating_add(moved);
         }
         Ok(())
     }

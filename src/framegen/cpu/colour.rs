@@ -2,13 +2,30 @@
 
 use half::f16;
 
-use super::kernels::Sampled;
+use super::kernels::{Sampled, TILE};
 
 /// A pixel whose channels can be read in levels of 1/255 of full scale.
 pub(super) trait Colour: Sampled {
     fn in_levels(self) -> [f32; 4];
 
     fn from_levels(levels: [f32; 4]) -> Self;
+
+    /// This colour with a `share` of 128 of each of those beside it in place of as much of its own.
+    ///
+    /// - Bytes: `(own * (128 - 4 share) + (left + right + above + below) * share + 64) >> 7`.
+    /// - Half floats, in single precision and this order: `own + ((((left - own) + (right - own)) + (above - own)) + (below
+    ///   - own)) * (share / 128)`, rounded to the nearest half float; not finite ones count as in [`Sampled`].
+    fn softened(self, beside: [Self; 4], share: u8) -> Self;
+
+    /// The same for pixels side by side.
+    #[inline(always)]
+    fn softened_row(own: &[Self; TILE], [left, right, above, below]: [&[Self; TILE]; 4], share: u8) -> [Self; TILE] {
+        let mut soft = *own;
+        for i in 0..TILE {
+            soft[i] = own[i].softened([left[i], right[i], above[i], below[i]], share);
+        }
+        soft
+    }
 
     /// Luma after BT.601.
     #[inline(always)]
@@ -38,6 +55,26 @@ impl Colour for [u8; 4] {
     }
 
     #[inline(always)]
+    fn softened(self, [left, right, above, below]: [Self; 4], share: u8) -> Self {
+        let share = u16::from(share);
+        std::array::from_fn(|c| {
+            let [own, left, right, above, below] = [self, left, right, above, below].map(|pixel| u16::from(pixel[c]));
+            ((own * (128 - 4 * share) + (left + right + above + below) * share + 64) >> 7) as u8
+        })
+    }
+
+    #[inline(always)]
+    fn softened_row(own: &[Self; TILE], beside: [&[Self; TILE]; 4], share: u8) -> [Self; TILE] {
+        let [left, right, above, below] = beside.map(|row| row.as_flattened());
+        let (mut soft, own, share) = (*own, own.as_flattened(), u16::from(share));
+        for (i, soft) in soft.as_flattened_mut().iter_mut().enumerate() {
+            let sum = u16::from(left[i]) + u16::from(right[i]) + u16::from(above[i]) + u16::from(below[i]);
+            *soft = ((u16::from(own[i]) * (128 - 4 * share) + sum * share + 64) >> 7) as u8;
+        }
+        soft
+    }
+
+    #[inline(always)]
     fn lumas_of<const N: usize>(pixels: &[Self; N]) -> [f32; N] {
         let mut lumas = [0.0; N];
         for (luma, &pixel) in lumas.iter_mut().zip(pixels) {
@@ -53,13 +90,25 @@ impl Colour for [u8; 4] {
 impl Colour for [f16; 4] {
     /// What is no number counts as 0, the infinite as the largest finite.
     fn in_levels(self) -> [f32; 4] {
-        self.map(|v| {
-            let v = v.to_f32();
-            if v.is_nan() { 0.0 } else { v.clamp(-65504.0, 65504.0) * 255.0 }
-        })
+        self.map(|v| finite(v) * 255.0)
     }
 
     fn from_levels(levels: [f32; 4]) -> Self {
         levels.map(|v| f16::from_f32(v / 255.0))
     }
+
+    fn softened(self, [left, right, above, below]: [Self; 4], share: u8) -> Self {
+        let share = f32::from(share) / 128.0;
+        std::array::from_fn(|c| {
+            let [own, left, right, above, below] = [self, left, right, above, below].map(|pixel| finite(pixel[c]));
+            f16::from_f32(own + ((((left - own) + (right - own)) + (above - own)) + (below - own)) * share)
+        })
+    }
+}
+
+/// What is no number counts as 0, the infinite as the largest finite.
+#[inline(always)]
+fn finite(value: f16) -> f32 {
+    let value = value.to_f32();
+    if value.is_nan() { 0.0 } else { value.clamp(-65504.0, 65504.0) }
 }

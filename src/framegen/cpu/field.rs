@@ -10,7 +10,7 @@ use super::kernels::claims;
 use super::kernels::{
     BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, at_every_level, depth_ranges, land, motion_ranges,
 };
-use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, key};
+use super::layer::{self, ALIKE, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, key};
 use super::sized;
 use crate::Result;
 use crate::guidance::Guidance;
@@ -290,7 +290,7 @@ impl<P: Colour> Edges<'_, P> {
             _ => {
                 let mut nearest = [EMPTY; BLOCK];
                 let nearer = if self.can_dilate {
-                    claims::nearest_around(self.level, &self.given.around(column, row, false), &mut nearest)
+                    claims::nearest_around(self.level, &self.given.around(column, row, false), ALIKE, &mut nearest)
                 } else {
                     0
                 };

@@ -51,11 +51,20 @@ pub(super) fn marked(key: Key, mark: u8) -> Key {
     key & !(0xff << 40) | Key::from(mark) << 40
 }
 
+/// Vectors of one surface differ by no more than this from pixel to pixel along an axis, in 1/64 px.
+pub(super) const ALIKE: i32 = 64;
+
 /// Whether two claims move so much alike that they can lie on one surface.
 #[inline(always)]
 pub(super) fn alike(a: Key, b: Key) -> bool {
+    moves_within(a, b, ALIKE)
+}
+
+/// Whether two claims move by no more than `limit` of 1/64 px otherwise along each axis.
+#[inline(always)]
+pub(super) fn moves_within(a: Key, b: Key, limit: i32) -> bool {
     let ([ax, ay], [bx, by]) = (vector(a), vector(b));
-    (ax - bx).abs() <= 64 && (ay - by).abs() <= 64
+    (ax - bx).abs() <= limit && (ay - by).abs() <= limit
 }
 
 /// Ranks that differ by no more than this can lie on one surface: 1/64 of the distance.

@@ -53,13 +53,15 @@ impl Leaving {
     }
 
     /// Looks along the edges of the previous anchor, and takes the places of what leaves over them away from their
-    /// `owners`. For `margin` see [`foreign::margin`](super::foreign::margin).
+    /// `owners`. For `margin` see [`foreign::margin`](super::foreign::margin). A `rim` of so many pixels goes along, which is
+    /// mixed with what it covers and so is not seen to be gone.
     pub(super) fn find<P: Colour>(
         &mut self,
         owners: &mut Layer,
         previous: Source<'_, P>,
         current: Source<'_, P>,
         margin: f32,
+        rim: usize,
     ) -> Result<()> {
         let size = [previous.width, previous.height];
         self.reserve(size)?;
@@ -72,7 +74,7 @@ impl Leaving {
         }
         for (axis, lines) in [rows, columns].into_iter().enumerate() {
             for end in 0..2 {
-                join(lines, end, axis);
+                join(lines, end, axis, rim);
                 for (line, runs) in lines.iter().enumerate() {
                     for step in 0..runs[end].len {
                         let [x, y] = place(size, line, axis, end == 1, step);
@@ -99,7 +101,7 @@ fn place(size: [usize; 2], line: usize, axis: usize, is_far: bool, step: usize) 
 }
 
 /// What leaves over neighbouring lines is one thing, and moves as far as the line needs of which it covers most.
-fn join(lines: &mut [[Run; 2]], end: usize, axis: usize) {
+fn join(lines: &mut [[Run; 2]], end: usize, axis: usize, rim: usize) {
     let mut start = 0;
     while start < lines.len() {
         let mut longest = lines[start][end].len;
@@ -120,7 +122,7 @@ fn join(lines: &mut [[Run; 2]], end: usize, axis: usize) {
             }
             line += 1;
         }
-        let over = 64 * longest as i32;
+        let over = 64 * (longest + rim) as i32;
         for run in lines[start..until].iter_mut().map(|ends| &mut ends[end]) {
             let mut vector = layer::vector(run.claim);
             vector[axis] = if end == 1 { vector[axis].min(-over) } else { vector[axis].max(over) };
@@ -187,7 +189,7 @@ mod tests {
     const FRONT: [u8; 4] = [220, 40, 200, 255];
 
     /// What leaves a still ground that `is_covered` in the previous anchor alone, and who owns the places then.
-    fn found(is_covered: impl Fn(usize, usize) -> bool) -> (Leaving, Layer) {
+    fn found(rim: usize, is_covered: impl Fn(usize, usize) -> bool) -> (Leaving, Layer) {
         let [width, height] = SIZE;
         let pixel = |i: usize| if is_covered(i % width, i / width) { FRONT } else { GROUND };
         let previous: Vec<_> = (0..width * height).map(pixel).collect();
@@ -197,14 +199,14 @@ mod tests {
         owners.tiles.iter_mut().for_each(|tile| tile.key = layer::key(5000, 0, [0; 2]));
         let mut leaving = Leaving::default();
         let [previous, current] = [&previous, &current].map(|pixels| Source { pixels, width, height });
-        leaving.find(&mut owners, previous, current, 24.0).unwrap();
+        leaving.find(&mut owners, previous, current, 24.0, rim).unwrap();
         (leaving, owners)
     }
 
     #[test]
     fn what_is_gone_has_moved_over_the_edge_with_all_of_it() {
         // Five pixels wide, but three of them in one line and none in another.
-        let (leaving, owners) = found(|x, y| match y {
+        let (leaving, owners) = found(0, |x, y| match y {
             4..8 | 10..16 => x >= 59,
             8 => x >= 61,
             _ => false,
@@ -231,17 +233,18 @@ mod tests {
 
     #[test]
     fn it_leaves_over_the_edge_that_cuts_it_off() {
-        let (leaving, _) = found(|x, y| y < 3 && (20..30).contains(&x));
-        assert_eq!(leaving.claim(25, 1).map(layer::vector), Some([0, 3 * 64]));
-        let (leaving, _) = found(|x, y| y >= 21 && (20..30).contains(&x));
-        assert_eq!(leaving.claim(25, 22).map(layer::vector), Some([0, -3 * 64]));
-        let (leaving, _) = found(|x, y| x < 4 && (5..9).contains(&y));
-        assert_eq!(leaving.claim(3, 7).map(layer::vector), Some([4 * 64, 0]));
+        let (leaving, _) = found(1, |x, y| y < 3 && (20..30).contains(&x));
+        assert_eq!(leaving.claim(25, 1).map(layer::vector), Some([0, 4 * 64]));
+        let (leaving, _) = found(1, |x, y| y >= 21 && (20..30).contains(&x));
+        assert_eq!(leaving.claim(25, 22).map(layer::vector), Some([0, -4 * 64]));
+        let (leaving, _) = found(1, |x, y| x < 4 && (5..9).contains(&y));
+        assert_eq!(leaving.claim(3, 7).map(layer::vector), Some([5 * 64, 0]));
     }
 
     #[test]
     fn what_no_edge_cuts_off_and_what_is_narrow_stays() {
-        for owners in [found(|x, y| (40..50).contains(&x) && (6..12).contains(&y)).1, found(|x, y| x >= 62 && y == 7).1]
+        for owners in
+            [found(1, |x, y| (40..50).contains(&x) && (6..12).contains(&y)).1, found(1, |x, y| x >= 62 && y == 7).1]
         {
             assert!((0..24).all(|y| (0..64).all(|x| owners.owner(x, y) != EMPTY)));
         }

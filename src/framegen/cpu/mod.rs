@@ -18,7 +18,7 @@
 //!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture. A pixel beside
 //!    what is in front goes with that if so the anchors agree better.
 //!    `overlay`: what stands still in front of a moving world stays where it is. `foreign`: what only the previous anchor
-//!    knows of is left out.
+//!    knows of is left out. `soften`: edges that depth does not tell are a little soft.
 //! 6. `inpaint`: what neither shows takes the colours around it.
 //!
 //! Places, claims and samples of bytes are computed in whole numbers, the rest in single precision in one order without
@@ -41,6 +41,7 @@ mod overlay;
 mod past;
 mod perspective;
 mod render;
+mod soften;
 #[cfg(test)]
 mod tests;
 
@@ -125,6 +126,8 @@ impl CpuGenerator {
 
     fn between<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
         let (previous, current) = (source(pair.previous()), source(pair.current()));
+        // Depth that says nothing stands beside motion that was found in pictures.
+        let is_found = pair.guidance().depth().even().is_some();
         let inside = Inside::find(self.level, previous, current);
         self.preparation.prepare(self.level, pair.guidance(), Some((previous, current, &inside)), &mut self.field)?;
         let grid = self.field.grid;
@@ -138,7 +141,7 @@ impl CpuGenerator {
         let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
         match &past {
             Some(past) => past.uncover(self.level, &mut self.owners, &self.field),
-            None => self.leaving.find(&mut self.owners, previous, current, margin)?,
+            None => self.leaving.find(&mut self.owners, previous, current, margin, is_found.into())?,
         }
         let leaving = if past.is_none() { Some(&self.leaving) } else { None };
         let (shown, past) = (Some(previous), past.as_ref());
@@ -168,6 +171,7 @@ impl CpuGenerator {
             moment,
             margin,
             stills: &self.stills,
+            softens: is_found,
         };
         let rendered = between.render(out, &mut self.hidden);
         if rendered.hidden > 0 {

@@ -143,8 +143,8 @@ fn differences<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, [x, y
     let mut apart = [[0.0; 2 * TILE]; TILE + 2];
     for (j, apart) in apart.iter_mut().enumerate() {
         let start = (y + j - 1) * current.width + x - 1;
-        let rows = [previous, current].map(|source| source.pixels[start..].first_chunk::<{ 2 * TILE }>());
-        let [Some(before), Some(after)] = rows else { return None };
+        let before = previous.pixels[start..].first_chunk::<{ 2 * TILE }>()?;
+        let after = current.pixels[start..].first_chunk::<{ 2 * TILE }>()?;
         let (before, after) = (P::lumas_of(before), P::lumas_of(after));
         for i in 0..2 * TILE {
             apart[i] = (after[i] - before[i]).abs();

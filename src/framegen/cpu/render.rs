@@ -8,9 +8,12 @@ use super::colour::Colour;
 use super::foreign::is_foreign;
 use super::kernels::claims;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::layer::{self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, part, slopes};
+use super::layer::{
+    self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, moves_within, part, slopes,
+};
 use super::overlay::{Overlays, Stills};
 use super::perspective::{Moment, Way};
+use super::soften::{soft, soften};
 use crate::Raster;
 
 /// Samples that differ by no more than this many levels agree, and the one nearer in time is taken as it is.
@@ -20,6 +23,8 @@ pub(super) const CAREFUL: u8 = 24;
 /// The same where surfaces meet.
 pub(super) const STRICT: u8 = 4;
 
+/// Vectors (1/64 px) that are farther apart than this along an axis lead to colours that can be told apart.
+pub(super) const DISTINCT: i32 = 8;
 /// Levels within which a pixel beside something in front is that thing's.
 pub(super) const RIM: f32 = 45.0;
 /// The levels that count where an anchor does not show what a pixel claims to be.
@@ -47,6 +52,8 @@ pub(super) struct Between<'a, P> {
     pub(super) margin: f32,
     /// What stands still in both.
     pub(super) stills: &'a Stills,
+    /// Whether edges are known from pictures alone.
+    pub(super) softens: bool,
 }
 
 /// What a rendered picture lacks.
@@ -159,7 +166,7 @@ impl<P: Colour> Between<'_, P> {
         };
         let (mut before, mut after) =
             (Positions { x: [0; BLOCK], y: [0; BLOCK] }, Positions { x: [0; BLOCK], y: [0; BLOCK] });
-        let (mut uncovered, mut questionable, mut orphans) = (0, 0, 0);
+        let (mut uncovered, mut questionable, mut orphans, mut fixed) = (0, 0, 0, 0);
         if tile.kind == Kind::Rough {
             if [across, down] != [TILE, TILE] {
                 // Beyond the edges there is nothing to ask.
@@ -177,6 +184,8 @@ impl<P: Colour> Between<'_, P> {
             uncovered += orphans.count_ones() as usize;
             questionable |= orphans;
         }
+        let can_be_soft = self.softens && tile.kind == Kind::Rough && [across, down] == [TILE, TILE];
+        let soft = if can_be_soft { soft(self.level, &keys, questionable) } else { 0 };
         let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
         let beyond = if is_whole {
@@ -193,7 +202,7 @@ impl<P: Colour> Between<'_, P> {
         let strict = Rule { careful: STRICT, ..*rule };
         // An anchor that shows nothing of the tile is not asked.
         let mask = questionable
-            | match beyond.map(|beyond| beyond == u64::MAX) {
+            | match [beyond[0] == u64::MAX, beyond[1] == u64::MAX] {
                 [false, true] => {
                     P::pixels_of_one(self.level, self.previous, &before, &mut block.before);
                     0
@@ -248,10 +257,16 @@ impl<P: Colour> Between<'_, P> {
                 Choice::Merged => {}
                 Choice::Before => block.merged[place] = block.before[place],
                 Choice::After => block.merged[place] = block.after[place],
-                Choice::Still => block.merged[place] = self.still(at[0], at[1], rule),
+                Choice::Still => {
+                    block.merged[place] = self.still(at[0], at[1], rule);
+                    fixed |= 1 << place;
+                }
                 Choice::Neither => *hidden |= 1 << place,
             }
         });
+        if soft & !fixed != 0 {
+            soften(&mut block.merged, soft & !fixed, *hidden);
+        }
         for j in 0..down {
             pixels[j * grid.width..][..across].copy_from_slice(&block.merged[j * TILE..][..across]);
         }
@@ -270,7 +285,7 @@ impl<P: Colour> Between<'_, P> {
     /// For each pixel of a tile the nearest of the nine claims around it, and which of these are in front of its own.
     #[inline(never)]
     fn fronts(&self, column: usize, row: usize, fronts: &mut [Key; BLOCK]) -> u64 {
-        claims::nearest_around(self.level, &self.places.around(column, row, true), fronts)
+        claims::nearest_around(self.level, &self.places.around(column, row, true), DISTINCT, fronts)
     }
 
     /// The colours at places beside something in front (`has_front`), as they are if those move with that (`fronts`): the
@@ -332,7 +347,8 @@ impl<P: Colour> Between<'_, P> {
     fn is_entering(&self, [column, row]: [usize; 2], key: Key, spots: Spots) -> bool {
         let grid = self.places.grid;
         let is_off = |at: i32, len: usize| at + 64 * (TILE as i32 - 1) < -32 || at + 32 >= 64 * len as i32;
-        let is_in_front = |tile: &Tile| tile.kind == Kind::Rough || is_nearer(tile.key, key) && !alike(tile.key, key);
+        let moves_along = |tile: &Tile| moves_within(tile.key, key, DISTINCT);
+        let is_in_front = |tile: &Tile| tile.kind == Kind::Rough || is_nearer(tile.key, key) && !moves_along(tile);
         let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
         let mut rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
         (is_off(spots.before[0], grid.width) || is_off(spots.before[1], grid.height))
@@ -390,10 +406,15 @@ fn is_in_smooth(layer: &Layer, spot: [i32; 2], can_be: impl Fn(&Tile) -> bool) -
     let grid = layer.grid;
     let last = spot.map(|v| v + 64 * (TILE as i32 - 1));
     let (Some(first), Some(last)) = (grid.nearest(spot), grid.nearest(last)) else { return false };
-    (first[1] / TILE..=last[1] / TILE).all(|row| {
-        let tiles = &layer.row(row..row + 1)[first[0] / TILE..=last[0] / TILE];
-        tiles.iter().all(|tile| tile.kind == Kind::Smooth && can_be(tile))
-    })
+    // A plain loop: closures of `all` are left as functions of their own.
+    for row in first[1] / TILE..=last[1] / TILE {
+        for tile in &layer.row(row..row + 1)[first[0] / TILE..=last[0] / TILE] {
+            if tile.kind != Kind::Smooth || !can_be(tile) {
+                return false;
+            }
+        }
+    }
+    true
 }
 
 /// Where the anchors show the pixels of a tile that moves as a whole; which pixels they do not show, as

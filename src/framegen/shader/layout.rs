@@ -37,6 +37,7 @@ pub(super) struct Constants {
     pub(super) pitch: u32,
     pub(super) nearer_is_current: u32,
     pub(super) cut_shows_current: u32,
+    pub(super) is_even: u32,
     pub(super) at_given_tiles: u32,
     pub(super) at_field_tiles: u32,
     pub(super) at_owner_tiles: u32,
@@ -57,7 +58,7 @@ pub(super) struct Constants {
 }
 
 /// How many words they are.
-pub(super) const WORDS: usize = 42;
+pub(super) const WORDS: usize = 43;
 
 impl Constants {
     /// As shaders read them.
@@ -88,6 +89,7 @@ impl Constants {
             self.pitch,
             self.nearer_is_current,
             self.cut_shows_current,
+            self.is_even,
             self.at_given_tiles,
             self.at_field_tiles,
             self.at_owner_tiles,

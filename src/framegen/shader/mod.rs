@@ -44,6 +44,9 @@ pub struct GuidanceTextures<'a> {
     pub depth: Resting<'a>,
     /// Pixels to a side for which it has one value: 1, 8 or 16.
     pub depth_tile: u32,
+    /// Whether depth is known to be one and the same everywhere ([`DepthMap::even`](crate::guidance::DepthMap::even)), as beside motion
+    /// that was found in pictures: edges are then known to a pixel or two, and frames a little soft there.
+    pub depth_is_even: bool,
     /// R8 (UNORM), where an engine knows it: what is not 0 lies over the current anchor's picture and stands still, like a HUD. Without
     /// it, such is told from colours that do not move, as letterbox bars are in any case.
     pub hud: Option<Resting<'a>>,
@@ -358,6 +361,7 @@ impl ShaderGenerator {
         let constants = Constants {
             guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
             has_hud: guidance.hud.is_some().into(),
+            is_even: guidance.depth_is_even.into(),
             is_float: anchor.is_float.into(),
             is_light: anchor.is_light.into(),
             ..self.layout.constants

@@ -5,8 +5,8 @@ use windows::core::Interface;
 
 use super::Frame;
 use super::frame::Tracked;
-use super::timing::{Spent, Timing};
-use crate::gpu::{Gpu, Moment, Queue, failed_on};
+use super::timing::Timing;
+use crate::gpu::{Gpu, Moment, Queue, Spent, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// How many frames may be recorded before the first of them has run.

@@ -12,11 +12,11 @@ pub(crate) mod pictures;
 mod timing;
 mod view;
 
+pub use super::Spent;
 pub use frame::Frame;
 pub(crate) use frame::Table;
 pub use frames::{FRAMES_IN_FLIGHT, Frames};
 pub(crate) use kernel::{Kernel, Shape};
 pub use pictures::Transfer;
-pub use timing::Spent;
 pub use view::Resting;
 pub(crate) use view::{Texture, View, Words, texture, untyped};

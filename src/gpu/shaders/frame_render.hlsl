@@ -5,9 +5,12 @@
 #include "frame_colour.hlsli"
 #include "frame_overlay.hlsli"
 #include "frame_hidden.hlsli"
+#include "frame_soften.hlsli"
 
 static const float RIM = 45;
 static const float UNSEEN = 20;
+// In 1/64 px.
+static const int DISTINCT = 8;
 
 groupshared uint IsUnclear;
 
@@ -81,6 +84,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     bool is_clear = is_whole && IsUnclear == 0;
     bool is_hidden = false;
     bool is_loose = false;
+    bool stands_still = false;
     float4 colour = 0;
     [branch]
     if (is_live)
@@ -118,7 +122,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
             int2 front_after = front_before - of_front;
             int2 unused;
             [branch]
-            if (is_nearer(front, key) && !alike(front, key) && nearest(front_before, unused) && nearest(front_after, unused))
+            if (is_nearer(front, key) && any(abs(of_front - v) > DISTINCT) && nearest(front_before, unused) && nearest(front_after, unused))
             {
                 float4 a, b;
                 sample_both(front_before, front_after, a, b);
@@ -174,6 +178,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
             }
             if (is_fixed)
             {
+                stands_still = true;
                 colour = merged(stored(PREVIOUS, at), stored(CURRENT, at));
             }
             else if (is_before && is_after)
@@ -198,6 +203,11 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     {
         // Across a cut, the nearer anchor.
         colour = stored(CutShowsCurrent != 0 ? CURRENT : PREVIOUS, at);
+    }
+    if (IsEven != 0)
+    {
+        bool is_rough = is_live && tile.z != SMOOTH && all(extent(group.xy) == uint2(TILE, TILE));
+        colour = softened(index, key, is_rough, is_hidden, stands_still, colour);
     }
     if (is_here && !is_hidden)
     {

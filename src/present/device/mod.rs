@@ -4,25 +4,32 @@
 //! an engine's list, or into one of ours. Nothing comes back but a few words on what happened, which are looked at when the next frame
 //! is recorded.
 
+mod canvas;
 mod reports;
 mod supply;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12GraphicsCommandList, ID3D12Resource};
 
 use super::presenter::{Drawn, Plan, Presenter, Shown, ShownSource, Taken};
 use super::statistics::PresenterStatistics;
+use crate::ffx::{Api, Choice, Version};
 use crate::framegen::Phases;
-use crate::framegen::shader::{DESCRIPTORS, GuidanceTextures, ShaderGenerator, TexturePair};
+use crate::framegen::fsr::{FsrGenerator, PairFacts};
+use crate::framegen::shader::{self, GuidanceTextures, ShaderGenerator, TexturePair};
+use crate::gpu::compute::pictures::{self, Format};
 use crate::gpu::compute::{Frame, Frames, Resting, Spent, Transfer};
 use crate::gpu::{Gpu, Moment, Promises, Target, check_list};
-use crate::{Error, ErrorKind, Result};
+use crate::guidance::paper;
+use crate::{Colours, Error, ErrorKind, Result};
+use canvas::Canvas;
 use reports::Reports;
 use supply::{Supplied, Supply};
 
-/// What a presenter's frames of one size are made with on a Direct3D device, by the `shader` generator. Makes everything with it; a
-/// frame makes nothing, and an anchor only what has another size than those before.
+/// What a presenter's frames are made with on a Direct3D device, by the `shader` generator, or those half way
+/// between two anchors by `fsr`, from anchors of one size. Makes everything with it; a frame makes nothing, but for the first one of
+/// another size than that before, and an anchor only what has another size than those before.
 ///
 /// Belongs to one presenter. Lists must be given to the device's queue for frames in the order that they are recorded in, each before
 /// the next one is recorded.
@@ -33,40 +40,97 @@ pub struct DeviceDrawer {
     promises: Promises,
     gpu: Gpu,
     size: (u32, u32),
-    linear: bool,
+    colours: Colours,
     generator: ShaderGenerator,
+    /// What brings pictures into targets that the generator does not write itself.
+    canvas: Option<Canvas>,
+    fsr: Option<FsrGenerator>,
+    /// Where nobody else is to make the frames that it does.
+    requires_fsr: bool,
+    /// Why it makes none any more.
+    fsr_failed: Option<Error>,
+    /// Whether it made the frame that was generated last, or none was.
+    made_by_fsr: bool,
     frames: Frames,
     supply: Supply,
     reports: Reports,
-    /// Resets, and the later anchor, of the pair that the generator knows.
-    prepared: Option<(u64, u64)>,
+    /// Resets, the later anchor, and what lay over the anchors, of the pair that the generator knows.
+    prepared: Option<(u64, u64, u64)>,
     drawn: Option<Drawn>,
+    /// Frames whose time the presenter knows, and all time that it knows of.
+    noted: (u64, Duration),
 }
 
 impl DeviceDrawer {
-    /// For anchors and frames of `size`; frames in half floats are in `linear` light if so, and there are no others then.
+    /// For anchors of `size`, and frames in `colours`.
     ///
     /// # Errors
     /// As for [`ShaderGenerator::new`].
-    pub fn new(gpu: &Gpu, size: (u32, u32), linear: bool) -> Result<Self> {
-        let transfer = if linear { Transfer::Light } else { Transfer::Shown };
+    pub fn new(gpu: &Gpu, size: (u32, u32), colours: Colours) -> Result<Self> {
+        let transfer = if colours == Colours::Linear { Transfer::Light } else { Transfer::Shown };
         Ok(Self {
             promises: Promises::new(gpu)?,
             gpu: gpu.clone(),
             size,
-            linear,
+            colours,
             generator: ShaderGenerator::new(gpu, size)?.with_target_transfer(transfer),
-            frames: Frames::new(gpu, gpu.frames(), DESCRIPTORS)?,
+            canvas: None,
+            frames: Frames::new(gpu, gpu.frames(), shader::DESCRIPTORS + canvas::DESCRIPTORS)?,
+            fsr: None,
+            requires_fsr: false,
+            fsr_failed: None,
+            made_by_fsr: true,
             supply: Supply::new(gpu, size)?,
             reports: Reports::new(gpu)?,
             prepared: None,
             drawn: None,
+            noted: (0, Duration::ZERO),
         })
     }
 
-    /// Whether it makes frames of `size` for lists of the same queue.
+    /// From now on frames half way between two anchors are made by a provider of AMD's in `api`; only one that puts a picture of known
+    /// motion where it belongs is taken. Those at other phases, and those beyond an anchor, are made by shaders as ever. Where the
+    /// provider fails later, shaders make its frames too, unless it `is_required`: then drawing fails.
+    ///
+    /// A provider goes on from frame to frame. Where the frame half way to an anchor is not drawn, the next one costs a second call of it.
+    ///
+    /// # Errors
+    /// As for [`TextureGenerator::new`](crate::ffx::TextureGenerator::new).
+    pub fn use_fsr(&mut self, api: &Api, choice: Choice, is_required: bool) -> Result<()> {
+        self.fsr = Some(FsrGenerator::new(&self.gpu, api, choice, self.size)?);
+        (self.requires_fsr, self.fsr_failed) = (is_required, None);
+        Ok(())
+    }
+
+    /// The provider that made the frame that was generated last, or will make the first one half way; None where shaders did, or will.
+    pub fn made_by_fsr(&self) -> Option<&Version> {
+        self.fsr.as_ref().filter(|_| self.made_by_fsr).map(FsrGenerator::version)
+    }
+
+    /// Why the provider that it was given makes no frames any more, where it failed.
+    pub fn fsr_failed(&self) -> Option<&Error> {
+        self.fsr_failed.as_ref()
+    }
+
+    /// Whether it makes frames of anchors of `size` for lists of the same queue.
     pub fn fits(&self, gpu: &Gpu, size: (u32, u32)) -> bool {
         self.size == size && self.gpu.frames().d3d12() == gpu.frames().d3d12()
+    }
+
+    /// Makes it ready for frames of `size`, which keep the anchors' shape if so; otherwise the first of them does.
+    ///
+    /// # Errors
+    /// `Unsupported` for more pixels than fit into the buffers of Direct3D; `OutOfMemory`, `DeviceRemoved`, `Device`.
+    pub fn fit(&mut self, size: (u32, u32), keeps_shape: bool) -> Result<()> {
+        if size == self.size && matches!(self.colours, Colours::Shown | Colours::Linear) {
+            self.canvas = None;
+            return Ok(());
+        }
+        let canvas = match &mut self.canvas {
+            Some(canvas) => canvas,
+            none => none.insert(Canvas::new(&self.gpu, self.size)?),
+        };
+        canvas.fit(&mut self.supply, size, keeps_shape)
     }
 
     /// Waits until all frames have run and lets go of their targets: before a swap chain is resized, for one. Lists that were recorded
@@ -100,19 +164,21 @@ impl DeviceDrawer {
         taken: &Taken,
         presenter: &Presenter,
         list: Option<&ID3D12GraphicsCommandList>,
-        target: &Target,
+        (target, format): (&Target, Format),
         times: &mut PresenterStatistics,
     ) -> Result<Option<Moment>> {
         let start = Instant::now();
         let motion = presenter.options().motion;
-        let supplied = self.supply.bring(&taken.plan, taken.epoch, motion)?;
+        let supplied = self.supply.bring(taken, motion)?;
         times.guidance += start.elapsed();
         let start = Instant::now();
-        if let Plan::Between { index, .. } = &taken.plan {
-            self.prepare(&supplied.pair()?, (taken.epoch, *index))?;
+        let half = self.half(taken, &supplied, presenter.options().multiplier)?;
+        if let (Plan::Between { index, .. }, None) = (&taken.plan, &half) {
+            let key = (taken.epoch, *index, self.supply.overlays);
+            self.prepare(&supplied.pair()?, key)?;
         }
         let again = taken.shown.repeated;
-        let (promises, generator) = (&mut self.promises, &mut self.generator);
+        let (promises, generator, canvas) = (&mut self.promises, &mut self.generator, &mut self.canvas);
         let place = self.frames.place();
         let (mut frame, promised) = match list {
             Some(list) => {
@@ -127,32 +193,71 @@ impl DeviceDrawer {
             ShownSource::Extrapolated => c"Cairn: a frame beyond an anchor",
             _ => c"Cairn: an anchor",
         });
-        if !(again && generator.again(&mut frame, &to)?) {
-            generate(generator, &mut frame, &taken.plan, &supplied, &to)?;
+        let half = half.as_ref();
+        match canvas {
+            None if again && generator.again(&mut frame, &to)? => {}
+            None => generate(generator, &mut frame, &taken.plan, &supplied, half, &to)?,
+            Some(canvas) if again && canvas.again(&mut frame, format, self.colours, &to)? => {}
+            Some(canvas) => {
+                generate(generator, &mut frame, &taken.plan, &supplied, half, &canvas.picture())?;
+                canvas.record(&mut frame, format, self.colours, &to)?;
+            }
         }
         self.reports.record(&mut frame, place, &generator.report())?;
         frame.leave(&target.texture, target.after);
         frame.end_stage();
+        // Of all else it is known beforehand whether there is a cut, and a provider shows an anchor there without a word.
+        let may_be_cut = matches!(taken.plan, Plan::Between { .. }) && half.is_none();
         let moment = match promised {
             Some(moment) => {
                 drop(frame);
-                self.reports.comes_at(place, &moment, &taken.plan);
+                self.reports.comes_at(place, &moment, may_be_cut);
                 None
             }
             None => {
                 let moment = frame.submit(self.gpu.frames())?;
-                self.reports.comes_at(place, &moment, &taken.plan);
+                self.reports.comes_at(place, &moment, may_be_cut);
                 Some(moment)
             }
         };
+        if !matches!(taken.plan, Plan::Copy { .. }) {
+            self.made_by_fsr = half.is_some();
+        }
         times.generate += start.elapsed();
         Ok(moment)
     }
 }
 
 impl DeviceDrawer {
+    /// The frame half way between two anchors, where it is asked for and a provider makes it.
+    fn half(&mut self, taken: &Taken, supplied: &Supplied, multiplier: u32) -> Result<Option<ID3D12Resource>> {
+        let (Some(fsr), Plan::Between { current, index, t, .. }) = (&mut self.fsr, &taken.plan) else {
+            return Ok(None);
+        };
+        if *t != 0.5 {
+            return Ok(None);
+        }
+        let due = &taken.shown.due;
+        let frame_ns = due.until_ns.saturating_sub(due.since_ns).max(1);
+        let facts = PairFacts {
+            place: (taken.epoch, *index),
+            projection: current.guidance.as_ref().map_or(paper::PROJECTION, |given| given.depth().projection()),
+            interval_ms: frame_ns as f32 * multiplier as f32 / 1e6,
+        };
+        // What follows on the queue for frames comes after it.
+        match fsr.generate(&supplied.pair()?, &facts) {
+            Ok((half, _)) => Ok(Some(half)),
+            Err(why) if self.requires_fsr || why.kind() == ErrorKind::DeviceRemoved => Err(why),
+            Err(why) => {
+                log::warn!("frames are made by shaders from now on, as fsr fails: {why}");
+                (self.fsr, self.fsr_failed) = (None, Some(why));
+                Ok(None)
+            }
+        }
+    }
+
     /// Has what frames of a pair have in common made in a list of ours, where it is not: an engine's list may never run.
-    fn prepare(&mut self, pair: &TexturePair<'_>, key: (u64, u64)) -> Result<()> {
+    fn prepare(&mut self, pair: &TexturePair<'_>, key: (u64, u64, u64)) -> Result<()> {
         // Textures are used again for other anchors, so that they do not tell.
         if self.prepared == Some(key) && self.generator.is_prepared(pair)? {
             return Ok(());
@@ -189,19 +294,24 @@ impl Supplied {
             motion_tile: guidance.motion_tile,
             depth: resting(&guidance.depth),
             depth_tile: guidance.depth_tile,
-            hud: None,
+            depth_is_even: guidance.depth_is_even,
+            hud: self.overlay.as_ref().map(resting),
         })
     }
 }
 
-/// Records what a plan says.
+/// Records what a plan says, or shows what a provider has made of it.
 fn generate(
     generator: &mut ShaderGenerator,
     frame: &mut Frame<'_>,
     plan: &Plan,
     supplied: &Supplied,
+    half: Option<&ID3D12Resource>,
     to: &Resting<'_>,
 ) -> Result<()> {
+    if let Some(half) = half {
+        return generator.show_anchor(frame, &resting(half), to);
+    }
     match plan {
         Plan::Copy { .. } => generator.show_anchor(frame, &resting(&supplied.current), to),
         Plan::Between { t, .. } => generator.interpolate(frame, &supplied.pair()?, *t, to),
@@ -251,21 +361,26 @@ impl Presenter {
         if let Some(gone) = drawer.gpu.removed() {
             return Err(gone);
         }
-        target.check(&drawer.gpu, drawer.gpu.frames().kind(), drawer.size, drawer.linear)?;
         // The list before this one has been given to the queue.
         drawer.promises.keep()?;
         self.look(drawer);
         let Some(mut taken) = self.take(now, Some(Phases::Any)) else { return Ok(None) };
-        let size = taken.plan.size();
-        if size != drawer.size {
+        let anchors = taken.plan.size();
+        let size = taken.size.unwrap_or(anchors);
+        if anchors != drawer.size {
+            let (of, for_) = (drawer.size, anchors);
             let cause =
-                format!("{} x {} pixels where anchors have {} x {}", drawer.size.0, drawer.size.1, size.0, size.1);
-            return Err(Error::new(ErrorKind::InvalidArgument, cause).field("target"));
+                format!("it makes frames of anchors of {} x {} pixels, not {} x {}", of.0, of.1, for_.0, for_.1);
+            return Err(Error::new(ErrorKind::InvalidArgument, cause).field("drawer"));
         }
+        target.check(&drawer.gpu, drawer.gpu.frames().kind(), size, drawer.colours)?;
+        let resting = Resting { resource: &target.texture, state: target.before };
+        let format = pictures::target(&drawer.gpu, &resting, [size.0, size.1])?;
+        drawer.fit(size, self.options().letterbox)?;
         taken.shown.repeated = drawer.drawn == Some(taken.key);
         drawer.drawn = None;
         let mut times = PresenterStatistics::default();
-        let moment = drawer.draw(&taken, self, list, target, &mut times)?;
+        let moment = drawer.draw(&taken, self, list, (target, format), &mut times)?;
         drawer.drawn = Some(taken.key);
         self.count(&taken.shown, &times);
         Ok(Some((taken.shown, moment)))
@@ -274,6 +389,15 @@ impl Presenter {
     /// Looks at what has happened in frames that have run meanwhile, so that [`statistics`](Self::statistics) has it.
     pub fn look(&self, drawer: &mut DeviceDrawer) {
         self.count_cuts(drawer.reports.cuts());
+        let (frames, lists) = (drawer.spent(), drawer.spent_on_anchors());
+        let known = (frames.frames, frames.total.saturating_add(lists.total));
+        let (before, spent) = std::mem::replace(&mut drawer.noted, known);
+        if known.0 > before {
+            self.note_spent(known.0 - before, known.1.saturating_sub(spent));
+        } else {
+            // It counts with the next frame.
+            drawer.noted.1 = spent;
+        }
     }
 }
 

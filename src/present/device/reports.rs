@@ -2,7 +2,6 @@
 
 use windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COPY_DEST;
 
-use super::super::presenter::Plan;
 use crate::Result;
 use crate::framegen::shader::{WORD_OF_CUT, WORD_OF_UNEXPLAINED};
 use crate::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Resting};
@@ -37,9 +36,9 @@ impl Reports {
         frame.copy_bytes(report, BYTES as u64, &to, 0)
     }
 
-    pub(super) fn comes_at(&mut self, place: usize, moment: &Moment, plan: &Plan) {
-        // Of the rest it is known beforehand whether there is a cut.
-        self.slots[place].comes = matches!(plan, Plan::Between { .. }).then(|| moment.clone());
+    /// The report of a frame is there at `moment`; looked at only where it may be that there is a cut.
+    pub(super) fn comes_at(&mut self, place: usize, moment: &Moment, may_be_cut: bool) {
+        self.slots[place].comes = may_be_cut.then(|| moment.clone());
     }
 
     /// How many frames that have run since it was asked are anchors and not generated, as a cut was found.

@@ -7,7 +7,7 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::super::motion::{Extractors, MotionSource};
-use super::super::presenter::{Plan, Slot};
+use super::super::presenter::{Overlay, Plan, Slot, Taken};
 use super::{nothing_brought, resting};
 use crate::framegen::shader;
 use crate::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting, Spent};
@@ -39,6 +39,10 @@ pub(super) struct Supply {
     staging: [Option<(Shared, usize)>; FRAMES_IN_FLIGHT],
     pictures: Vec<PictureTexture>,
     pairs: Vec<PairTextures>,
+    /// What lies over the anchors.
+    overlay: Option<(Weak<Overlay>, ID3D12Resource)>,
+    /// Counts them.
+    pub(super) overlays: u64,
     extractors: Extractors,
     /// Memory for what they find.
     found: Option<Guidance>,
@@ -76,6 +80,8 @@ pub(super) struct Textures {
     pub(super) motion_tile: u32,
     pub(super) depth: ID3D12Resource,
     pub(super) depth_tile: u32,
+    /// Whether all of it is known to be one and the same.
+    pub(super) depth_is_even: bool,
 }
 
 /// What a frame is made of. All of it rests in the state COMMON.
@@ -85,6 +91,8 @@ pub(super) struct Supplied {
     pub(super) current: ID3D12Resource,
     pub(super) guidance: Option<Textures>,
     pub(super) previous_depth: Option<(ID3D12Resource, u32)>,
+    /// What lies over the anchors.
+    pub(super) overlay: Option<ID3D12Resource>,
 }
 
 /// What is to be copied into a texture: rows without a gap.
@@ -108,6 +116,8 @@ impl Supply {
             staging: std::array::from_fn(|_| None),
             pictures: (0..PICTURES).map(|_| picture()).collect::<Result<_>>()?,
             pairs: (0..PAIRS).map(|_| pair()).collect::<Result<_>>()?,
+            overlay: None,
+            overlays: 0,
             extractors: Extractors::default(),
             found: None,
             from_latents: None,
@@ -116,13 +126,17 @@ impl Supply {
         })
     }
 
-    /// What `plan` needs, after `epoch` resets; where anchors came without guidance it is found from `motion`.
-    pub(super) fn bring(&mut self, plan: &Plan, epoch: u64, motion: MotionSource) -> Result<Supplied> {
+    /// What a frame needs; where anchors came without guidance it is found from `motion`.
+    pub(super) fn bring(
+        &mut self,
+        Taken { plan, epoch, overlay, .. }: &Taken,
+        motion: MotionSource,
+    ) -> Result<Supplied> {
         self.clock += 1;
         let (previous, current, index) = match plan {
             Plan::Copy { anchor, picture } => {
                 let current = self.bring_picture(anchor, *picture)?;
-                return Ok(Supplied { previous: None, current, guidance: None, previous_depth: None });
+                return Ok(Supplied { previous: None, current, guidance: None, previous_depth: None, overlay: None });
             }
             Plan::Between { previous, current, index, .. } => (Some(previous), current, *index),
             Plan::Beyond { previous, last, index, .. } => (previous.as_ref(), last, *index),
@@ -131,13 +145,14 @@ impl Supply {
             Some(given) => self.bring_given(given)?,
             None => {
                 let previous = &previous.ok_or_else(nothing_brought)?.anchor;
-                self.bring_found(motion, previous, &current.anchor, (epoch, index))?
+                self.bring_found(motion, previous, &current.anchor, (*epoch, index))?
             }
         };
+        let overlay = overlay.as_ref().map(|overlay| self.bring_overlay(overlay)).transpose()?;
         let last = |slot: &Slot| slot.anchor.count() - 1;
         let picture = self.bring_picture(&current.anchor, last(current))?;
         let mut supplied =
-            Supplied { previous: None, current: picture, guidance: Some(guidance), previous_depth: None };
+            Supplied { previous: None, current: picture, guidance: Some(guidance), previous_depth: None, overlay };
         if let (Plan::Between { .. }, Some(previous)) = (plan, previous) {
             supplied.previous = Some(self.bring_picture(&previous.anchor, last(previous))?);
             if let Some(given) = &previous.guidance {
@@ -187,6 +202,22 @@ impl Supply {
         self.submit(&[upload])?;
         let kept = &mut self.pictures[at];
         (kept.of, kept.used) = (Some((Arc::downgrade(anchor), picture)), self.clock);
+        Ok(to)
+    }
+
+    /// What lies over the anchors, copied once.
+    fn bring_overlay(&mut self, overlay: &Arc<Overlay>) -> Result<ID3D12Resource> {
+        if let Some((of, texture)) = &self.overlay
+            && of.as_ptr() == Arc::as_ptr(overlay)
+        {
+            return Ok(texture.clone());
+        }
+        self.overlay = None;
+        let to = written_texture(&self.gpu, self.size, DXGI_FORMAT_R8_UNORM, D3D12_RESOURCE_STATE_COMMON)?;
+        let (bytes, size) = (overlay.mask.as_slice(), overlay.size);
+        self.submit(&[Upload { bytes, size, format: DXGI_FORMAT_R8_UNORM, to: to.clone() }])?;
+        self.overlays += 1;
+        self.overlay = Some((Arc::downgrade(overlay), to.clone()));
         Ok(to)
     }
 
@@ -245,7 +276,7 @@ impl Supply {
         let current = self.bring_picture(current, current.count() - 1)?;
         let kept = &mut self.pairs[at];
         kept.of = None;
-        kept.textures.make(&self.gpu, self.size, [1, EVEN])?;
+        kept.textures.make(&self.gpu, self.size, [1, EVEN], true)?;
         let textures = kept.textures.clone();
         let mut frame = self.ring.begin()?;
         frame.stage(c"Cairn: motion from pictures");
@@ -276,7 +307,7 @@ impl Supply {
         }
         let kept = &mut self.pairs[at];
         kept.of = None;
-        kept.textures.make(&self.gpu, self.size, [1, 1])?;
+        kept.textures.make(&self.gpu, self.size, [1, 1], false)?;
         let textures = kept.textures.clone();
         let mut frame = self.ring.begin()?;
         frame.stage(c"Cairn: motion from latents");
@@ -301,7 +332,7 @@ impl Supply {
         let (motion, depth) = (guidance.motion(), guidance.depth());
         let kept = &mut self.pairs[at];
         kept.of = None;
-        kept.textures.make(&self.gpu, self.size, [motion.tile(), depth.tile()])?;
+        kept.textures.make(&self.gpu, self.size, [motion.tile(), depth.tile()], depth.even().is_some())?;
         let textures = kept.textures.clone();
         let uploads = [
             Upload {
@@ -358,14 +389,15 @@ impl Textures {
         };
         let [motion_tile, depth_tile] = tiles;
         let (motion, depth) = (texture(motion_tile, MOTION)?, texture(depth_tile, DEPTH)?);
-        Ok(Self { motion, motion_tile, depth, depth_tile })
+        Ok(Self { motion, motion_tile, depth, depth_tile, depth_is_even: false })
     }
 
-    /// Others where the tiles are others.
-    fn make(&mut self, gpu: &Gpu, size: (u32, u32), tiles: [u32; 2]) -> Result<()> {
+    /// Others where the tiles are others; of depth that is known to be even, or not.
+    fn make(&mut self, gpu: &Gpu, size: (u32, u32), tiles: [u32; 2], depth_is_even: bool) -> Result<()> {
         if [self.motion_tile, self.depth_tile] != tiles {
             *self = Self::new(gpu, size, tiles)?;
         }
+        self.depth_is_even = depth_is_even;
         Ok(())
     }
 }

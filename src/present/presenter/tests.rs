@@ -1,6 +1,8 @@
 use super::*;
 use crate::framegen::GenerateReport;
 use crate::framegen::cpu::CpuGenerator;
+use crate::framegen::{Anchor, AnchorPair};
+use crate::guidance::paper;
 
 const MS: u64 = 1_000_000;
 const WIDTH: u32 = 48;
@@ -25,6 +27,7 @@ fn options() -> PresenterOptions {
         extrapolate: true,
         decoded: true,
         size: None,
+        letterbox: false,
         capacity: 4,
         motion: MotionSource::PictureFlow,
     }
@@ -212,4 +215,103 @@ fn what_does_not_fit_is_refused() {
     ] {
         assert!(Presenter::new(wrong, None).is_err());
     }
+}
+
+#[test]
+fn frames_change_their_size_and_the_stream_goes_on() {
+    let fixed = presenter(PresenterOptions { size: Some((30, 20)), ..options() });
+    let changing = presenter(options());
+    for presenter in [&fixed, &changing] {
+        presenter.push(anchor(0, true), None, 0).unwrap();
+        presenter.push(anchor(1, false), None, 60 * MS).unwrap();
+    }
+    let (first, whole) = draw(&changing, 90 * MS);
+    changing.resize(Some((30, 20))).unwrap();
+    let (second, small) = draw(&changing, 91 * MS);
+    // The same frame, and another picture.
+    assert_eq!((first.due, second.repeated), (second.due, false));
+    assert!(small == draw(&fixed, 91 * MS).1);
+    changing.resize(None).unwrap();
+    assert!(draw(&changing, 92 * MS).1 == whole);
+    for size in [(0, 5), (5, 0), (16_385, 1)] {
+        assert_eq!(changing.resize(Some(size)).unwrap_err().offending_field(), Some("size"));
+    }
+}
+
+#[test]
+fn anchors_keep_their_shape_in_a_frame_of_another_where_they_shall() {
+    let size = Some((40, 90));
+    let stretched = presenter(PresenterOptions { size, ..options() });
+    let framed = presenter(PresenterOptions { size, letterbox: true, ..options() });
+    let mut area = (0, 0);
+    for presenter in [&stretched, &framed] {
+        presenter.push(anchor(0, true), None, 0).unwrap();
+        presenter.push(anchor(1, false), None, 60 * MS).unwrap();
+        area = presenter.anchor_size().unwrap();
+    }
+    let (_, whole) = draw(&stretched, 90 * MS);
+    let (_, bars) = draw(&framed, 90 * MS);
+    let height = (40.0 * f64::from(area.1) / f64::from(area.0)).round() as usize;
+    let (above, row) = ((90 - height) / 2, 40 * 4);
+    let black = |pixels: &[u8]| pixels.as_chunks::<4>().0.iter().all(|pixel| *pixel == [0, 0, 0, 255]);
+    let (bars, whole) = (bars.rgba(), whole.rgba());
+    assert!(height < 90 && black(&bars[..above * row]) && black(&bars[(above + height) * row..]));
+    assert!(!black(&bars[above * row..][..row]) && !black(&bars[(above + height - 1) * row..][..row]));
+    assert!(!black(&whole[..row]) && bars != whole);
+    // In frames of their shape there is no bar.
+    for presenter in [&stretched, &framed] {
+        presenter.resize(Some((2 * area.0, 2 * area.1))).unwrap();
+    }
+    assert!(draw(&stretched, 92 * MS).1 == draw(&framed, 92 * MS).1);
+}
+
+#[test]
+fn an_overlay_has_the_size_of_the_anchors() {
+    let presenter = presenter(options());
+    let of = |size: (u32, u32)| Some((size, vec![1; (size.0 * size.1) as usize]));
+    assert_eq!(presenter.set_overlay(Some(((2, 2), vec![1; 3]))).unwrap_err().offending_field(), Some("overlay"));
+    presenter.set_overlay(of((3, 5))).unwrap();
+    let refused = presenter.push(anchor(0, true), None, 0).unwrap_err();
+    assert_eq!(refused.offending_field(), Some("anchor"));
+    presenter.set_overlay(None).unwrap();
+    presenter.push(anchor(0, true), None, 0).unwrap();
+    let size = presenter.anchor_size().unwrap();
+    presenter.set_overlay(of(size)).unwrap();
+    assert_eq!(presenter.set_overlay(of((3, 5))).unwrap_err().kind(), ErrorKind::InvalidArgument);
+    // The next stream is another one.
+    presenter.reset();
+    presenter.set_overlay(of((3, 5))).unwrap();
+}
+
+#[test]
+fn frames_are_left_out_where_they_take_more_than_the_budget() {
+    let presenter = presenter(PresenterOptions { multiplier: 4, ..options() });
+    assert_eq!(presenter.set_budget(Some(Duration::ZERO)).unwrap_err().offending_field(), Some("budget"));
+    presenter.set_budget(Some(Duration::from_millis(2))).unwrap();
+    let push = |number: u64| presenter.push(anchor(number, number == 0), None, number * 60 * MS).unwrap();
+    (0..2).for_each(|number| assert!(push(number)));
+    let shown = |at: u64| {
+        if at.is_multiple_of(4) {
+            push(at / 4 + 1);
+        }
+        let (shown, _) = draw(&presenter, 60 * MS + at * 15 * MS);
+        (shown.source, shown.t, shown.repeated)
+    };
+    assert_eq!(shown(1), (ShownSource::Generated, 0.25, false));
+    // Two intervals of four frames that take too long each.
+    presenter.note_spent(8, Duration::from_millis(24));
+    let done = presenter.statistics();
+    assert_eq!((done.made_to_anchor, done.budget_changes), (2, 1));
+    assert_eq!(shown(2), (ShownSource::Generated, 0.5, false));
+    assert_eq!(shown(3), (ShownSource::Generated, 0.5, true));
+    assert_eq!(shown(4), (ShownSource::Anchor, 0.0, false));
+    assert_eq!(shown(5), (ShownSource::Held, 0.0, true));
+    let at = presenter.query(60 * MS + 5 * 15 * MS).unwrap();
+    assert_eq!((at.due.position, at.source, at.previous), (5, ShownSource::Held, 1));
+    assert_eq!(shown(6), (ShownSource::Generated, 0.5, false));
+    // Nothing is held back any more.
+    presenter.set_budget(None).unwrap();
+    assert_eq!(shown(7), (ShownSource::Generated, 0.75, false));
+    let done = presenter.statistics();
+    assert_eq!((done.generated, done.held, done.shown_anchors), (5, 1, 1));
 }

@@ -3,6 +3,7 @@
 use std::ffi::CStr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use ort::AsPointer;
 use ort::ep::directml::{DMLResource, resource_from_d3d};
@@ -13,25 +14,27 @@ use parking_lot::Mutex;
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::core::Interface;
 
+use super::capture::{Capture, Captured, Named};
 use super::kept::KeptList;
 use super::recorder::Recorder;
 use super::snapshot::Snapshot;
+use super::times::Kind;
 use crate::bundle::Precision;
 use crate::gpu::compute::{Frames, Resting};
-use crate::gpu::{Gpu, Heap, Pipeline, Planes, Resize, Shared, buffer};
+use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, Resize, Shared, Spent, buffer};
 use crate::runtime::Graph;
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::finite::exponents;
 use crate::runtime::graph::TensorSpec;
-use crate::runtime::lane::{BindingId, BufferId, Bytes, CopiesId, Decoded, KeptCopy, Lane, Region};
+use crate::runtime::lane::{BindingId, BufferId, Bytes, CopiesId, Decoded, Elsewhere, KeptCopy, Lane, Region, Work};
 use crate::{Error, Result};
 
 /// The shader that looks whether numbers are finite.
 const FINITE: &[u8] = include_bytes!("../../gpu/shaders/finite.dxbc");
-/// Threads of its groups, as its source has it.
-const FINITE_GROUP: u32 = 256;
-/// Its groups at most: each thread then looks at many numbers, and a large adapter is still full.
-const FINITE_GROUPS: u32 = 1024;
+/// Threads of such shaders' groups, as their sources have it.
+const GROUP: u32 = 256;
+/// Their groups at most: each thread then looks at many numbers, and a large adapter is still full.
+const GROUPS: u32 = 1024;
 
 /// Pictures that one frame draws.
 const PICTURES: usize = 8;
@@ -39,31 +42,43 @@ const PICTURES: usize = 8;
 /// Bytes of zeroes that buffers are cleared with.
 const ZEROES: usize = 1 << 20;
 
+/// The shader that looks whether two buffers are equal.
+const EQUAL: &[u8] = include_bytes!("../../gpu/shaders/equal.dxbc");
+
 /// Buffers on the device, and copies and runs on one queue: order there is order here, and nothing waits but what reads.
 pub(super) struct DirectMlLane {
     // Bindings hold allocations of buffers: they are dropped first.
-    bindings: Vec<Bound>,
-    buffers: Vec<Buffer>,
+    pub(super) bindings: Vec<Bound>,
+    pub(super) buffers: Vec<Buffer>,
     /// Copies that are recorded once, and the bytes that they move.
     kept: Vec<(KeptList, u64)>,
-    zeroes: Shared,
+    copying: Kind,
+    pub(super) zeroes: Shared,
     /// A word that a shader sets, and where the processor reads it.
-    verdict: ID3D12Resource,
-    answer: Shared,
-    recorder: Mutex<Recorder>,
-    kernels: Arc<Kernels>,
+    pub(super) verdict: ID3D12Resource,
+    pub(super) answer: Shared,
+    pub(super) recorder: Mutex<Recorder>,
+    pub(super) kernels: Arc<Kernels>,
     /// What draws pictures into textures, from the first on that are kept.
     frames: Option<Frames>,
-    gpu: Gpu,
+    /// What runs wrote that are compared with captured ones.
+    pub(super) expected: Vec<ID3D12Resource>,
+    /// Of runs that are not to be captured, where others may be.
+    plain: Option<Named>,
+    pub(super) gpu: Gpu,
     bytes: Bytes,
     read: Arc<AtomicU64>,
+    /// Inside ONNX Runtime.
+    inside: Duration,
+    /// Nanoseconds of waiting for the device.
+    waited: AtomicU64,
 }
 
-struct Buffer {
+pub(super) struct Buffer {
     // ONNX Runtime's name for the resource: dropped before it.
     allocation: DMLResource,
-    resource: ID3D12Resource,
-    bytes: usize,
+    pub(super) resource: ID3D12Resource,
+    pub(super) bytes: usize,
 }
 
 // SAFETY: neither is tied to a thread; the allocation is only an address.
@@ -71,22 +86,34 @@ unsafe impl Send for Buffer {}
 // SAFETY: shared access only reads the two.
 unsafe impl Sync for Buffer {}
 
+/// Groups and threads that look through so many words.
+pub(super) fn groups_for(words: u32) -> (u32, u32) {
+    let groups = words.div_ceil(GROUP).clamp(1, GROUPS);
+    (groups, groups * GROUP)
+}
+
 /// The shaders of a device's lanes, compiled once.
 pub(super) struct Kernels {
     finite: Pipeline,
+    pub(super) equal: Pipeline,
     resize: Resize,
 }
 
 impl Kernels {
     pub(super) fn new(gpu: &Gpu) -> Result<Arc<Self>> {
-        Ok(Arc::new(Self { finite: Pipeline::new(gpu, FINITE, 4, 1, 1)?, resize: Resize::new(gpu)? }))
+        let finite = Pipeline::new(gpu, FINITE, 4, 1, 1)?;
+        Ok(Arc::new(Self { finite, equal: Pipeline::new(gpu, EQUAL, 2, 2, 1)?, resize: Resize::new(gpu)? }))
     }
 }
 
 /// A session's inputs and outputs, tied to buffers.
-struct Bound {
+pub(super) struct Bound {
     binding: IoBinding,
-    graph: Arc<Graph>,
+    pub(super) graph: Arc<Graph>,
+    pub(super) outputs: Vec<BufferId>,
+    pub(super) capture: Capture,
+    /// What its runs are timed as: those of one graph together.
+    kind: Kind,
 }
 
 impl DirectMlLane {
@@ -95,7 +122,9 @@ impl DirectMlLane {
         if let Some(gone) = gpu.removed() {
             return Err(gone);
         }
-        let recorder = Mutex::new(Recorder::new(gpu)?);
+        let mut recorder = Recorder::new(gpu)?;
+        let copying = recorder.kind();
+        let recorder = Mutex::new(recorder);
         // Written here: not every driver gives memory that is zero.
         let mut zeroes = Shared::new(gpu, Heap::Upload, ZEROES)?;
         zeroes.write(0, &vec![0; ZEROES]);
@@ -103,7 +132,85 @@ impl DirectMlLane {
         let answer = Shared::new(gpu, Heap::Readback, size_of::<u32>())?;
         let (bindings, buffers, kept, kernels) = (Vec::new(), Vec::new(), Vec::new(), kernels.clone());
         let (frames, gpu, bytes, read) = (None, gpu.clone(), Bytes::default(), Arc::default());
-        Ok(Self { bindings, buffers, kept, zeroes, verdict, answer, recorder, kernels, frames, gpu, bytes, read })
+        let (expected, plain) = (Vec::new(), None);
+        let (inside, waited) = (Duration::ZERO, AtomicU64::new(0));
+        Ok(Self {
+            bindings,
+            buffers,
+            kept,
+            copying,
+            zeroes,
+            verdict,
+            answer,
+            recorder,
+            kernels,
+            frames,
+            expected,
+            plain,
+            gpu,
+            bytes,
+            read,
+            inside,
+            waited,
+        })
+    }
+
+    /// Runs a binding, and captures nothing.
+    pub(super) fn run_as_ever(&mut self, id: BindingId) -> Result<()> {
+        let options = self.plain.as_ref().map_or(std::ptr::null(), Named::ptr);
+        self.run_timed(id, options)
+    }
+
+    /// Runs a binding by its capture, or makes that with the first run.
+    pub(super) fn run_named(&mut self, id: BindingId, name: &Named) -> Result<()> {
+        self.recorder.get_mut().submit()?;
+        self.run_with(id, name.ptr())
+    }
+
+    fn run_timed(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
+        let begun = self.recorder.get_mut().start(self.bindings[id.0].kind)?;
+        let ran = self.run_with(id, options);
+        match ran {
+            Ok(()) => self.recorder.get_mut().end(begun),
+            Err(_) => self.recorder.get_mut().forget(begun),
+        }
+        ran
+    }
+
+    /// Has ONNX Runtime run a binding; `options` are null or live.
+    fn run_with(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
+        // ONNX Runtime would give the queue its work first and look then.
+        if let Some(gone) = self.gpu.removed() {
+            return Err(gone);
+        }
+        let Bound { binding, graph, .. } = &self.bindings[id.0];
+        let run = ort::api().RunWithBinding;
+        let start = Instant::now();
+        let one = self.plain.as_ref().map(|_| graph.captures().one.lock());
+        // SAFETY: a session may run on several threads; this binding and its buffers are used by `&mut self` alone.
+        let status = unsafe { run(graph.session().ptr().cast_mut(), options, binding.ptr()) };
+        drop(one);
+        self.inside += start.elapsed();
+        // SAFETY: the status is what the call above returned, used once.
+        unsafe { ort::Error::result_from_status(status) }.map_err(|e| self.or_removed(ort_failure("run a graph", &e)))
+    }
+
+    /// Fills a buffer with zeroes, with what fills its last word up, which shaders read.
+    pub(super) fn blank(&mut self, buffer: BufferId) -> Result<()> {
+        let buffer = &self.buffers[buffer.0];
+        let bytes = buffer.bytes.next_multiple_of(size_of::<u32>());
+        let regions = (0..bytes).step_by(ZEROES);
+        let regions = regions.map(|at| Region { to: at, from: 0, len: ZEROES.min(bytes - at) });
+        self.recorder.get_mut().fill(&buffer.resource, self.zeroes.resource(), regions)
+    }
+
+    /// Waits for what was submitted.
+    pub(super) fn wait(&self, moment: &Moment) -> Result<()> {
+        let start = Instant::now();
+        let reached = moment.wait();
+        let nanoseconds = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.waited.fetch_add(nanoseconds, Ordering::Relaxed);
+        reached
     }
 
     /// A failure of ONNX Runtime; where the device is gone, that says more.
@@ -140,7 +247,13 @@ impl Lane for DirectMlLane {
             make("bind a tensor", || bind_one(&mut binding, name, input, spec, &memory.allocation))
                 .map_err(|e| self.or_removed(e))?;
         }
-        self.bindings.push(Bound { binding, graph: graph.clone() });
+        let same = self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph));
+        let kind = same.map(|bound| bound.kind).unwrap_or_else(|| self.recorder.get_mut().kind());
+        let (outputs, capture) = (tensors[graph.input_count()..].to_vec(), graph.captures().begin());
+        if !matches!(capture, Capture::Never(_)) && self.plain.is_none() {
+            self.plain = Some(Named::none()?);
+        }
+        self.bindings.push(Bound { binding, graph: graph.clone(), outputs, capture, kind });
         Ok(BindingId(self.bindings.len() - 1))
     }
 
@@ -153,12 +266,7 @@ impl Lane for DirectMlLane {
     }
 
     fn clear(&mut self, buffer: BufferId) -> Result<()> {
-        let buffer = &self.buffers[buffer.0];
-        // With what fills its last word up, which shaders read.
-        let bytes = buffer.bytes.next_multiple_of(size_of::<u32>());
-        let regions = (0..bytes).step_by(ZEROES);
-        let regions = regions.map(|at| Region { to: at, from: 0, len: ZEROES.min(bytes - at) });
-        self.recorder.get_mut().fill(&buffer.resource, self.zeroes.resource(), regions)
+        self.blank(buffer)
     }
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
@@ -181,25 +289,44 @@ impl Lane for DirectMlLane {
     }
 
     fn repeat(&mut self, copies: CopiesId) -> Result<()> {
-        self.recorder.get_mut().submit()?;
+        let recorder = self.recorder.get_mut();
+        let begun = recorder.start(self.copying)?;
         let (list, bytes) = &mut self.kept[copies.0];
         list.submit(&self.gpu)?;
         self.bytes.copied += *bytes;
-        Ok(())
+        recorder.end(begun);
+        // Nothing may follow for long, and the clock goes on.
+        recorder.submit()
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
-        self.recorder.get_mut().submit()?;
-        // ONNX Runtime would give the queue its work first and look then.
-        if let Some(gone) = self.gpu.removed() {
-            return Err(gone);
+        match &self.bindings[binding.0].capture {
+            Capture::Never(_) => self.run_as_ever(binding),
+            Capture::Untried | Capture::Checked(..) => self.run_both_ways(binding),
+            Capture::Used(name) => {
+                let options = name.ptr();
+                self.run_timed(binding, options)
+            }
         }
-        let Bound { binding, graph } = &self.bindings[binding.0];
-        let run = ort::api().RunWithBinding;
-        // SAFETY: a session may run on several threads; this binding and its buffers are used by `&mut self` alone.
-        let status = unsafe { run(graph.session().ptr().cast_mut(), std::ptr::null(), binding.ptr()) };
-        // SAFETY: the status is what the call above returned, used once.
-        unsafe { ort::Error::result_from_status(status) }.map_err(|e| self.or_removed(ort_failure("run a graph", &e)))
+    }
+
+    fn captured(&self) -> Option<Captured> {
+        let mut told = Captured::default();
+        self.bindings.iter().for_each(|bound| bound.capture.tell(&mut told));
+        Some(told)
+    }
+
+    fn spent(&mut self, on: Work<'_>) -> Option<Spent> {
+        let kind = match on {
+            Work::Runs(graph) => self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph))?.kind,
+            Work::Repeated => self.copying,
+        };
+        Some(self.recorder.get_mut().spent(kind))
+    }
+
+    fn elsewhere(&self) -> Option<Elsewhere> {
+        let waited = Duration::from_nanos(self.waited.load(Ordering::Relaxed));
+        Some(Elsewhere { inside: self.inside, waited })
     }
 
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
@@ -212,7 +339,7 @@ impl Lane for DirectMlLane {
             recorder.copy(readback.resource(), &buffer.resource, std::iter::once(region))?;
             recorder.now()?
         };
-        moment.wait()?;
+        self.wait(&moment)?;
         readback.read(into);
         self.read.fetch_add(into.len() as u64, Ordering::Relaxed);
         Ok(())
@@ -226,14 +353,14 @@ impl Lane for DirectMlLane {
             recorder.fill(&self.verdict, self.zeroes.resource(), word(0))?;
             for buffer in of.iter().map(|buffer| &self.buffers[buffer.0]) {
                 let words = u32::try_from(buffer.bytes.div_ceil(size_of::<u32>())).unwrap_or(u32::MAX);
-                let groups = words.div_ceil(FINITE_GROUP).clamp(1, FINITE_GROUPS);
-                let constants = [words, low, high, groups * FINITE_GROUP];
+                let (groups, threads) = groups_for(words);
+                let constants = [words, low, high, threads];
                 recorder.dispatch(&self.kernels.finite, &constants, &[&buffer.resource], &[&self.verdict], groups);
             }
             recorder.copy(self.answer.resource(), &self.verdict, word(0))?;
             recorder.now()?
         };
-        moment.wait()?;
+        self.wait(&moment)?;
         let mut verdict = [0; size_of::<u32>()];
         self.answer.read(&mut verdict);
         Ok(u32::from_ne_bytes(verdict) == 0)

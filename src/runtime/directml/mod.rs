@@ -1,10 +1,13 @@
 //! A Direct3D 12 device as a device for worlds: ONNX Runtime's DirectML provider over buffers of our own. Windows only.
 
+mod capture;
+mod checks;
 mod kept;
 mod lane;
 mod library;
 mod recorder;
 mod snapshot;
+mod times;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,6 +23,8 @@ use super::device::Backend;
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{Graph, Lane, Ort};
+pub use capture::Captured;
+pub(super) use capture::Captures;
 pub(crate) use snapshot::Snapshot;
 
 use crate::bundle::{ModelSource, Precision};
@@ -29,12 +34,31 @@ use crate::{Error, ErrorKind, Result};
 /// How DirectML is used.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DirectMlOptions {
-    /// ONNX Runtime's deterministic kernels only. Which metacommands a driver has is not ours to choose: the provider that is made on
-    /// an engine's device has no switch for them.
+    /// ONNX Runtime's deterministic kernels only, and no captured passes. Which metacommands a driver has is not ours to choose: the
+    /// provider that is made on an engine's device has no switch for them.
     pub deterministic: bool,
+    /// How many passes of each graph ONNX Runtime may capture at most: it keeps their commands and submits them again, which spares the
+    /// processor almost all of a pass. A rollout has at most two to a graph, and ONNX Runtime keeps those of rollouts that are gone for
+    /// as long as the world is there. Captured passes are used where they give the same bits as others, which the first runs of each show;
+    /// [`Rollout::captured`](crate::world::Rollout::captured) tells. 0, the default, turns it off; 16 are enough for eight
+    /// rollouts.
+    pub captured_passes: usize,
     /// Lets ONNX Runtime write down which node ran where and for how long: a file of JSON for each session, which is whole when
-    /// the session is gone. Its path begins with this one; the session's number, date and time follow. Costs time in every pass.
+    /// the session is gone. Its path begins with this one; the session's number, date and time follow. Costs time in every pass,
+    /// and no pass is captured.
     pub profile: Option<PathBuf>,
+}
+
+impl DirectMlOptions {
+    /// How many passes of a session may be captured, or why none.
+    fn captures(&self) -> std::result::Result<usize, &'static str> {
+        match self {
+            Self { deterministic: true, .. } => Err("the device is deterministic"),
+            Self { captured_passes: 0, .. } => Err("it is turned off"),
+            Self { profile: Some(_), .. } => Err("a profile needs every node to be run"),
+            Self { captured_passes, .. } => Ok(*captured_passes),
+        }
+    }
 }
 
 /// The backend behind [`Device::directml`](super::Device::directml).
@@ -56,16 +80,13 @@ impl DirectMlBackend {
     pub(super) fn new(ort: &Ort, gpu: &Gpu, options: DirectMlOptions) -> Result<Self> {
         let library = library::load(ort)?;
         let device = library.device(gpu)?;
-        let name = crate::gpu::adapters()?
-            .into_iter()
-            .find(|adapter| adapter.luid == gpu.luid())
-            .map_or_else(|| format!("adapter {:#x}", gpu.luid()), |adapter| adapter.description);
+        let name = gpu.adapter_name().unwrap_or_else(|| format!("adapter {:#x}", gpu.luid()));
         let kernels = lane::Kernels::new(gpu)?;
         Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, kernels, name, options })
     }
 
     /// The options every session shares.
-    fn session(&self, dimensions: &[(&str, usize)]) -> ort::Result<SessionBuilder> {
+    fn session(&self, dimensions: &[(&str, usize)], is_captured: bool) -> ort::Result<SessionBuilder> {
         let mut builder = Session::builder(self.ort.environment())?
             .with_optimization_level(GraphOptimizationLevel::Level3)?
             // What the provider asks for: it runs nodes in order, and its memory is its own.
@@ -74,6 +95,10 @@ impl DirectMlBackend {
             // A node that fell to the processor would drag its tensors there and back in every pass.
             .with_config_entry("session.disable_cpu_ep_fallback", "1")?
             .with_deterministic_compute(self.options.deterministic)?;
+        if is_captured {
+            let (name, value) = capture::ALLOWED;
+            builder = builder.with_config_entry(name, value)?;
+        }
         if let Some(path) = &self.options.profile {
             // ONNX Runtime adds the time in whole seconds: sessions of one second would write over each other.
             static SESSIONS: AtomicUsize = AtomicUsize::new(0);
@@ -121,9 +146,21 @@ impl Backend for DirectMlBackend {
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
-        let builder = make("prepare a session", || self.session(dimensions));
-        let graph = builder.and_then(|builder| Graph::commit(builder, what, model, inputs, outputs));
-        graph.map_err(|e| self.gpu.removed().unwrap_or(e))
+        let commit = |is_captured| {
+            let builder = make("prepare a session", || self.session(dimensions, is_captured));
+            builder.and_then(|builder| Graph::commit(builder, what, model, inputs.clone(), outputs.clone()))
+        };
+        let graph = match self.options.captures() {
+            Err(why) => commit(false).map(|graph| graph.with_captures(Captures::refused(why))),
+            Ok(count) => match commit(true) {
+                Ok(graph) => Ok(graph.with_captures(Captures::up_to(count))),
+                Err(e) => {
+                    log::warn!("the {what} is made without captured passes: {e}");
+                    commit(false).map(|graph| graph.with_captures(Captures::refused(e.to_string())))
+                }
+            },
+        };
+        graph.map(Arc::new).map_err(|e| self.gpu.removed().unwrap_or(e))
     }
 
     fn lane(&self) -> Result<Box<dyn Lane>> {

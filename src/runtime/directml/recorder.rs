@@ -6,7 +6,8 @@ use std::mem::ManuallyDrop;
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use crate::gpu::{Gpu, Heap, Moment, Pipeline, Shared, failed_on};
+use super::times::{Begun, Kind, Times};
+use crate::gpu::{Gpu, Heap, Moment, Pipeline, Shared, Spent, failed_on};
 use crate::runtime::lane::Region;
 use crate::{Error, Result};
 
@@ -29,6 +30,7 @@ pub(super) struct Recorder {
     working: VecDeque<(Moment, ID3D12CommandAllocator, Vec<Shared>)>,
     /// Pages that nobody uses.
     free: Vec<Shared>,
+    times: Times,
 }
 
 impl Recorder {
@@ -40,7 +42,8 @@ impl Recorder {
             .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommandList", &e))?;
         let gpu = gpu.clone();
         let (used, pages, free) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { gpu, list, allocator, pending: false, used, pages, filled: 0, working: VecDeque::new(), free })
+        let (working, times) = (VecDeque::new(), Times::new(&gpu)?);
+        Ok(Self { gpu, list, allocator, pending: false, used, pages, filled: 0, working, free, times })
     }
 
     /// Writes `bytes` into `to` from byte `at` on; they may be reused at once.
@@ -127,21 +130,46 @@ impl Recorder {
         self.pending = true;
     }
 
+    /// A new kind of work that is timed on the device.
+    pub(super) fn kind(&mut self) -> Kind {
+        self.times.kind()
+    }
+
+    /// Marks the start of a piece of work behind all that is recorded, and gives the mark to the queue.
+    pub(super) fn start(&mut self, kind: Kind) -> Result<Option<Begun>> {
+        let begun = self.times.start(&self.list, kind);
+        self.pending |= begun.is_some();
+        self.submit()?;
+        Ok(begun)
+    }
+
+    /// Marks its end, which goes to the queue with what is recorded next.
+    pub(super) fn end(&mut self, begun: Option<Begun>) {
+        if let Some(begun) = begun {
+            self.times.end(&self.list, begun);
+            self.pending = true;
+        }
+    }
+
+    /// Lets go of a piece of work that failed: it has no time.
+    pub(super) fn forget(&mut self, begun: Option<Begun>) {
+        if let Some(begun) = begun {
+            self.times.forget(begun);
+        }
+    }
+
+    /// Time on the device of the work of a kind that has run.
+    pub(super) fn spent(&mut self, kind: Kind) -> Spent {
+        self.times.spent(kind)
+    }
+
     /// Gives what is recorded to the queue.
     pub(super) fn submit(&mut self) -> Result<()> {
         if !self.pending {
             return Ok(());
         }
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(self.gpu.device(), call, e) };
-        // SAFETY: an open list.
-        unsafe { self.list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
-        let list = self.list.cast().map_err(|e| failed("IUnknown::QueryInterface", &e))?;
-        let moment = self.gpu.anchors().submit(&[list])?;
-        // Whatever fails from here on: the queue works on these now.
-        self.working.push_back((moment, self.allocator.clone(), std::mem::take(&mut self.pages)));
-        self.used.clear();
-        self.filled = 0;
-        self.pending = false;
+        // First, as it may fail, and a list that is closed without another allocator can never be opened again.
         let mut reusable = None;
         while self.working.front().is_some_and(|(moment, ..)| moment.reached()) {
             if let Some((_, allocator, pages)) = self.working.pop_front() {
@@ -157,6 +185,16 @@ impl Recorder {
             }
             None => allocator(&self.gpu)?,
         };
+        // SAFETY: an open list.
+        unsafe { self.list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
+        let list = self.list.cast().map_err(|e| failed("IUnknown::QueryInterface", &e))?;
+        let moment = self.gpu.anchors().submit(&[list])?;
+        self.times.submitted(&moment);
+        // Whatever fails from here on: the queue works on these now.
+        self.working.push_back((moment, self.allocator.clone(), std::mem::take(&mut self.pages)));
+        self.used.clear();
+        self.filled = 0;
+        self.pending = false;
         // SAFETY: a closed list and an allocator that no list is recorded with.
         unsafe { self.list.Reset(&next, None) }.map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
         self.allocator = next;

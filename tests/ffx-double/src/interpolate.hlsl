@@ -1,6 +1,8 @@
 // The frame half way between two, as far as the double needs it: where motion points, from this frame and the one before, mixed
 // in linear light.
 
+#include "curves.hlsli"
+
 cbuffer Constants : register(b0)
 {
     uint2 Size;         // of the frames
@@ -30,8 +32,7 @@ float3 nits(float3 c)
     float3 light;
     if (Transfer == 1)
     {
-        float3 p = pow(max(c, 0), 1 / 78.84375);
-        light = 10000 * pow(abs(max(p - 0.8359375, 0) / (18.8515625 - 18.6875 * p)), 1 / 0.1593017578125);
+        light = 10000 * of_pq(c);
     }
     else if (Transfer == 2)
     {
@@ -39,7 +40,7 @@ float3 nits(float3 c)
     }
     else
     {
-        return c <= 0.04045 ? c / 12.92 : pow((max(c, 0.04045) + 0.055) / 1.055, 2.4);
+        return of_srgb(c);
     }
     return clamp(light, Luminance.x, Luminance.y);
 }
@@ -48,14 +49,13 @@ float3 encoded(float3 light)
 {
     if (Transfer == 1)
     {
-        float3 y = pow(max(light, 0) / 10000, 0.1593017578125);
-        return pow((0.8359375 + 18.8515625 * y) / (1 + 18.6875 * y), 78.84375);
+        return to_pq(max(light, 0) / 10000);
     }
     if (Transfer == 2)
     {
         return light / 80;
     }
-    return light <= 0.0031308 ? light * 12.92 : 1.055 * pow(max(light, 0.0031308), 1 / 2.4) - 0.055;
+    return to_srgb(light);
 }
 
 float3 world(int2 at)

@@ -12,7 +12,7 @@ use windows::core::{IUnknown, Interface, PCSTR, s};
 use crate::frames::{CONFIGURE, Frames, Made, PICTURE, PREPARE, PREPARE_V2};
 use crate::memory::{get, links};
 use crate::role::{Role, Sdk};
-use crate::upscale::{Larger, UPSCALE};
+use crate::upscale::{Larger, MASK, UPSCALE};
 use crate::work::{CONSTANTS, Work};
 use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, UNKNOWN_STRUCT};
 
@@ -69,6 +69,8 @@ pub(crate) struct Worker {
     device: ID3D12Device,
     /// Made for its first picture: shaders take a driver long.
     work: Option<Work>,
+    /// The same for its first mask.
+    mask: Option<Work>,
 }
 
 /// What it does.
@@ -264,7 +266,7 @@ impl Judge {
                 }
                 None => Does::Enlarges(Larger { flags, render: one, shown: other, follows: false }),
             };
-            self.frames.insert(made as usize, Worker { does, device, work: None });
+            self.frames.insert(made as usize, Worker { does, device, work: None, mask: None });
         }
         self.contexts.insert(made as usize, provider);
         // SAFETY: the caller's place.
@@ -359,6 +361,7 @@ impl Judge {
             match (&mut worker.does, chain) {
                 (Does::Generates(frames), _) if chain[0].0 != UPSCALE => frames.judge(self.role.sdk, chain, &mut fault),
                 (Does::Enlarges(larger), [(UPSCALE, head)]) => larger.judge(*head, &mut fault),
+                (Does::Enlarges(larger), [(MASK, head)]) => larger.judge_mask(*head, &mut fault),
                 _ => return UNKNOWN_STRUCT,
             }
         };
@@ -373,6 +376,9 @@ impl Judge {
             return PARAMETER;
         }
         let Some(mut asked) = asked else { return OK };
+        if self.role.breaks.is_some_and(|first| self.pictures + 1 >= first) {
+            return RUNTIME;
+        }
         let code = match &mut worker.does {
             Does::Generates(_) => {
                 let runs = self.contexts.get(&context).map(|(_, name)| name);
@@ -382,15 +388,17 @@ impl Judge {
                 asked.constants[CONSTANTS - 1] = self.role.slow;
                 &include_bytes!("interpolate.dxbc")[..]
             }
+            Does::Enlarges(_) if chain[0].0 == MASK => include_bytes!("reactive.dxbc"),
             Does::Enlarges(larger) => {
                 larger.follows = true;
                 include_bytes!("upscale.dxbc")
             }
         };
-        if worker.work.is_none() {
-            worker.work = Work::new(&worker.device, code).ok();
+        let work = if chain[0].0 == MASK { &mut worker.mask } else { &mut worker.work };
+        if work.is_none() {
+            *work = Work::new(&worker.device, code).ok();
         }
-        let Some(work) = &mut worker.work else { return RUNTIME };
+        let Some(work) = work else { return RUNTIME };
         // SAFETY: list and resources were judged.
         let recorded = unsafe { work.record(asked.list, &asked.pictures, asked.constants) };
         self.pictures += 1;
@@ -420,7 +428,7 @@ impl Judge {
             // As AMD's of 2.0 answers a struct that it does not know.
             PREPARE_V2 if self.role.sdk < Sdk::V21 => PARAMETER,
             // SAFETY: the chain's links, of the kinds their ids say.
-            PREPARE | PREPARE_V2 | PICTURE | UPSCALE => unsafe { self.frame("dispatch", known, &chain) },
+            PREPARE | PREPARE_V2 | PICTURE | UPSCALE | MASK => unsafe { self.frame("dispatch", known, &chain) },
             _ => UNKNOWN_STRUCT,
         };
         self.note("dispatch", &chain, code)

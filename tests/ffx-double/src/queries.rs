@@ -95,10 +95,11 @@ impl Judge {
                 unsafe { self.answer(&[24, 32].map(|at| get::<*mut u8>(head, at)), &jitter) }
             }
             (id::RESOURCES, Some(_)) if self.role.sdk >= Sdk::V20 => {
-                // SAFETY: the answers stand in the struct: colour, depth and motion, and the three others.
+                let required = self.role.requires.unwrap_or(7);
+                // SAFETY: the answers stand in the struct; the others can be used besides.
                 unsafe {
-                    put(head, 16, 7_u64);
-                    put(head, 24, 56_u64);
+                    put(head, 16, required);
+                    put(head, 24, 63 & !required);
                 }
                 OK
             }

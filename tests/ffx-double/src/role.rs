@@ -37,6 +37,10 @@ pub(crate) struct Role {
     pub(crate) quiet: bool,
     /// `removes COUNT`: at which picture the device is taken away.
     pub(crate) removes: Option<u64>,
+    /// `breaks COUNT`: from which picture on it makes none.
+    pub(crate) breaks: Option<u64>,
+    /// `requires KINDS`: the pictures an upscaler must be given, as a sum; colour, depth and motion where nothing is said.
+    pub(crate) requires: Option<u64>,
     /// Where it is.
     pub(crate) folder: PathBuf,
 }
@@ -96,6 +100,8 @@ impl Role {
                 "only" => role.only = Some(name(word()?)?),
                 "slow" => role.slow = word()?.parse().map_err(|e| format!("{e}"))?,
                 "removes" => role.removes = Some(word()?.parse().map_err(|e| format!("{e}"))?),
+                "requires" => role.requires = Some(number(word()?)?),
+                "breaks" => role.breaks = Some(word()?.parse().map_err(|e| format!("{e}"))?),
                 "runs" => role.runs = Some((number(word()?)?, name(word()?)?)),
                 "answers" => {
                     role.answers.push((

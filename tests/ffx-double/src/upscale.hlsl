@@ -1,6 +1,8 @@
 // A larger frame, as far as the double needs it: this frame between its pixels, mixed with the one before where motion points, by what
 // it is told of how far that one is to be trusted.
 
+#include "curves.hlsli"
+
 cbuffer Constants : register(b0)
 {
     uint2 Size;         // of the larger frame
@@ -28,12 +30,11 @@ float3 decoded(float3 c)
 {
     if ((Flags & SRGB) != 0)
     {
-        return c <= 0.04045 ? c / 12.92 : pow((max(c, 0.04045) + 0.055) / 1.055, 2.4);
+        return of_srgb(c);
     }
     if ((Flags & PQ) != 0)
     {
-        float3 p = pow(max(c, 0), 1 / 78.84375);
-        return 10 * pow(abs(max(p - 0.8359375, 0) / (18.8515625 - 18.6875 * p)), 1 / 0.1593017578125);
+        return 10 * of_pq(c);
     }
     return c;
 }
@@ -43,12 +44,11 @@ float3 encoded(float3 light)
     light = max(light, 0);
     if ((Flags & SRGB) != 0)
     {
-        return light <= 0.0031308 ? light * 12.92 : 1.055 * pow(max(light, 0.0031308), 1 / 2.4) - 0.055;
+        return to_srgb(light);
     }
     if ((Flags & PQ) != 0)
     {
-        float3 y = pow(light / 10, 0.1593017578125);
-        return pow((0.8359375 + 18.8515625 * y) / (1 + 18.6875 * y), 78.84375);
+        return to_pq(light / 10);
     }
     return light;
 }

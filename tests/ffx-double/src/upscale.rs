@@ -8,6 +8,8 @@ use crate::work::{CONSTANTS, Pictures, Told};
 
 /// The struct's id.
 pub(crate) const UPSCALE: u64 = 0x1_0001;
+/// That of the struct that asks for a mask.
+pub(crate) const MASK: u64 = 0x1_0006;
 
 /// Flags that a context is made with.
 const HIGH_DYNAMIC_RANGE: u32 = 1;
@@ -171,6 +173,42 @@ impl Larger {
             flags,
         ];
         let mut constants = [0; CONSTANTS];
+        constants[..words.len()].copy_from_slice(&words);
+        Some(Asked { list, pictures: Pictures { inputs, motion: 3, output, kept: None }, constants })
+    }
+}
+
+impl Larger {
+    /// Judges a call for a mask, as [`judge`](Self::judge) does one for a larger frame.
+    ///
+    /// # Safety
+    /// A struct that is what its id says, alone in its chain.
+    pub(crate) unsafe fn judge_mask(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<Asked> {
+        // SAFETY: fields of the struct, here and below.
+        let (list, size) = unsafe { (get::<*mut c_void>(head, 16), [168, 172].map(|at| get::<u32>(head, at))) };
+        // SAFETY: the caller's list.
+        unsafe { judge_list(list, true, fault) };
+        if size.contains(&0) || size[0] > self.render[0] || size[1] > self.render[1] {
+            fault(format!("a mask of {size:?} for frames of {:?}", self.render));
+        }
+        for (name, at, is_written) in [("opaque", 24, false), ("color", 72, false), ("mask", 120, true)] {
+            // SAFETY: a resource stands there.
+            unsafe { judge_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}"))) };
+        }
+        // SAFETY: as above.
+        let (numbers, flags) = unsafe { ([176, 180, 184].map(|at| get::<f32>(head, at)), get::<u32>(head, 188)) };
+        let [scale, threshold, value] = numbers;
+        let in_range = scale.is_finite() && scale >= 0.0 && [threshold, value].iter().all(|n| (0.0..=1.0).contains(n));
+        if !in_range || flags > 15 {
+            fault(format!("scale, threshold and value {numbers:?}, flags {flags}"));
+        }
+        // SAFETY: as above.
+        let [opaque, color, output] = unsafe { [24, 72, 120].map(|at| told(head, at)) };
+        let (opaque, color, output): (Told, Told, Told) = (opaque?, color?, output?);
+        let inputs = [opaque, color, color, color, color, color, color];
+        let mut constants = [0; CONSTANTS];
+        let words =
+            [size[0], size[1], size[0], size[1], 0, 0, scale.to_bits(), threshold.to_bits(), value.to_bits(), flags];
         constants[..words.len()].copy_from_slice(&words);
         Some(Asked { list, pictures: Pictures { inputs, motion: 3, output, kept: None }, constants })
     }

@@ -85,7 +85,7 @@ impl Where {
             #[cfg(windows)]
             Self::D3d12 => {
                 let gpu = cairn::gpu::Gpu::on_adapter(None)?;
-                let options = cairn::runtime::DirectMlOptions { deterministic: true, profile: None };
+                let options = cairn::runtime::DirectMlOptions { deterministic: true, ..Default::default() };
                 Ok(Device::directml(&ort, &gpu, options)?)
             }
         }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use provision::Console;
+
 use super::Context;
 use super::tally::Tally;
 use super::{cargo, lab};
@@ -11,7 +13,8 @@ use crate::shell::Log;
 const VARIABLE: &str = "CAIRN_FFX_DIR";
 
 /// The test programs.
-const PROGRAMS: [&str; 6] = ["ffx", "ffx_amd", "ffx_frames", "ffx_interface", "ffx_mutants", "ffx_upscale"];
+const PROGRAMS: [&str; 7] =
+    ["ffx", "ffx_amd", "ffx_frames", "ffx_interface", "ffx_mutants", "ffx_presenter", "ffx_upscale"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
@@ -28,6 +31,9 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let mut command = context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast"]);
     command.args(PROGRAMS.iter().flat_map(|program| ["--test", program]));
     lab::for_windows(&mut command)?;
+    // A device of the C interface runs worlds as well.
+    let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
+    command.env("CAIRN_ONNXRUNTIME", library);
     if let Some(folder) = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()) {
         let folder = std::path::absolute(PathBuf::from(folder)).map_err(|e| format!("{VARIABLE}: {e}"))?;
         command.env(VARIABLE, folder).args(["--", "--include-ignored"]);

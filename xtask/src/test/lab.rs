@@ -46,13 +46,10 @@ pub(super) fn lab_run() -> Result<Command, String> {
 
 /// The library's tests of Direct3D 12 and DirectML, built for Windows.
 fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let console = Console::new();
     let mut command =
         context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast", "--test", "d3d12*", "--test", "directml"]);
     for_windows(&mut command)?;
-    let library = provision::onnxruntime_for_windows(&console).map_err(|e| e.to_string())?;
-    context.provide_worlds(&mut command)?;
-    command.env("CAIRN_ONNXRUNTIME", library);
+    context.provide_windows_worlds(&mut command)?;
     Ok(cargo::count(&log.run(&mut command)?))
 }
 

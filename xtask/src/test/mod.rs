@@ -4,6 +4,7 @@ mod abi;
 mod browser;
 mod cargo;
 mod cpp;
+mod directml;
 mod ffx;
 mod host;
 mod house;
@@ -68,6 +69,11 @@ const RUNNERS: &[Runner] = &[
     },
     Runner { name: "shaders", what: "compiled shaders are what their text compiles to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
+    Runner {
+        name: "directml",
+        what: "parity with the oracle and saved states on DirectML, in short",
+        run: directml::run,
+    },
     Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
     Runner {
         name: "ffx",
@@ -89,6 +95,7 @@ const THOROUGH: &[Runner] = &[
         what: "every fault at every place, and long random call sequences in C",
         run: abi::run_longer,
     },
+    Runner { name: "directml-all", what: "parity and saved states on DirectML, all of it", run: directml::run_longer },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
@@ -140,6 +147,14 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
+    /// The same for a command that runs Windows programs.
+    fn provide_windows_worlds(&self, command: &mut Command) -> Result<(), String> {
+        let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
+        command.env("CAIRN_ONNXRUNTIME", library);
+        command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
+        Ok(())
+    }
+
     /// Tells a command where the weights of LPIPS are.
     fn provide_lpips(&self, command: &mut Command) -> Result<(), String> {
         command.env("CAIRN_LPIPS", Self::provide(&self.lpips, provision::lpips_weights)?);
@@ -164,7 +179,7 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
         for runner in all {
             println!("{:16}{}", runner.name, runner.what);
         }
-        println!("\nfuzz, faults and soak run with --thorough only");
+        println!("\nfuzz, faults, directml-all and soak run with --thorough only");
         return Ok(true);
     }
     let chosen: Vec<&Runner> = all

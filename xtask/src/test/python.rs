@@ -58,25 +58,38 @@ fn installed(
 }
 
 fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, String> {
-    let report = context.clone.target.join("xtask").join(format!("{}.xml", folder.replace('/', "-")));
-    match fs::remove_file(&report) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", report.display())),
-        _ => {}
-    }
     let python = if folder == TRAINING { context.training_python()? } else { context.python()? };
     let mut command = Command::new(python);
     command
-        .args(["-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--junitxml"])
-        .arg(&report)
-        .current_dir(context.clone.root.join(folder))
         .env("PYTHONPATH", provision::python_path())
-        .env("PYTHONDONTWRITEBYTECODE", "1")
-        .env("PYTHONUNBUFFERED", "1")
         .env("CAIRN_LIBRARY", abi::library(context, log)?)
         .env("PARITY_TRACE", context.clone.program("debug", "parity-trace"))
         .env("SCENES", context.clone.program("debug", "scenes"));
     context.provide_worlds(&mut command)?;
-    let ended = log.run(&mut command)?;
+    pytest(context, log, command, folder, (&folder.replace('/', "-"), &[]))
+}
+
+/// Has a Python, which has what the tests of `folder` need, run those that are `chosen`; the report is called `name`.
+pub(super) fn pytest(
+    context: &Context<'_>,
+    log: &mut Log,
+    mut python: Command,
+    folder: &str,
+    (name, chosen): (&str, &[&str]),
+) -> Result<Tally, String> {
+    let report = context.clone.target.join("xtask").join(format!("{name}.xml"));
+    match fs::remove_file(&report) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", report.display())),
+        _ => {}
+    }
+    python
+        .args(["-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--junitxml"])
+        .arg(&report)
+        .args(chosen)
+        .current_dir(context.clone.root.join(folder))
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .env("PYTHONUNBUFFERED", "1");
+    let ended = log.run(&mut python)?;
     let xml = fs::read_to_string(&report).map_err(|e| format!("pytest left no report of {folder}: {e}"))?;
     let mut tally = junit::read(&xml)?;
     if !ended.success && tally.failures.is_empty() {

@@ -28,6 +28,13 @@ pub(super) struct DemoArgs {
     /// adapter where the world loads on it, else the processor, and says why
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: String,
+    /// What takes the world's pictures to that size: lanczos or catmull-rom
+    #[arg(long, default_value = "lanczos")]
+    upscaler: String,
+    /// What makes frames between anchors: cpu, or on Windows shader or fsr, for which AMD's libraries lie in CAIRN_FFX_DIR or beside
+    /// this program
+    #[arg(long, value_name = "GENERATOR", default_value = "cpu")]
+    generator: String,
     /// No progress, no summary
     #[arg(long)]
     quiet: bool,
@@ -40,7 +47,9 @@ impl DemoArgs {
             world: self.world.clone(),
             seconds: self.seconds.clone(),
             size: size(&self.size)?,
+            upscaler: self.upscaler.clone(),
             device: self.device.parse()?,
+            generator: self.generator.parse()?,
             ..Settings::default()
         })
     }

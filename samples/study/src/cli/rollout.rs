@@ -25,6 +25,10 @@ pub(super) struct RolloutArgs {
     /// Control script [default: four seconds of walking and looking round]
     #[arg(long, value_name = "FILE")]
     script: Option<PathBuf>,
+    /// Decode the latents that an earlier rollout stored instead of making new ones; picture, script and --seed then decide
+    /// nothing
+    #[arg(long, value_name = "FILE")]
+    latents: Option<PathBuf>,
     #[command(flatten)]
     point: PointArgs,
     /// World time
@@ -39,6 +43,10 @@ pub(super) struct RolloutArgs {
     /// What takes the world's pictures to that size: lanczos or catmull-rom
     #[arg(long, default_value = "lanczos")]
     upscaler: String,
+    /// What makes frames between anchors: cpu, or on Windows shader or fsr, for which AMD's libraries lie in CAIRN_FFX_DIR or beside
+    /// this program
+    #[arg(long, value_name = "GENERATOR", default_value = "cpu")]
+    generator: String,
     /// Any of mp4, png and y4m, with commas between
     #[arg(long, default_value = "mp4")]
     formats: String,
@@ -107,6 +115,7 @@ impl RolloutArgs {
             world: self.world.clone(),
             seed_picture: self.seed_picture.clone(),
             script: self.script.clone(),
+            latents: self.latents.clone(),
             preset: Some(self.point.preset.clone().unwrap_or_else(|| Preset::Coherence.name().into())),
             operating_point: point.to_string(),
             seconds: self.seconds.clone(),
@@ -116,6 +125,7 @@ impl RolloutArgs {
             formats: Formats::parse(&self.formats)?,
             threads: self.run.threads,
             device: self.run.device.parse()?,
+            generator: self.generator.parse()?,
         })
     }
 }
@@ -210,6 +220,16 @@ fn operating_point(args: &PointArgs) -> Result<OperatingPoint> {
     }
     point.check()?;
     Ok(point)
+}
+
+/// What a whole command line asks for, the program's name first.
+#[cfg(test)]
+pub(crate) fn settings_of(arguments: impl IntoIterator<Item = std::ffi::OsString>) -> Result<Settings> {
+    use clap::Parser;
+    match super::Cli::try_parse_from(arguments).unwrap_or_else(|e| panic!("{e}")).command {
+        super::Command::Rollout(args) => args.settings(),
+        _ => unreachable!("another subcommand"),
+    }
 }
 
 #[cfg(test)]

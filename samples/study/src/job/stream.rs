@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
 use cairn::guidance::{Guidance, LatentView, paper, picture_flow};
 use cairn::present::timeline::{Source, Stream as Kind, Timeline};
@@ -39,7 +38,7 @@ pub(super) struct Stream {
     rollout: Rollout,
     render: (u32, u32),
     latent_shape: [usize; 3],
-    generator: CpuGenerator,
+    generator: Box<dyn FrameGenerator>,
     /// Both extractors are empty until they are used.
     paper: paper::Extractor,
     picture_flow: picture_flow::Extractor,
@@ -92,7 +91,7 @@ impl Stream {
             planned: counts.presented,
             render,
             latent_shape: [shape.channels, shape.height, shape.width].map(|n| n as usize),
-            generator: CpuGenerator::new(),
+            generator: checked.generator.make(rollout.world().device(), point.latents_per_second)?,
             paper: paper::Extractor::new(),
             picture_flow: picture_flow::Extractor::new(),
             guidance: Guidance::new(render.0, render.1, paper::PROJECTION)?,
@@ -148,7 +147,10 @@ impl Stream {
 
     /// Makes latent `number`, stores it and reads its pictures.
     fn make_latent(&mut self, number: u64, loaded: &Loaded) -> Result<()> {
-        let info = if number == 0 {
+        let info = if let Some(stored) = &loaded.latents {
+            let latent = stored.get(number).ok_or_else(|| impossible("there are fewer latents than were counted"))?;
+            self.rollout.append_latent(latent)?
+        } else if number == 0 {
             self.rollout.append(&loaded.seed)?
         } else {
             let (start, end): (WorldTime, WorldTime) = self.point.span_of_latent(number);

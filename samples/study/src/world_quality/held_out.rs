@@ -15,7 +15,7 @@ fn ranges() -> impl Iterator<Item = (u64, u64)> {
 }
 
 /// Refuses scene seeds that are not held out: a world may have been trained on them.
-pub(super) fn require(seeds: &[u64]) -> Result<()> {
+pub(crate) fn require(seeds: &[u64]) -> Result<()> {
     match seeds.iter().find(|seed| !ranges().any(|(first, last)| (first..=last).contains(*seed))) {
         None => Ok(()),
         Some(seed) => Err(Error::new(

@@ -2,7 +2,7 @@
 //! controls alone.
 
 mod endurance;
-mod held_out;
+pub(crate) mod held_out;
 mod memory;
 mod page;
 mod report;

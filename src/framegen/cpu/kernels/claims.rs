@@ -2,7 +2,7 @@
 //!
 //! What a claim is, and what may be said of two, is in `layer`; here it is written so that compilers make vectors of it.
 
-use super::super::layer::{EMPTY, Key, is_nearer, landed, part, vector};
+use super::super::layer::{ALIKE, EMPTY, Key, is_nearer, landed, part, vector};
 use super::super::perspective::{Moment, Way};
 use super::at_every_level;
 use super::sampled::{BLOCK, Positions, TILE};
@@ -85,8 +85,8 @@ at_every_level! {
 
 at_every_level! {
     /// For each place of the inner 8 x 8 the nearest of the nine around it. Bit `8 j + i` of the result says that it is
-    /// in front of the place's own, and moves otherwise.
-    pub(in super::super) fn nearest_around(around: &Around, nearest: &mut [Key; BLOCK]) -> u64
+    /// in front of the place's own, and moves otherwise: by more than `limit` of 1/64 px along an axis.
+    pub(in super::super) fn nearest_around(around: &Around, limit: i32, nearest: &mut [Key; BLOCK]) -> u64
         = scalar::nearest_around | nearest_around_in_vectors
 }
 
@@ -119,7 +119,14 @@ const COMPONENT: u64 = (1 << 20) - 1;
 /// Whether two claims move alike, see [`alike`](super::super::layer::alike).
 #[inline(always)]
 fn move_alike(a: Key, b: Key) -> bool {
-    let is_near = |a: u64, b: u64| (a & COMPONENT).wrapping_sub(b & COMPONENT).wrapping_add(64) <= 128;
+    move_within(a, b, ALIKE)
+}
+
+/// Whether two claims move by no more than `limit` of 1/64 px otherwise along each axis.
+#[inline(always)]
+fn move_within(a: Key, b: Key, limit: i32) -> bool {
+    let limit = limit as u64;
+    let is_near = |a: u64, b: u64| (a & COMPONENT).wrapping_sub(b & COMPONENT).wrapping_add(limit) <= 2 * limit;
     is_near(a >> 20, b >> 20) & is_near(a, b)
 }
 
@@ -218,7 +225,7 @@ fn close_in_vectors(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (
 }
 
 #[inline(always)]
-fn nearest_around_in_vectors(around: &Around, nearest: &mut [Key; BLOCK]) -> u64 {
+fn nearest_around_in_vectors(around: &Around, limit: i32, nearest: &mut [Key; BLOCK]) -> u64 {
     let mut across = [[EMPTY; TILE]; TILE + 2];
     for j in 0..TILE + 2 {
         for i in 0..TILE {
@@ -230,7 +237,7 @@ fn nearest_around_in_vectors(around: &Around, nearest: &mut [Key; BLOCK]) -> u64
         let own = row(&around[j + 1][1..]);
         for i in 0..TILE {
             let first = across[j][i].min(across[j + 1][i]).min(across[j + 2][i]);
-            let is_other = (own[i] != EMPTY) & is_nearer(first, own[i]) & !move_alike(first, own[i]);
+            let is_other = (own[i] != EMPTY) & is_nearer(first, own[i]) & !move_within(first, own[i], limit);
             nearest[j * TILE + i] = first;
             changes[i] |= u64::from(is_other) << (j * TILE + i);
         }
@@ -240,21 +247,31 @@ fn nearest_around_in_vectors(around: &Around, nearest: &mut [Key; BLOCK]) -> u64
 
 #[inline(always)]
 fn span_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
-    let (mut low, mut high) = ([[i32::MAX; TILE]; 2], [[i32::MIN; TILE]; 2]);
+    const MOST: u32 = COMPONENT as u32;
+    // As they are held: in EMPTY both are the most that can be, and one more of that is the least.
+    let (mut low, mut high) = ([[MOST; TILE]; 2], [[0; TILE]; 2]);
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
         for i in 0..TILE {
-            let [x, y] = vector(keys[i]);
-            let is_empty = keys[i] == EMPTY;
-            low[0][i] = low[0][i].min(if is_empty { i32::MAX } else { x });
-            low[1][i] = low[1][i].min(if is_empty { i32::MAX } else { y });
-            high[0][i] = high[0][i].max(if is_empty { i32::MIN } else { x });
-            high[1][i] = high[1][i].max(if is_empty { i32::MIN } else { y });
+            let (x, y) = ((keys[i] >> 20) as u32 & MOST, keys[i] as u32 & MOST);
+            low[0][i] = low[0][i].min(x);
+            low[1][i] = low[1][i].min(y);
+            high[0][i] = high[0][i].max((x + 1) & MOST);
+            high[1][i] = high[1][i].max((y + 1) & MOST);
         }
     }
-    let least = |row: Row<i32>| row.into_iter().fold(i32::MAX, i32::min);
-    let largest = |row: Row<i32>| row.into_iter().fold(i32::MIN, i32::max);
-    [[least(low[0]), least(low[1])], [largest(high[0]), largest(high[1])]]
+    let (mut least, mut largest) = ([MOST; 2], [0; 2]);
+    for c in 0..2 {
+        for i in 0..TILE {
+            least[c] = least[c].min(low[c][i]);
+            largest[c] = largest[c].max(high[c][i]);
+        }
+    }
+    if largest == [0; 2] {
+        return [[i32::MAX; 2], [i32::MIN; 2]];
+    }
+    let [[x, y], [u, v]] = [least, largest.map(|v| v - 1)];
+    [vector(Key::from(x) << 20 | Key::from(y)), vector(Key::from(u) << 20 | Key::from(v))]
 }
 
 #[inline(always)]
@@ -307,7 +324,7 @@ fn having_in_vectors(keys: &[Key; BLOCK], mark: u8) -> u64 {
 
 /// The same, place by place.
 mod scalar {
-    use super::super::super::layer::{self, Grid, alike, is_nearer};
+    use super::super::super::layer::{self, Grid, alike, is_nearer, moves_within};
     use super::{Around, BLOCK, EMPTY, Key, Moment, Places, Positions, TILE, Way, landed, part, vector};
 
     pub(super) fn carry(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
@@ -333,13 +350,13 @@ mod scalar {
         ((BLOCK - claims.clone().count()) as u8, claims.max().unwrap_or(EMPTY))
     }
 
-    pub(super) fn nearest_around(around: &Around, nearest: &mut [Key; BLOCK]) -> u64 {
+    pub(super) fn nearest_around(around: &Around, limit: i32, nearest: &mut [Key; BLOCK]) -> u64 {
         let mut changes = 0;
         for (place, nearest) in nearest.iter_mut().enumerate() {
             let (i, j) = (place % TILE, place / TILE);
             let own = around[j + 1][i + 1];
             *nearest = around[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied()).fold(EMPTY, Key::min);
-            let is_other = own != EMPTY && is_nearer(*nearest, own) && !alike(*nearest, own);
+            let is_other = own != EMPTY && is_nearer(*nearest, own) && !moves_within(*nearest, own, limit);
             changes |= u64::from(is_other) << place;
         }
         changes

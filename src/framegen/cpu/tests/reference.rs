@@ -21,7 +21,8 @@ use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
 use crate::framegen::cpu::past::Past;
 use crate::framegen::cpu::perspective::{Moment, Seen, Way};
-use crate::framegen::cpu::render::{AGREE, CAREFUL, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
+use crate::framegen::cpu::render::{AGREE, CAREFUL, DISTINCT, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
+use crate::framegen::cpu::soften::{SHARE, TORN};
 use crate::framegen::cpu::source;
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
@@ -35,11 +36,15 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
 
     let mut owners = settled(&field, &claims_of(&field), Way::from_current(Moment::previous()));
     let mut leaving = Leaving::default();
+    let is_found = pair.guidance().depth().even().is_some();
     let seen = Seen::find(pair.guidance(), Some(&inside));
     let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
     match &past {
         Some(past) => uncover(&mut owners, &field, past),
-        None => leaving.find(&mut owners, previous, current, foreign::margin(previous, current)).unwrap(),
+        None => {
+            let margin = foreign::margin(previous, current);
+            leaving.find(&mut owners, previous, current, margin, is_found.into()).unwrap();
+        }
     }
     let evidence = Evidence {
         field: &field,
@@ -59,7 +64,7 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
     let mut places = gathered(field.grid, &moving);
     fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, past: None, leaving: None, mark: HOLE });
 
-    render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase, moment })
+    render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase, moment, is_found })
 }
 
 /// The picture `phase` of [`WHOLE`] after an anchor, and the same share.
@@ -422,6 +427,8 @@ struct Shown<'a, P> {
     owners: &'a Layer,
     phase: i32,
     moment: Moment,
+    /// Whether edges are known from pictures alone.
+    is_found: bool,
 }
 
 /// The phase at which even motion has what claims a place: with `is_whole` that of its tile, if that is smooth.
@@ -438,16 +445,23 @@ fn phase_at(places: &Layer, moment: &Moment, [x, y]: [usize; 2], key: Key, is_wh
 fn render<P: Colour>(shown: &Shown<'_, P>) -> (Raster<P>, f32) {
     let grid = shown.places.grid;
     let mut out = Raster::new(grid.width as u32, grid.height as u32).unwrap();
-    let (mut hidden, mut uncovered) = (vec![0; grid.tiles()], 0);
+    let (mut hidden, mut fixed, mut uncovered) = (vec![0; grid.tiles()], vec![0; grid.tiles()], 0);
     for [x, y] in pixels(grid) {
         let (tile, place) = grid.place(x, y);
         let own = shown.places.owner(x, y);
         let key = if own == EMPTY { shown.places.borrowed[tile][place] } else { own };
         uncovered += usize::from(own == EMPTY || layer::mark(own) == ORPHAN);
         match shown.pixel([x, y], tile, own, key) {
-            Some(pixel) => out.pixels_mut()[y * grid.width + x] = pixel,
+            Some((pixel, stands_still)) => {
+                out.pixels_mut()[y * grid.width + x] = pixel;
+                fixed[tile] |= u64::from(stands_still) << place;
+            }
             None => hidden[tile] |= 1 << place,
         }
+    }
+    let sharp = out.clone();
+    for (tile, at) in tiles(grid) {
+        shown.soften(tile, at, [hidden[tile], fixed[tile]], &sharp, &mut out);
     }
     painted(grid, &hidden, &mut out);
     (out, uncovered as f32 / (grid.width * grid.height) as f32)
@@ -472,8 +486,34 @@ impl<P: Colour> Shown<'_, P> {
         [before, [before[0] - vector[0], before[1] - vector[1]]]
     }
 
-    /// The colour at a place, if an anchor shows it.
-    fn pixel(&self, at: [usize; 2], tile: usize, own: Key, key: Key) -> Option<P> {
+    /// Softens the pixels of a tile that depth does not tell the edges of.
+    fn soften(&self, tile: usize, at: [usize; 2], [hidden, fixed]: [u64; 2], sharp: &Raster<P>, out: &mut Raster<P>) {
+        let grid = self.places.grid;
+        if !self.is_found || self.places.tiles[tile].kind != Kind::Rough || grid.extent(at[0], at[1]) != [TILE, TILE] {
+            return;
+        }
+        let keys: Vec<Key> = pixels_of(grid, at).map(|[x, y]| self.places.claim(x, y)).collect();
+        let is_torn = (0..2).any(|axis| {
+            let along = || keys.iter().map(|&key| layer::vector(key)[axis]);
+            along().max().unwrap() - along().min().unwrap() > TORN
+        });
+        let is_in = |mask: u64, x: usize, y: usize| mask >> grid.place(x, y).1 & 1 == 1;
+        for ([x, y], &key) in pixels_of(grid, at).zip(&keys) {
+            let is_loose = layer::mark(key) == ORPHAN || layer::mark(key) == HOLE;
+            if !(is_torn || is_loose) || is_in(hidden | fixed, x, y) {
+                continue;
+            }
+            let beside = [[x.wrapping_sub(1), y], [x + 1, y], [x, y.wrapping_sub(1)], [x, y + 1]].map(|[u, v]| {
+                let is_own = [u / TILE, v / TILE] == at && !is_in(hidden, u, v);
+                let [u, v] = if is_own { [u, v] } else { [x, y] };
+                sharp.pixels()[v * grid.width + u]
+            });
+            out.pixels_mut()[y * grid.width + x] = sharp.pixels()[y * grid.width + x].softened(beside, SHARE);
+        }
+    }
+
+    /// The colour at a place, if an anchor shows it, and whether something stands still there.
+    fn pixel(&self, at: [usize; 2], tile: usize, own: Key, key: Key) -> Option<(P, bool)> {
         let grid = self.places.grid;
         let [before, after] = self.spots(at, key, true);
         let (of_previous, of_current) = (P::sample(self.previous, before), P::sample(self.current, after));
@@ -483,21 +523,21 @@ impl<P: Colour> Shown<'_, P> {
         let is_doubtful = is_far_apart || own == EMPTY || layer::mark(own) == ORPHAN || from.is_none() || to.is_none();
         let is_close = !P::merge(of_previous, of_current, &self.rule(STRICT)).1;
         if !is_doubtful && (is_close || self.is_clear(tile)) {
-            return Some(merged);
+            return Some((merged, false));
         }
         // Beside something in front, it is that thing's if so the anchors agree better.
         let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height))
             .flat_map(|y| (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| [x, y]));
         let front = around.map(|[x, y]| self.places.claim(x, y)).min().unwrap();
         let [front_before, front_after] = self.spots(at, front, false);
-        let is_beside = is_nearer(front, key) && !alike(front, key) && !self.is_clear(tile);
+        let is_beside = is_nearer(front, key) && !layer::moves_within(front, key, DISTINCT) && !self.is_clear(tile);
         if is_beside && grid.holds(front_before) && grid.holds(front_after) {
             let (a, b) = (P::sample(self.previous, front_before), P::sample(self.current, front_after));
             let is_seen = from.is_some_and(|[x, y]| alike(self.owners.claim(x, y), key))
                 && to.is_some_and(|[x, y]| alike(self.field.owner(x, y), key));
             let own = if is_seen { apart(of_previous, of_current) } else { UNSEEN };
             if apart(a, b) <= RIM_BETWEEN && apart(a, b) < own {
-                return Some(P::merge(a, b, &rule).0);
+                return Some((P::merge(a, b, &rule).0, false));
             }
         }
 
@@ -515,7 +555,7 @@ impl<P: Colour> Shown<'_, P> {
             let vector = layer::vector(key);
             if overlays.is_at(at, vector) {
                 let place = at[1] * grid.width + at[0];
-                return Some(P::merge(self.previous.pixels[place], self.current.pixels[place], &rule).0);
+                return Some((P::merge(self.previous.pixels[place], self.current.pixels[place], &rule).0, true));
             }
             is_before = is_before && !from.is_some_and(|from| overlays.is_before(from, vector));
             is_after = is_after && !to.is_some_and(|to| overlays.is_at(to, vector));
@@ -525,11 +565,11 @@ impl<P: Colour> Shown<'_, P> {
                 if is_doubtful
                     && is_foreign(of_previous, self.current, after, foreign::margin(self.previous, self.current)) =>
             {
-                Some(of_current)
+                Some((of_current, false))
             }
-            (true, true) => Some(merged),
-            (true, false) => Some(of_previous),
-            (false, true) => Some(of_current),
+            (true, true) => Some((merged, false)),
+            (true, false) => Some((of_previous, false)),
+            (false, true) => Some((of_current, false)),
             (false, false) => None,
         }
     }

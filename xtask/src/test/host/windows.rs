@@ -20,6 +20,7 @@ use crate::test::{Context, lab};
 const SAMPLE: &str = "samples/host-d3d12";
 const SCRIPT: &str = "samples/scripts/walk.txt";
 const RENDERER: &str = "tests/host/renderer.c";
+const HANDS: &str = "tests/host/hands.c";
 
 /// Frames that are recorded, and how many there are to an anchor.
 const FRAMES: usize = 24;
@@ -56,6 +57,7 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
     scene(&host, log, &mut tally)?;
     refusals(&host, log, &mut tally)?;
     window(&host, log, &mut tally)?;
+    hands(&host, log, &mut tally)?;
     Ok(tally)
 }
 
@@ -169,12 +171,7 @@ fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     let drawn = fs::read(&raw).map_err(|e| format!("{}: {e}", raw.display()))?;
     let renderer = host.work.join("renderer.exe");
     if !cfg!(windows) {
-        let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
-        let mut compile = Command::new(&compiler.program);
-        compile.args(compiler.first).arg("-std=c11").args(STRICT);
-        if !log.run(compile.arg(context.clone.root.join(RENDERER)).arg("-o").arg(&renderer))?.success {
-            return Err(format!("{RENDERER} does not compile"));
-        }
+        compile(context, log, RENDERER, &renderer)?;
     }
     let program = if cfg!(windows) { context.clone.program("debug", "scenes") } else { renderer };
     let program = program.display().to_string();
@@ -195,6 +192,17 @@ fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
         tally.check((!given.lines().eq(asked)).then(|| format!("the renderer is given {given:?}")));
     }
     Ok(())
+}
+
+/// Builds a program of one file for the lab.
+fn compile(context: &Context<'_>, log: &mut Log, source: &str, program: &Path) -> Result<(), String> {
+    let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
+    let mut compile = Command::new(&compiler.program);
+    compile.args(compiler.first).arg("-std=c11").args(STRICT);
+    match log.run(compile.arg(context.clone.root.join(source)).arg("-o").arg(program))?.success {
+        true => Ok(()),
+        false => Err(format!("{source} does not compile")),
+    }
 }
 
 /// Command lines that are wrong, and files that are not there: an exit status, and a message that names them.
@@ -243,6 +251,26 @@ fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
         }
         None => tally.failures.push("no two anchors of the world were seen on the display".to_owned()),
     }
+    Ok(())
+}
+
+/// Plays in a window by key and mouse, and leaves it by Esc; what was heard is written down.
+fn hands(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    // On a Windows desktop somebody else may be typing.
+    if cfg!(windows) {
+        return Ok(());
+    }
+    let program = host.work.join("hands.exe");
+    compile(host.context, log, HANDS, &program)?;
+    let mut command = lab::lab_run()?;
+    let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
+    command.arg(&program).arg("played/controls.txt").arg(&host.program);
+    command.args(["--anchors", "cpu", "--rate", "4", "--record", "played"]);
+    let ended = log.run(command.current_dir(&host.work).env("CAIRN_ONNXRUNTIME", library))?;
+    tally.check((!ended.success).then(|| format!("keyboard and mouse: {}", ended.output)));
+    let script = fs::read_to_string(host.work.join("played").join("controls.txt")).unwrap_or_default();
+    let heard = script.contains(" down W") && script.contains(" mouse ");
+    tally.check((!heard).then(|| format!("the sample writes down as what the player did: {script:?}")));
     Ok(())
 }
 

@@ -84,31 +84,32 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
     let bias = _mm512_set1_epi64(BIAS.into());
     let starts = starts(&source, at);
     for (i, out) in must_cast_mut::<_, [[Pixel; PIXELS]; 4]>(out).iter_mut().enumerate() {
-        // Minus the weighted rows of each pixel, two rows together: a lane to a channel, and in it for each row what its
-        // first four taps have and what the others have. And minus the weights of the rows.
-        let mut rows = [[_mm512_setzero_si512(); TAPS / 2]; PIXELS];
-        let mut phases = [0; PIXELS];
-        for pixel in 0..PIXELS {
-            let at = [at.x[PIXELS * i + pixel], at.y[PIXELS * i + pixel]];
-            let [fx, fy] = at.map(|v| (v & 63) as usize);
-            let two = |upper, lower| {
-                _mm512_inserti64x4(_mm512_castsi256_si512(must_cast::<[Pixel; 8], _>(upper)), must_cast(lower), 1)
-            };
-            let bytes = match super::rows(&source, starts[PIXELS * i + pixel]) {
-                Some([a, b, c, d, e, f]) => [two(*a, *b), two(*c, *d), two(*e, *f)],
-                None => {
-                    let [a, b, c, d, e, f] = clamped(&source, at);
-                    [two(a, b), two(c, d), two(e, f)]
-                }
-            };
-            let across = _mm512_set1_epi64(must_cast(NEGATIVE[fx]));
-            rows[pixel] = bytes.map(|bytes| _mm512_dpbusd_epi32(bias, _mm512_permutexvar_epi8(taps, bytes), across));
-            phases[pixel] = fy;
-        }
         // Two pixels, their sums where the even numbers are and again where the odd ones are.
         let mut sums = [_mm512_setzero_si512(); PIXELS / 2];
         for (pair, sums) in sums.iter_mut().enumerate() {
-            let ([p, q], [fp, fq]) = ([rows[2 * pair], rows[2 * pair + 1]], [phases[2 * pair], phases[2 * pair + 1]]);
+            // Minus the weighted rows of each, two rows together: a lane to a channel, and in it for each row what its first
+            // four taps have and what the others have. And minus the weights of the rows.
+            let mut rows = [[_mm512_setzero_si512(); TAPS / 2]; 2];
+            let mut phases = [0; 2];
+            for (side, (rows, phase)) in rows.iter_mut().zip(&mut phases).enumerate() {
+                let pixel = PIXELS * i + 2 * pair + side;
+                let at = [at.x[pixel], at.y[pixel]];
+                let [fx, fy] = at.map(|v| (v & 63) as usize);
+                let two = |upper, lower| {
+                    _mm512_inserti64x4(_mm512_castsi256_si512(must_cast::<[Pixel; 8], _>(upper)), must_cast(lower), 1)
+                };
+                let bytes = match super::rows(&source, starts[pixel]) {
+                    Some([a, b, c, d, e, f]) => [two(*a, *b), two(*c, *d), two(*e, *f)],
+                    None => {
+                        let [a, b, c, d, e, f] = clamped(&source, at);
+                        [two(a, b), two(c, d), two(e, f)]
+                    }
+                };
+                let across = _mm512_set1_epi64(must_cast(NEGATIVE[fx]));
+                *rows = bytes.map(|bytes| _mm512_dpbusd_epi32(bias, _mm512_permutexvar_epi8(taps, bytes), across));
+                *phase = fy;
+            }
+            let ([p, q], [fp, fq]) = (rows, phases);
             let four = |rows: [__m512i; 3], phase: usize| {
                 let down = _mm512_broadcast_i32x4(must_cast(DOWN[phase]));
                 _mm512_madd_epi16(_mm512_packs_epi32(rows[0], rows[1]), down)

@@ -1,6 +1,6 @@
 //! Claims of tiles.
 
-use super::super::super::layer::{self, EMPTY, HOLE, Key, LONGEST, ORPHAN, WHOLE};
+use super::super::super::layer::{self, ALIKE, EMPTY, HOLE, Key, LONGEST, ORPHAN, WHOLE};
 use super::super::super::perspective::{Moment, Perspective, Way};
 use super::super::claims::{self, Around, Places};
 use super::*;
@@ -112,10 +112,11 @@ fn all_levels_find_the_same_in_tiles() {
         let size = [0, 1].map(|_| 1 + random.below(200) as usize);
         let at = [0, 1].map(|_| random.below(200) as i32);
         let moment = Moment::new(random.below(WHOLE as u64) as i32, perspective(&mut random));
+        let limit = [0, 8, ALIKE][random.below(3) as usize];
         let found = |level| {
             let mut nearest = [EMPTY; BLOCK];
             let mut closed = [EMPTY; BLOCK];
-            let changes = claims::nearest_around(level, &around, &mut nearest);
+            let changes = claims::nearest_around(level, &around, limit, &mut nearest);
             let left = claims::close(level, around.as_flattened(), TILE + 2, &mut closed);
             let empty = Positions { x: [0; BLOCK], y: [0; BLOCK] };
             let (mut before, mut after) = (empty, empty);

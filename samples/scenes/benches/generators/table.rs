@@ -1,0 +1,237 @@
+//! The table.
+
+use std::sync::Arc;
+
+use cairn::ffx::{Choice, Effect, Library, LoadOptions};
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
+use cairn::gpu::{Gpu, Target, read_texture, texture_of};
+use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
+use cairn::present::device::DeviceDrawer;
+use cairn::present::pacing::Interval;
+use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, ShownSource};
+use cairn::world::{ControlScript, KeptAnchor};
+use cairn::{Colours, Picture};
+use half::f16;
+use scenes::camera::{FAR, NEAR};
+use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, Moment, Quality, Scene, render};
+
+type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+
+/// Anchors per second of world time, and moments in an interval.
+const RATE: u32 = 15;
+const STEPS: usize = 2;
+/// The place of each kind, which no other table is made of.
+const SEED: u64 = 4;
+/// The first anchor: 2 seconds into the script.
+const FIRST: usize = 30;
+
+/// What is measured.
+struct Asked {
+    size: (u32, u32),
+    pairs: usize,
+    families: &'static [Family],
+    is_measured: bool,
+}
+
+impl Asked {
+    fn of_arguments() -> Outcome<Self> {
+        let arguments: Vec<String> = std::env::args().skip(1).collect();
+        if !arguments.iter().any(|argument| argument == "--bench") {
+            return Ok(Self { size: (96, 64), pairs: 1, families: &FAMILIES[..1], is_measured: false });
+        }
+        let mut asked = Self { size: (640, 360), pairs: 8, families: &FAMILIES, is_measured: true };
+        for pair in arguments.windows(2) {
+            match pair[0].as_str() {
+                "--size" => {
+                    let (width, height) = pair[1].split_once('x').ok_or("--size is WIDTHxHEIGHT")?;
+                    asked.size = (width.parse()?, height.parse()?);
+                }
+                "--pairs" => asked.pairs = pair[1].parse()?,
+                _ => {}
+            }
+        }
+        Ok(asked)
+    }
+}
+
+/// A walk: anchors with their motion and depth, and what lies half way.
+struct Walk {
+    anchors: Vec<Frame>,
+    halves: Vec<Picture>,
+    projection: Projection,
+}
+
+impl Walk {
+    fn new(family: Family, asked: &Asked) -> Outcome<Self> {
+        let (width, height) = asked.size;
+        let scene = Scene::new(family, SEED);
+        let script = ControlScript::parse(script(family))?;
+        let options = ClipOptions { width, height, rate: RATE * STEPS as u32, ..ClipOptions::default() };
+        let mut walk = Clip::new(&scene, &script, options).ok_or("the rate is in range")?;
+        let last = (FIRST + asked.pairs) * STEPS;
+        let moments = (0..=last).map(|_| Ok(walk.advance()?.0)).collect::<Outcome<Vec<Moment>>>()?;
+        let draw = |now: usize, before: usize| {
+            render(&scene, &moments[now], &moments[before], width, height, Quality::default())
+        };
+        let anchors = (0..=asked.pairs).map(|pair| {
+            let now = (FIRST + pair) * STEPS;
+            draw(now, now - STEPS)
+        });
+        let halves = (0..asked.pairs).map(|pair| {
+            let half = (FIRST + pair) * STEPS + STEPS / 2;
+            draw(half, half).picture
+        });
+        let fov = moments[FIRST * STEPS].camera.vertical_fov;
+        Ok(Self { anchors: anchors.collect(), halves: halves.collect(), projection: Projection::new(NEAR, FAR, fov)? })
+    }
+
+    /// What an engine knows of the way to an anchor.
+    fn guidance(&self, anchor: usize) -> Outcome<Guidance> {
+        let frame = &self.anchors[anchor];
+        let (width, height) = frame.picture.size();
+        let finite = |v: f32| f16::from_f32(if v.is_finite() { v } else { 0.0 });
+        let vectors = frame.motion.iter().map(|v| [finite(v.x), finite(v.y)]).collect();
+        let motion = MotionField::from_vectors(width, height, vectors)?;
+        let encoding = cairn::guidance::DepthEncoding::default();
+        let depth = DepthMap::from_host(width, height, frame.depth.clone(), encoding, self.projection)?;
+        Ok(Guidance::from_parts(motion, depth)?)
+    }
+}
+
+/// Who makes frames.
+struct Maker {
+    name: String,
+    presenter: Presenter,
+    /// On a device, or the processor.
+    drawer: Option<(Gpu, DeviceDrawer)>,
+    /// Of each frame, by where motion was from.
+    decibels: [Vec<f64>; 2],
+}
+
+impl Maker {
+    fn new(name: &str, drawer: Option<(Gpu, DeviceDrawer)>) -> Outcome<Self> {
+        let options = PresenterOptions {
+            interval: Some(Interval::per_second(RATE)?),
+            multiplier: 2,
+            delay_ns: None,
+            catch_up: false,
+            extrapolate: false,
+            decoded: false,
+            size: None,
+            letterbox: false,
+            capacity: 4,
+            motion: MotionSource::PictureFlow,
+        };
+        let presenter = match drawer {
+            Some(_) => Presenter::new(options, None)?,
+            None => Presenter::new(options, Some(Box::new(CpuGenerator::new())))?,
+        };
+        Ok(Self { name: name.to_owned(), presenter, drawer, decibels: Default::default() })
+    }
+
+    /// Shows a walk's frames half way, with the scene's own motion or what is found.
+    fn show(&mut self, walk: &Walk, is_given: bool) -> Outcome<()> {
+        self.presenter.reset();
+        let interval = 1_000_000_000 / u64::from(RATE);
+        for (number, frame) in walk.anchors.iter().enumerate() {
+            let now = number as u64 * interval;
+            let anchor = Arc::new(KeptAnchor::of_picture(frame.picture.clone(), number as u64, false));
+            let guidance = (is_given && number > 0).then(|| walk.guidance(number)).transpose()?;
+            if !self.presenter.push(anchor, guidance.map(Arc::new), now)? {
+                return Err("an anchor is not taken".into());
+            }
+            if let Some(half) = number.checked_sub(1) {
+                // Within the frame half way, which is shown for half an interval.
+                let made = self.half(now + interval * 3 / 4, walk.halves[half].size())?;
+                self.decibels[usize::from(!is_given)].push(psnr(&made, &walk.halves[half]));
+            }
+        }
+        Ok(())
+    }
+
+    fn half(&mut self, now: u64, size: (u32, u32)) -> Outcome<Picture> {
+        let mut made = None;
+        let shown = match &mut self.drawer {
+            None => self.presenter.draw(now, size, |picture| made = Some(picture.clone()))?,
+            Some((gpu, drawer)) => {
+                let (texture, moment) = texture_of(gpu, &Picture::new(size.0, size.1)?)?;
+                moment.wait()?;
+                let rest = D3D12_RESOURCE_STATE_COMMON;
+                let target = Target { texture: texture.clone(), before: rest, after: rest };
+                let shown = self.presenter.submit(now, drawer, &target)?.map(|(shown, _)| shown);
+                made = Some(read_texture(gpu, &texture, rest)?);
+                shown
+            }
+        };
+        match (shown, made) {
+            (Some(shown), Some(made)) if shown.t == 0.5 && shown.source != ShownSource::Anchor => Ok(made),
+            (shown, _) => Err(format!("{}: {shown:?} is not half way", self.name).into()),
+        }
+    }
+}
+
+pub(crate) fn run() -> Outcome<()> {
+    let asked = Asked::of_arguments()?;
+    let gpu = Gpu::on_adapter(None)?;
+    let drawer = || DeviceDrawer::new(&gpu, asked.size, Colours::Shown);
+    let mut makers = Vec::new();
+    match Library::load(&LoadOptions::from_environment()) {
+        Ok(library) => {
+            let mut drawer = drawer()?;
+            drawer.use_fsr(library.api(Effect::FrameGeneration)?, Choice::Any, true)?;
+            let version = drawer.made_by_fsr().map(|version| version.name.clone()).unwrap_or_default();
+            makers.push(Maker::new(&format!("fsr {version}"), Some((gpu.clone(), drawer)))?);
+        }
+        Err(why) => eprintln!("without fsr: {why}"),
+    }
+    makers.push(Maker::new("shader", Some((gpu.clone(), drawer()?)))?);
+    makers.push(Maker::new("cpu", None)?);
+    for family in asked.families {
+        let walk = Walk::new(*family, &asked)?;
+        for maker in &mut makers {
+            for is_given in [true, false] {
+                maker.show(&walk, is_given)?;
+            }
+        }
+    }
+    if !asked.is_measured {
+        return Ok(());
+    }
+    let (width, height) = asked.size;
+    println!(
+        "PSNR in dB of frames half way between anchors 1/15 s apart, {width}x{height}, {} to a scene.",
+        asked.pairs
+    );
+    println!("Seed {SEED} of each; motion and depth the scene's own, then found in the pictures.\n");
+    let heads: Vec<String> = asked.families.iter().map(|family| format!(" {family} |")).collect();
+    println!("| generator | motion |{} mean | worst |", heads.concat());
+    println!("|---|---|{}---:|---:|", "---:|".repeat(heads.len()));
+    for maker in &makers {
+        for (of, decibels) in ["given", "found"].into_iter().zip(&maker.decibels) {
+            let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
+            let families: String =
+                decibels.chunks(asked.pairs).map(|family| format!(" {:.2} |", mean(family))).collect();
+            let worst = decibels.iter().copied().fold(f64::INFINITY, f64::min);
+            println!("| {} | {of} |{families} {:.2} | {worst:.2} |", maker.name, mean(decibels));
+        }
+    }
+    Ok(())
+}
+
+/// Peak signal-to-noise ratio over red, green and blue, at most that of one wrong step in all of a picture.
+fn psnr(made: &Picture, truth: &Picture) -> f64 {
+    let steps = |(a, b): (&[u8; 4], &[u8; 4])| (0..3).map(|c| f64::from(a[c].abs_diff(b[c])).powi(2)).sum::<f64>();
+    let sum: f64 = made.pixels().iter().zip(truth.pixels()).map(steps).sum();
+    let mean = sum.max(1.0) / (3 * truth.pixels().len()) as f64;
+    10.0 * (255.0 * 255.0 / mean).log10()
+}
+
+fn script(family: Family) -> &'static str {
+    match family {
+        Family::Forest => include_str!("../../../scripts/forest.txt"),
+        Family::Sword => include_str!("../../../scripts/sword.txt"),
+        Family::Desert => include_str!("../../../scripts/desert.txt"),
+        Family::Snow => include_str!("../../../scripts/snow.txt"),
+    }
+}

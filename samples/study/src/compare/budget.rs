@@ -1,0 +1,114 @@
+//! What a branch costs: passes, arithmetic and traffic counted from the graphs, and time as it was measured.
+//!
+//! ```text
+//! work of a branch = passes * pass(g) + encode + (latents + primes) * decode
+//! ```
+//!
+//! Passes and latents are the manifest's, `pass(g)`, `encode` and `decode` what the bundle's graphs do in one run, and the first
+//! latent is decoded `primes` times more, for the decoder's memory. What frame generation and scaling do runs outside of
+//! graphs; it is in the times alone. A branch that shows the latents of another is charged with their making.
+
+use cairn::bundle::{Bundle, Precision};
+use cairn::world::{OperatingPoint, Presentation, WorldTime};
+use cairn::{Error, ErrorKind, Result};
+
+use super::branch::Branch;
+use super::plan::Cell;
+use crate::device::DeviceChoice;
+use crate::manifest::Manifest;
+
+/// What one cell cost, for each second of world time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Budget {
+    /// Latents, the seed's own included.
+    pub(super) latents: f64,
+    /// Passes of the transformer.
+    pub(super) passes: f64,
+    /// Frames shown.
+    pub(super) presented: f64,
+    /// Floating-point operations of the graphs' products: two for each multiplication and addition.
+    pub(super) flops: f64,
+    /// Bytes that the graphs' nodes read and write.
+    pub(super) bytes: f64,
+    /// As measured.
+    pub(super) times: Times,
+}
+
+/// Seconds of computing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Times {
+    /// Denoise and cache passes, and copies into the ring.
+    pub(super) world: f64,
+    /// Latents made pictures, and pictures read and resized.
+    pub(super) decode: f64,
+    /// Motion and depth.
+    pub(super) guidance: f64,
+    /// Frames between anchors.
+    pub(super) generation: f64,
+    /// From the world's size to that of the comparison.
+    pub(super) upscaling: f64,
+}
+
+impl Times {
+    /// All of them.
+    pub(super) fn sum(&self) -> f64 {
+        self.world + self.decode + self.guidance + self.generation + self.upscaling
+    }
+}
+
+/// The budgets of all cells, in their order.
+///
+/// # Errors
+/// As [`Bundle::work`]; `InvalidState` where a cell lacks the one whose latents it shows.
+pub(super) fn budgets(cells: &[(Cell, Manifest)], bundle: &Bundle) -> Result<Vec<Budget>> {
+    cells
+        .iter()
+        .map(|(cell, manifest)| {
+            let source = match cell.branch.shares_latents_of() {
+                None => manifest,
+                Some(branch) => source(cells, *cell, branch)?,
+            };
+            budget(manifest, source, bundle)
+        })
+        .collect()
+}
+
+/// The manifest of the same place in another branch.
+fn source(cells: &[(Cell, Manifest)], cell: Cell, branch: Branch) -> Result<&Manifest> {
+    let wanted = Cell { branch, ..cell };
+    let found = cells.iter().find(|(other, _)| *other == wanted).map(|(_, manifest)| manifest);
+    found.ok_or_else(|| Error::new(ErrorKind::InvalidState, format!("{cell} is there, {wanted} is not")))
+}
+
+fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) -> Result<Budget> {
+    let point: OperatingPoint = source.settings.operating_point.parse()?;
+    let shown: OperatingPoint = manifest.settings.operating_point.parse()?;
+    let seconds = WorldTime::parse(&manifest.settings.seconds)?.seconds();
+    let generates = matches!(shown.presentation, Presentation::Generated { .. });
+    // Graphics devices run the half-precision graphs where a bundle has them.
+    let half = manifest.settings.device != DeviceChoice::Cpu && bundle.has(Precision::F16);
+    let work = bundle.work(if half { Precision::F16 } else { Precision::F32 }, point.global_window)?;
+    let primes = u64::from(bundle.geometry().autoencoder.temporal - 1);
+    let (passes, decodes) = (source.counts.passes as f64, (manifest.counts.latents + primes) as f64);
+    let sum = |of: fn(&cairn::bundle::GraphWork) -> u64| {
+        passes * of(&work.pass) as f64 + of(&work.encode) as f64 + decodes * of(&work.decode) as f64
+    };
+    let time = |manifest: &Manifest, stages: &[&str]| {
+        stages.iter().filter_map(|stage| manifest.timings.get(*stage)).fold(0.0, |sum, time| sum + time) / seconds
+    };
+    Ok(Budget {
+        latents: manifest.counts.latents as f64 / seconds,
+        passes: passes / seconds,
+        presented: manifest.counts.presented as f64 / seconds,
+        flops: 2.0 * sum(|work| work.multiply_adds) / seconds,
+        bytes: sum(|work| work.bytes) / seconds,
+        times: Times {
+            world: time(source, &["encode", "denoise", "cache", "commit"]),
+            decode: time(manifest, &["decode", "resize"]),
+            // Where nothing is generated, motion is made for the contact sheet alone.
+            guidance: time(manifest, if generates { &["guidance"] } else { &[] }),
+            generation: time(manifest, &["generation"]),
+            upscaling: time(manifest, &["upscaling"]),
+        },
+    })
+}

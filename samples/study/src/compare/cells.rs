@@ -1,0 +1,197 @@
+//! Whether a cell is there already: its manifest says what it was made from, and its files are as the manifest says.
+
+use std::path::Path;
+
+use cairn::{Error, ErrorKind, Result};
+
+use crate::device::DeviceChoice;
+use crate::manifest::{Input, Inputs, Manifest};
+use crate::output::MANIFEST;
+use crate::settings::Settings;
+
+/// What was found in the folder of a cell.
+#[derive(Debug)]
+pub(super) enum Found {
+    /// It is whole and of the same settings and inputs.
+    Whole(Box<Manifest>),
+    /// It must be made; why, for people.
+    Missing(String),
+}
+
+/// The SHA-256 of everything that a cell is made from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Digests {
+    pub(super) world: String,
+    pub(super) seed_picture: String,
+    pub(super) script: String,
+    pub(super) onnxruntime: String,
+    /// Of the latents that are decoded, where none are made.
+    pub(super) latents: Option<String>,
+}
+
+impl Digests {
+    fn of(inputs: &Inputs) -> Self {
+        let sha256 = |input: &Input| input.sha256.clone();
+        Self {
+            world: sha256(&inputs.world),
+            seed_picture: sha256(&inputs.seed_picture),
+            script: sha256(&inputs.script),
+            onnxruntime: sha256(&inputs.onnxruntime),
+            latents: inputs.latents.as_ref().map(sha256),
+        }
+    }
+}
+
+/// Looks whether the rollout of `wanted` and `digests` lies in `folder`.
+///
+/// # Errors
+/// `Unsupported` for a manifest of a newer version, which is not replaced; `Io` when a file cannot be read.
+pub(super) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Found> {
+    let missing = |why: &str| Ok(Found::Missing(why.to_owned()));
+    let path = folder.join(MANIFEST);
+    if !path.exists() {
+        return missing("it was never made");
+    }
+    let manifest = match Manifest::read(&path) {
+        Ok(manifest) => manifest,
+        // Half a manifest cannot be, but a manifest of another kind can.
+        Err(error) if error.kind() == ErrorKind::InvalidArgument => return missing("its manifest cannot be read"),
+        Err(error) => return Err(error),
+    };
+    if !manifest.complete {
+        return missing("it was not finished");
+    }
+    if comparable(&manifest.settings, wanted.device) != comparable(wanted, wanted.device) {
+        return missing("its settings are others");
+    }
+    if Digests::of(&manifest.inputs) != *digests {
+        return missing("it was made from other inputs");
+    }
+    if manifest.versions.cairn != env!("CARGO_PKG_VERSION") {
+        return missing("another version of this program made it");
+    }
+    for output in &manifest.outputs {
+        let size = std::fs::metadata(folder.join(&output.path)).map(|data| data.len());
+        if size.ok() != Some(output.size) {
+            return missing(&format!("{} is not there, or has another size", output.path));
+        }
+    }
+    Ok(Found::Whole(Box::new(manifest)))
+}
+
+/// Settings without what does not decide a bit: names of presets, places of inputs (their sums are compared), and what
+/// `auto` came to.
+fn comparable(settings: &Settings, wanted: DeviceChoice) -> Settings {
+    Settings {
+        world: None,
+        seed_picture: None,
+        script: None,
+        latents: None,
+        preset: None,
+        device: if wanted == DeviceChoice::Auto { wanted } else { settings.device },
+        ..settings.clone()
+    }
+}
+
+/// The manifest of a cell that was just made.
+///
+/// # Errors
+/// `InvalidState` when it is not what was asked for, with the reason.
+pub(super) fn expect(name: &str, folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Manifest> {
+    match look(folder, wanted, digests)? {
+        Found::Whole(manifest) => Ok(*manifest),
+        Found::Missing(why) => Err(Error::new(ErrorKind::InvalidState, format!("{name} was made, but {why}"))
+            .field(folder.display().to_string())
+            .remedy("See that nothing else writes into that folder, and run the command again")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::compare::branch::Branch;
+    use crate::compare::plan::{Cell, tests::settings};
+    use crate::machine::Versions;
+    use crate::manifest::{Counts, MANIFEST_VERSION, Output, to_json};
+
+    fn digests() -> Digests {
+        let [world, seed_picture, script, onnxruntime] = ["w", "p", "s", "o"].map(str::to_owned);
+        Digests { world, seed_picture, script, onnxruntime, latents: None }
+    }
+
+    fn manifest(wanted: &Settings, digests: &Digests) -> Manifest {
+        let input = |sha256: &str| Input { path: "there".into(), size: 1, sha256: sha256.into() };
+        Manifest {
+            manifest_version: MANIFEST_VERSION,
+            complete: true,
+            stopped_by: None,
+            note: None,
+            settings: Settings { preset: Some("coherence".into()), world: Some("elsewhere".into()), ..wanted.clone() },
+            inputs: Inputs {
+                world: input(&digests.world),
+                seed_picture: input(&digests.seed_picture),
+                script: input(&digests.script),
+                latents: digests.latents.as_deref().map(input),
+                onnxruntime: input(&digests.onnxruntime),
+            },
+            counts: Counts::default(),
+            outputs: vec![Output {
+                path: "frame.png".into(),
+                kind: "png".into(),
+                frames: 1,
+                complete: true,
+                size: 3,
+                sha256: "x".into(),
+            }],
+            versions: Versions::of_this_program(),
+            timings: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn only_a_whole_cell_of_the_same_making_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let common = settings(folder.path());
+        let cell = Cell { place: common.places().next().unwrap(), branch: Branch::Coherence, straight: false };
+        let wanted = cell.rollout(&common);
+        let path = folder.path();
+        let found = |manifest: &Manifest| {
+            std::fs::write(path.join(MANIFEST), to_json(manifest).unwrap()).unwrap();
+            match look(path, &wanted, &digests()) {
+                Ok(Found::Whole(found)) if *found == *manifest => "whole".to_owned(),
+                Ok(Found::Missing(why)) => why,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert!(matches!(look(path, &wanted, &digests()).unwrap(), Found::Missing(why) if why.contains("never")));
+        let good = manifest(&wanted, &digests());
+        assert!(found(&good).contains("frame.png"), "the file is not there yet");
+        std::fs::write(path.join("frame.png"), "12").unwrap();
+        assert!(found(&good).contains("another size"));
+        std::fs::write(path.join("frame.png"), "123").unwrap();
+        assert_eq!(found(&good), "whole");
+
+        assert!(found(&Manifest { complete: false, ..good.clone() }).contains("not finished"));
+        for other in [
+            Settings { seed: 9, ..wanted.clone() },
+            Settings { threads: Some(2), ..wanted.clone() },
+            Settings { operating_point: Branch::Heavy.point(cell.place.family).to_string(), ..wanted.clone() },
+            Settings { seconds: "2".into(), ..wanted.clone() },
+        ] {
+            assert!(found(&Manifest { settings: other, ..good.clone() }).contains("settings"));
+        }
+        let other_script = Digests { script: "t".into(), ..digests() };
+        assert!(found(&manifest(&wanted, &other_script)).contains("inputs"));
+        let versions = Versions { cairn: "0.0.0".into(), ..good.versions.clone() };
+        assert!(found(&Manifest { versions, ..good.clone() }).contains("version"));
+
+        std::fs::write(path.join(MANIFEST), "{ half").unwrap();
+        assert!(matches!(look(path, &wanted, &digests()).unwrap(), Found::Missing(why) if why.contains("read")));
+        let newer = to_json(&Manifest { manifest_version: MANIFEST_VERSION + 1, ..good }).unwrap();
+        std::fs::write(path.join(MANIFEST), newer).unwrap();
+        let error = look(path, &wanted, &digests()).unwrap_err();
+        assert!(error.kind() == ErrorKind::Unsupported && error.to_string().contains("wrote it"), "{error}");
+    }
+}

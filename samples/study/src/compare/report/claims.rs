@@ -1,0 +1,227 @@
+//! What the paper claims, and whether it holds here.
+
+use cairn::Result;
+use cairn::world::WorldTime;
+use scenes::{FAMILIES, Family};
+
+use super::super::branch::Branch;
+use super::super::plan::Settings;
+use super::super::score::Scored;
+use super::super::summary::{Estimate, Figures, estimate};
+
+/// Shorter walks say nothing about what lasts.
+const LEAST_SECONDS: f64 = 5.0;
+
+/// One claim.
+struct Claim {
+    words: &'static str,
+    /// What is compared, and of which two branches; the first should be better.
+    value: fn(&Figures) -> Option<f64>,
+    of: [Branch; 2],
+    /// Whether more is better.
+    more: bool,
+    /// Where it is claimed.
+    scenes: &'static [Family],
+}
+
+const MAIN: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
+
+const CLAIMS: [Claim; 7] = [
+    Claim {
+        words: "Frames change less from one to the next: lower adjacent LPIPS in every scene (Table 6)",
+        value: |f| f.adjacent_lpips,
+        of: MAIN,
+        more: false,
+        scenes: &FAMILIES,
+    },
+    Claim {
+        words: "Anchors change less, too: lower LPIPS at 15 Hz in every scene (Table 6)",
+        value: |f| f.anchor_lpips,
+        of: MAIN,
+        more: false,
+        scenes: &FAMILIES,
+    },
+    Claim {
+        words: "Presented frames are more alike: higher adjacent SSIM in every scene (Table 7)",
+        value: |f| f.adjacent_ssim,
+        of: MAIN,
+        more: true,
+        scenes: &FAMILIES,
+    },
+    Claim {
+        words: "The world stays coherent longer (section 7): a later horizon in every scene",
+        value: |f| f.horizon,
+        of: MAIN,
+        more: true,
+        scenes: &FAMILIES,
+    },
+    Claim {
+        words: "The baseline drifts in brightness (section 7): less drift in every scene",
+        value: |f| f.brightness_drift.map(f64::abs),
+        of: MAIN,
+        more: false,
+        scenes: &FAMILIES,
+    },
+    Claim {
+        words: "Turns are seen earlier (Table 8) in forest, desert and snow",
+        value: |f| f.onset,
+        of: MAIN,
+        more: false,
+        scenes: &[Family::Forest, Family::Desert, Family::Snow],
+    },
+    Claim {
+        words: "More is not always better (section 7.4): in the sword scene the heavy point is farther from the truth",
+        value: |f| f.lpips,
+        of: [Branch::Coherence, Branch::Heavy],
+        more: false,
+        scenes: &[Family::Sword],
+    },
+];
+
+/// How a claim came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Holds,
+    DoesNot,
+    CannotBeTold,
+}
+
+/// By how much the first branch of a pair is better than the second in a scene: mean over places, paired.
+pub(super) fn advantage(
+    scored: &[Scored],
+    family: Family,
+    [first, second]: [Branch; 2],
+    value: fn(&Figures) -> Option<f64>,
+    more: bool,
+) -> Option<Estimate> {
+    let differences: Vec<f64> = scored
+        .iter()
+        .filter(|scored| scored.place.family == family)
+        .filter_map(|scored| {
+            let of = |branch| scored.branches.iter().find(|(b, _)| *b == branch).and_then(|(_, f)| value(f));
+            let difference = of(first)? - of(second)?;
+            Some(if more { difference } else { -difference })
+        })
+        .collect();
+    estimate(&differences)
+}
+
+/// A scene's part in a claim: its interval, or its single place, says yes or no; an interval around nothing does not.
+fn in_scene(advantage: Option<Estimate>) -> Verdict {
+    match advantage {
+        Some(Estimate { interval: Some([low, _]), .. }) if low > 0.0 => Verdict::Holds,
+        Some(Estimate { interval: Some([_, high]), .. }) if high < 0.0 => Verdict::DoesNot,
+        Some(Estimate { interval: None, mean }) if mean > 0.0 => Verdict::Holds,
+        Some(Estimate { interval: None, mean }) if mean < 0.0 => Verdict::DoesNot,
+        _ => Verdict::CannotBeTold,
+    }
+}
+
+/// A claim about several scenes holds where it holds in each, and does not where it fails in one.
+fn overall(scenes: &[Verdict]) -> Verdict {
+    if scenes.contains(&Verdict::DoesNot) {
+        Verdict::DoesNot
+    } else if scenes.is_empty() || scenes.contains(&Verdict::CannotBeTold) {
+        Verdict::CannotBeTold
+    } else {
+        Verdict::Holds
+    }
+}
+
+/// A line for each claim: its words, the scenes, and the verdict.
+pub(super) fn verdicts(settings: &Settings, scored: &[Scored], random: bool) -> Result<Vec<Vec<String>>> {
+    let seconds = WorldTime::parse(&settings.seconds)?.seconds();
+    let line = |claim: &Claim| {
+        let asked: Vec<Family> = claim.scenes.iter().copied().filter(|f| settings.scenes.contains(f)).collect();
+        let found: Vec<(Family, Verdict)> = asked
+            .iter()
+            .map(|&family| (family, in_scene(advantage(scored, family, claim.of, claim.value, claim.more))))
+            .collect();
+        let verdicts: Vec<Verdict> = found.iter().map(|(_, verdict)| *verdict).collect();
+        let reason = if random {
+            Some("random weights".to_owned())
+        } else if seconds < LEAST_SECONDS {
+            Some(format!("too short a walk, {} s", settings.seconds))
+        } else if asked.len() < claim.scenes.len() {
+            Some("not all of its scenes were run".to_owned())
+        } else {
+            None
+        };
+        let verdict = match (&reason, overall(&verdicts)) {
+            (Some(reason), _) => format!("cannot be told: {reason}"),
+            (None, Verdict::Holds) => "holds".into(),
+            (None, Verdict::DoesNot) => "does not hold".into(),
+            (None, Verdict::CannotBeTold) => "cannot be told".into(),
+        };
+        let scenes = found.iter().map(|(family, verdict)| {
+            let sign = match verdict {
+                Verdict::Holds => "yes",
+                Verdict::DoesNot => "no",
+                Verdict::CannotBeTold => "open",
+            };
+            format!("{family} {sign}")
+        });
+        vec![claim.words.to_owned(), scenes.collect::<Vec<_>>().join(", "), verdict]
+    };
+    Ok(CLAIMS.iter().map(line).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    use super::*;
+    use crate::compare::plan::{Place, tests::settings};
+
+    fn scored(family: Family, seed: u64, coherence: f64, baseline: f64) -> Scored {
+        let figures = |value| Figures {
+            adjacent_lpips: Some(value),
+            lpips: Some(value),
+            horizon: Some(-value),
+            ..Figures::default()
+        };
+        Scored {
+            place: Place { family, seed },
+            truth: Figures::default(),
+            branches: vec![
+                (Branch::Coherence, figures(coherence)),
+                (Branch::Baseline, figures(baseline)),
+                (Branch::Heavy, figures(baseline)),
+            ],
+            series: Vec::new(),
+            same_before_turn: true,
+            file: PathBuf::new(),
+        }
+    }
+
+    fn first_verdict(scored: &[Scored], seconds: &str, random: bool) -> String {
+        let settings = Settings { scenes: FAMILIES.to_vec(), seconds: seconds.into(), ..settings(Path::new("out")) };
+        let lines = verdicts(&settings, scored, random).unwrap();
+        assert_eq!(lines.len(), CLAIMS.len());
+        lines[0][2].clone()
+    }
+
+    #[test]
+    fn a_claim_holds_where_it_holds_in_every_scene() {
+        let all = |worst: f64| -> Vec<Scored> {
+            let value = |family| if family == Family::Snow { worst } else { 0.1 };
+            FAMILIES.into_iter().map(|family| scored(family, 41, value(family), 0.2)).collect()
+        };
+        assert_eq!(first_verdict(&all(0.1), "15", false), "holds");
+        assert_eq!(first_verdict(&all(0.3), "15", false), "does not hold");
+        assert_eq!(first_verdict(&all(0.2), "15", false), "cannot be told", "a tie");
+        assert!(first_verdict(&all(0.1), "15", true).contains("random"));
+        assert!(first_verdict(&all(0.1), "1", false).contains("too short a walk, 1 s"));
+        assert_eq!(first_verdict(&[], "15", false), "cannot be told");
+    }
+
+    #[test]
+    fn places_that_disagree_leave_a_scene_open() {
+        let places = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.2, 0.1)];
+        let found = advantage(&places, Family::Snow, MAIN, |f| f.adjacent_lpips, false);
+        assert_eq!(in_scene(found), Verdict::CannotBeTold);
+        let places = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.1, 0.3)];
+        let found = advantage(&places, Family::Snow, MAIN, |f| f.horizon, true);
+        assert_eq!(in_scene(found), Verdict::Holds);
+    }
+}

@@ -1,0 +1,242 @@
+//! What was measured: Tables 6 to 8 of the paper, and what they leave open.
+
+use scenes::Family;
+
+use super::super::branch::Branch;
+use super::super::plan::Settings;
+use super::super::score::Scored;
+use super::super::summary::{Estimate, Figures, estimate};
+use super::super::turn::straight_seconds;
+use super::claims::advantage;
+use super::paper::{Published, published};
+use super::{Block, Table};
+
+/// One figure of a rollout.
+type Value = fn(&Figures) -> Option<f64>;
+
+/// All blocks, in their order.
+pub(super) fn all(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+    let mut blocks = Vec::new();
+    blocks.extend(beside_the_paper(
+        settings,
+        scored,
+        "Temporal LPIPS (Table 6)",
+        [|f| f.anchor_lpips, |f| f.adjacent_lpips],
+        |p| [p.anchor_lpips, p.adjacent_lpips],
+        false,
+    ));
+    blocks.push(Block::text(
+        "Lower is not better by itself: a stream that repeats or blurs its pictures changes less. The next table says how near \
+         each stream's changes are to those of the truth, and how even they are.",
+    ));
+    blocks.extend(beside_the_paper(
+        settings,
+        scored,
+        "Temporal SSIM (Table 7)",
+        [|f| f.anchor_ssim, |f| f.adjacent_ssim],
+        |p| [p.anchor_ssim, p.adjacent_ssim],
+        true,
+    ));
+    blocks.extend(motion(settings, scored));
+    blocks.extend(truth(settings, scored));
+    blocks.extend(decoder(settings, scored));
+    blocks.extend(turns(settings, scored));
+    blocks
+}
+
+fn places(scored: &[Scored], family: Family) -> impl Iterator<Item = &Scored> {
+    scored.iter().filter(move |scored| scored.place.family == family)
+}
+
+/// Mean over the places of a kind.
+fn of_branch(scored: &[Scored], family: Family, branch: Branch, value: Value) -> Option<Estimate> {
+    let figures = places(scored, family).flat_map(|scored| &scored.branches);
+    let values: Vec<f64> = figures.filter(|(b, _)| *b == branch).filter_map(|(_, f)| value(f)).collect();
+    estimate(&values)
+}
+
+fn of_truth(scored: &[Scored], family: Family, value: Value) -> Option<Estimate> {
+    estimate(&places(scored, family).filter_map(|scored| value(&scored.truth)).collect::<Vec<_>>())
+}
+
+fn show(estimate: Option<Estimate>, digits: usize) -> String {
+    estimate.map_or_else(|| "-".into(), |estimate| number(estimate.mean, digits))
+}
+
+fn number(value: f64, digits: usize) -> String {
+    if value.is_infinite() { "inf".into() } else { format!("{value:.digits$}") }
+}
+
+/// An advantage with its interval, or with the word that there is none.
+fn with_interval(estimate: Option<Estimate>, digits: usize) -> String {
+    match estimate {
+        None => "-".into(),
+        Some(Estimate { mean, interval: None }) => format!("{mean:+.digits$} (one place: no interval)"),
+        Some(Estimate { mean, interval: Some([low, high]) }) => {
+            format!("{mean:+.digits$} ({low:+.digits$} to {high:+.digits$})")
+        }
+    }
+}
+
+/// A table of the paper: at 15 Hz and at 30, ours, and the published figures behind.
+fn beside_the_paper(
+    settings: &Settings,
+    scored: &[Scored],
+    title: &str,
+    values: [Value; 2],
+    theirs: fn(&Published) -> [[f64; 2]; 2],
+    more: bool,
+) -> Vec<Block> {
+    let rows = settings.scenes.iter().map(|&family| {
+        let ours = |branch, i: usize| show(of_branch(scored, family, branch, values[i]), 4);
+        let main = [Branch::Coherence, Branch::Baseline];
+        let [anchor, full] = theirs(&published(family)).map(|pair| pair.map(|value| format!("{value:.4}")).join(" / "));
+        let mut row = vec![family.name().to_owned()];
+        row.extend((0..2).flat_map(|i| main.map(|branch| ours(branch, i))));
+        row.push(with_interval(advantage(scored, family, main, values[1], more), 4));
+        row.extend([anchor, full]);
+        row
+    });
+    let head = [
+        "scene",
+        "anchors: coherence",
+        "baseline",
+        "full stream: coherence",
+        "baseline",
+        "advantage (95 %)",
+        "paper, anchors",
+        "paper, full",
+    ];
+    vec![Block::heading(title), Block::Table(Table::new(1, &head, rows.collect()))]
+}
+
+/// What a mean change hides.
+fn motion(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+    let mut rows = Vec::new();
+    for &family in &settings.scenes {
+        let true_change = show(of_truth(scored, family, |f| f.adjacent_lpips), 4);
+        let true_anchor = show(of_truth(scored, family, |f| f.anchor_lpips), 4);
+        rows.push(vec![
+            family.name().into(),
+            "truth".into(),
+            true_change,
+            true_anchor,
+            "0".into(),
+            "0".into(),
+            String::new(),
+        ]);
+        for branch in Branch::ALL {
+            let of = |value: Value, digits| show(of_branch(scored, family, branch, value), digits);
+            rows.push(vec![
+                String::new(),
+                branch.name().into(),
+                of(|f| f.adjacent_lpips, 4),
+                of(|f| f.anchor_lpips, 4),
+                of(|f| f.adjacent_error, 4),
+                of(|f| f.anchor_error, 4),
+                of(|f| f.asymmetry, 2),
+            ]);
+        }
+    }
+    let head = ["scene", "stream", "LPIPS at 30 Hz", "at 15 Hz", "off the truth's, 30 Hz", "15 Hz", "odd over even"];
+    vec![
+        Block::heading("Change from frame to frame"),
+        Block::Table(Table::new(2, &head, rows)),
+        Block::text(
+            "Off the truth's: mean distance of each change from the truth's change at the same time, nearer to 0 is better. Odd \
+             over even: mean change into every other frame over that into the rest, the larger over the smaller; 1 is even \
+             motion, a stream that shows every frame twice has infinity. Of decoded-60 every second frame is looked at.",
+        ),
+    ]
+}
+
+/// Beside the renderer.
+fn truth(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+    let mut rows = Vec::new();
+    for &family in &settings.scenes {
+        for branch in Branch::ALL {
+            let of = |value: Value, digits| show(of_branch(scored, family, branch, value), digits);
+            let scene = if branch == Branch::ALL[0] { family.name() } else { "" };
+            rows.push(vec![
+                scene.into(),
+                branch.name().into(),
+                of(|f| f.psnr, 2),
+                of(|f| f.ssim, 3),
+                of(|f| f.lpips, 3),
+                of(|f| f.horizon, 1),
+                of(|f| f.brightness_drift, 1),
+                of(|f| f.warmth_drift, 1),
+                of(|f| f.flicker, 2),
+            ]);
+        }
+    }
+    let head =
+        ["scene", "branch", "PSNR, dB", "SSIM", "LPIPS", "horizon, s", "brightness drift", "warmth drift", "flicker"];
+    vec![
+        Block::heading("Against the renderer's truth"),
+        Block::Table(Table::new(2, &head, rows)),
+        Block::text(
+            "Means over all frames of a walk, then over places. The horizon is the first second whose mean LPIPS to the truth \
+             reaches what the stream's own first picture has, on average, to the second half of the walk; the whole length where \
+             that never comes. Drifts are those of the farthest second, in steps of 0 to 255: brightness, and red less blue. \
+             Flicker is the mean change of brightness from frame to frame beyond the truth's.",
+        ),
+    ]
+}
+
+/// Generated frames beside the decoder's own.
+fn decoder(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+    let rows = settings.scenes.iter().map(|&family| {
+        let of = |value: Value, digits| show(of_branch(scored, family, Branch::Coherence, value), digits);
+        vec![family.name().into(), of(|f| f.decoder_psnr, 2), of(|f| f.decoder_ssim, 3), of(|f| f.decoder_lpips, 3)]
+    });
+    vec![
+        Block::heading("Generated frames against the decoder's own in-betweens"),
+        Block::Table(Table::new(1, &["scene", "PSNR, dB", "SSIM", "LPIPS"], rows.collect())),
+        Block::text("coherence beside decoded-60: the same latents, the same times, half-way between two anchors."),
+    ]
+}
+
+/// The paper's Table 8; nothing where no walk has a turn in it.
+fn turns(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+    let turned = |family| straight_seconds(family, &settings.seconds).is_ok_and(|seconds| seconds.is_some());
+    let rows: Vec<Vec<String>> = settings
+        .scenes
+        .iter()
+        .filter(|family| turned(**family))
+        .map(|&family| {
+            let main = [Branch::Coherence, Branch::Baseline];
+            let of = |branch| match of_branch(scored, family, branch, |f| f.onset) {
+                Some(onset) => number(onset.mean, 3),
+                None => "not seen".into(),
+            };
+            let [coherence, baseline] = published(family).onset;
+            vec![
+                family.name().into(),
+                of(main[0]),
+                of(main[1]),
+                with_interval(advantage(scored, family, main, |f| f.onset, false), 3),
+                format!("{coherence:.3} / {baseline:.3}"),
+            ]
+        })
+        .collect();
+    if rows.is_empty() {
+        return Vec::new();
+    }
+    let head = ["scene", "coherence, s", "baseline, s", "earlier by, s", "paper"];
+    let mut blocks = vec![
+        Block::heading("Seconds until a turn is seen (Table 8)"),
+        Block::Table(Table::new(1, &head, rows)),
+        Block::text(
+            "From the first command of the mouse to the first frame of a tenth of a second in which the picture moves sideways \
+             otherwise than in the same walk without the mouse; within a frame, 1/30 s. In presentation time a stream with generated \
+             frames shows everything one anchor later than it is made. The paper looked at one video without such a control.",
+        ),
+    ];
+    if scored.iter().any(|scored| !scored.same_before_turn) {
+        blocks.push(Block::text(
+            "Before the command the two walks of some place differ, which they must not: its figures here mean nothing.",
+        ));
+    }
+    blocks
+}

@@ -1,0 +1,125 @@
+//! Every place measured, or read again where it was measured before.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use cairn::Result;
+use cairn::world::WorldTime;
+
+use super::branch::Branch;
+use super::make::Made;
+use super::plan::{Cell, Place, Settings};
+use super::series::{Comparison, RATE, Series, Stream, from_csv, to_csv};
+use super::summary::{Figures, figures};
+use super::truth;
+use super::turn;
+use crate::inputs;
+use crate::manifest::{Manifest, sha256, to_json};
+use crate::media::{RealDisk, describe_io, write_whole};
+use crate::metrics::{Lpips, Net};
+use crate::progress::Progress;
+
+/// The per-frame series of a place.
+const SERIES: &str = "series.csv";
+/// What names the way of measuring: raised when a column changes its meaning.
+const VERSION: u32 = 1;
+
+/// What was measured of a place.
+pub(super) struct Scored {
+    pub(super) place: Place,
+    /// The truth beside itself: how much truly changes.
+    pub(super) truth: Figures,
+    /// In the order of [`Branch::ALL`].
+    pub(super) branches: Vec<(Branch, Figures)>,
+    /// The truth's, then each branch's.
+    pub(super) series: Vec<Series>,
+    /// Whether straight walks were the same as those that turn until they turned, as they must be.
+    pub(super) same_before_turn: bool,
+    /// Where the series are kept.
+    pub(super) file: PathBuf,
+}
+
+/// Measures every place of what was made.
+///
+/// # Errors
+/// Weights of LPIPS that cannot be had; what drawing and measuring fail with; `Cancelled` when `stop` was set.
+pub(super) fn score(settings: &Settings, made: &Made, progress: &Progress, stop: &AtomicBool) -> Result<Vec<Scored>> {
+    let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
+    settings
+        .places()
+        .map(|place| {
+            let cells: Vec<&(Cell, Manifest)> = made.cells.iter().filter(|(cell, _)| cell.place == place).collect();
+            let mut scored = score_place(place, settings, &cells, lpips.as_ref(), progress, stop)?;
+            for (straight, _) in made.straight.iter().filter(|(cell, _)| cell.place == place) {
+                turns(*straight, settings, &mut scored, progress, stop)?;
+            }
+            Ok(scored)
+        })
+        .collect()
+}
+
+/// Finds when the branch of a straight walk turns, and notes it.
+fn turns(
+    straight: Cell,
+    settings: &Settings,
+    scored: &mut Scored,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> Result<()> {
+    let place = straight.place;
+    let Some(command) = turn::command(place.family)? else { return Ok(()) };
+    progress.phase(&format!("looking for the turn of {place}, {}", straight.branch.name()));
+    let turned = stream(Cell { straight: false, ..straight }, settings);
+    let onset = turn::onset(&turned.folder, &straight.folder(&settings.out), turned.step, command, stop)?;
+    if let Some((_, figures)) = scored.branches.iter_mut().find(|(branch, _)| *branch == straight.branch) {
+        figures.onset = onset.latency;
+    }
+    scored.same_before_turn &= onset.same_before;
+    Ok(())
+}
+
+fn score_place(
+    place: Place,
+    settings: &Settings,
+    cells: &[&(Cell, Manifest)],
+    lpips: Option<&Lpips>,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> Result<Scored> {
+    let count = WorldTime::parse(&settings.seconds)?.whole_steps(RATE) + 1;
+    let folder = truth::draw(place, count, settings, progress, stop)?;
+    let mut key = format!("{VERSION} {count} {}", lpips.is_some());
+    for (_, manifest) in cells {
+        // Times differ from run to run, files do not.
+        key += &sha256(&to_json(&manifest.outputs)?);
+    }
+    let drawn = folder.join(crate::output::MANIFEST);
+    key += &sha256(&std::fs::read(&drawn).map_err(|e| describe_io("cannot be read", &drawn, &e))?);
+    let key = sha256(key.as_bytes());
+
+    let file = place.folder(&settings.out).join(SERIES);
+    let kept = std::fs::read_to_string(&file).ok().and_then(|text| from_csv(&key, &text));
+    let series = match kept.filter(|series| series.len() == cells.len() + 1) {
+        Some(series) => series,
+        None => {
+            progress.phase(&format!("measuring {place}"));
+            let truth = Stream { name: truth::FOLDER.into(), folder, step: 1 };
+            let streams = cells.iter().map(|(cell, _)| stream(*cell, settings)).collect::<Vec<_>>();
+            let decoder = Some([Branch::Coherence.name(), Branch::Decoded60.name()]);
+            let comparison = Comparison { truth: &truth, streams: &streams, decoder, count, lpips };
+            let series = comparison.measure(progress, stop)?;
+            write_whole(&RealDisk, &file, to_csv(&key, &series).as_bytes())?;
+            series
+        }
+    };
+    let truth = figures(&series[0], &series[0]);
+    let branches = cells.iter().zip(&series[1..]);
+    let branches = branches.map(|((cell, _), stream)| (cell.branch, figures(stream, &series[0]))).collect();
+    Ok(Scored { place, truth, branches, series, same_before_turn: true, file })
+}
+
+fn stream(cell: Cell, settings: &Settings) -> Stream {
+    // All branches present a multiple of the looks.
+    let step = u64::from(cell.branch.point(cell.place.family).presented_rate() / RATE).max(1);
+    Stream { name: cell.branch.name().into(), folder: cell.folder(&settings.out), step }
+}

@@ -1,0 +1,358 @@
+//! What is measured of every frame: each stream beside the truth, beside its own frames before, and beside the decoder's own
+//! pictures in between.
+//!
+//! All streams are looked at [`RATE`] times a second, so that every one has a frame at each of these times; of `decoded-60` it
+//! is every second frame. LPIPS is with AlexNet, and what the network sees in a frame is computed once and used for all
+//! comparisons of that frame. Memory does not grow with the length of the video: three frames of each stream are held.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use cairn::{Error, ErrorKind, Picture, Result};
+
+use super::truth::frame;
+use crate::manifest::read_bounded;
+use crate::metrics::{Features, Lpips, psnr, ssim};
+use crate::picture::decode;
+use crate::progress::Progress;
+
+/// Looks a second: the rate of the paper's presentation.
+pub(super) const RATE: u32 = 30;
+/// Looks between two anchors: the paper's anchor-aligned comparison is at 15 Hz.
+pub(super) const STRIDE: u64 = 2;
+/// The largest frame, in bytes of its file.
+const MAX_FRAME: u64 = 512 << 20;
+
+/// What is measured of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Column {
+    /// Against the truth, in dB.
+    Psnr,
+    /// Against the truth.
+    Ssim,
+    /// Against the truth.
+    Lpips,
+    /// LPIPS of the stream's own first frame against this frame's truth: what is left of the first view by now.
+    HeldLpips,
+    /// To the frame before.
+    AdjacentLpips,
+    /// To the frame before.
+    AdjacentSsim,
+    /// To the anchor before, at every second frame.
+    AnchorLpips,
+    /// To the anchor before, at every second frame.
+    AnchorSsim,
+    /// Against the decoder's picture of the same latents and time, where the frame is a generated one; in dB.
+    DecoderPsnr,
+    /// As above.
+    DecoderSsim,
+    /// As above.
+    DecoderLpips,
+    /// Mean of red, 0 to 255.
+    Red,
+    /// Mean of green.
+    Green,
+    /// Mean of blue.
+    Blue,
+}
+
+impl Column {
+    const ALL: [(Self, &'static str); 14] = [
+        (Self::Psnr, "psnr_db"),
+        (Self::Ssim, "ssim"),
+        (Self::Lpips, "lpips"),
+        (Self::HeldLpips, "held_lpips"),
+        (Self::AdjacentLpips, "adjacent_lpips"),
+        (Self::AdjacentSsim, "adjacent_ssim"),
+        (Self::AnchorLpips, "anchor_lpips"),
+        (Self::AnchorSsim, "anchor_ssim"),
+        (Self::DecoderPsnr, "decoder_psnr_db"),
+        (Self::DecoderSsim, "decoder_ssim"),
+        (Self::DecoderLpips, "decoder_lpips"),
+        (Self::Red, "red"),
+        (Self::Green, "green"),
+        (Self::Blue, "blue"),
+    ];
+}
+
+/// One frame: a value for each column, none where it does not apply.
+pub(super) type Row = [Option<f64>; Column::ALL.len()];
+
+/// All frames of a stream, from world time zero on.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Series {
+    /// Its branch, or `truth`.
+    pub(super) name: String,
+    /// Frame by frame.
+    pub(super) rows: Vec<Row>,
+}
+
+impl Series {
+    /// A column, frame by frame.
+    pub(super) fn column(&self, column: Column) -> impl Iterator<Item = Option<f64>> + Clone + '_ {
+        self.rows.iter().map(move |row| row[column as usize])
+    }
+}
+
+/// Frames in a folder, seen [`RATE`] times a second.
+#[derive(Debug, Clone)]
+pub(super) struct Stream {
+    /// Its branch, or `truth`.
+    pub(super) name: String,
+    pub(super) folder: PathBuf,
+    /// Of its frames, how many lie between two looks.
+    pub(super) step: u64,
+}
+
+/// What is measured of one place.
+pub(super) struct Comparison<'a> {
+    pub(super) truth: &'a Stream,
+    pub(super) streams: &'a [Stream],
+    /// The stream whose odd frames are generated, and the one that shows the decoder's own pictures of the same latents.
+    pub(super) decoder: Option<[&'a str; 2]>,
+    /// Looks to be taken.
+    pub(super) count: u64,
+    /// Where LPIPS is asked for.
+    pub(super) lpips: Option<&'a Lpips>,
+}
+
+/// A picture, and what the network sees in it.
+struct Seen {
+    picture: Picture,
+    features: Option<Features>,
+}
+
+impl Seen {
+    fn read(path: &Path, lpips: Option<&Lpips>) -> Result<Self> {
+        let bytes = read_bounded(path, MAX_FRAME)?;
+        let picture = decode(&bytes).map_err(|e| e.field(path.display().to_string()))?;
+        Ok(Self { features: lpips.map(|lpips| lpips.features(&picture)).transpose()?, picture })
+    }
+
+    fn lpips(&self, other: &Self, lpips: Option<&Lpips>) -> Result<Option<f64>> {
+        match (lpips, &self.features, &other.features) {
+            (Some(lpips), Some(a), Some(b)) => lpips.distance(a, b).map(Some),
+            _ => Ok(None),
+        }
+    }
+}
+
+/// The frames of one stream that are still needed.
+#[derive(Default)]
+struct History {
+    first: Option<Seen>,
+    /// One look ago, and two.
+    before: [Option<Seen>; STRIDE as usize],
+}
+
+impl Comparison<'_> {
+    /// Measures every frame: the truth's own series first, then that of every stream in their order.
+    ///
+    /// # Errors
+    /// `Io` for a frame that is not there, `InvalidArgument` for one that is no picture or of another size; `Cancelled` when
+    /// `stop` was set.
+    pub(super) fn measure(&self, progress: &Progress, stop: &AtomicBool) -> Result<Vec<Series>> {
+        let all: Vec<&Stream> = std::iter::once(self.truth).chain(self.streams).collect();
+        let mut series: Vec<Series> =
+            all.iter().map(|stream| Series { name: stream.name.clone(), rows: Vec::new() }).collect();
+        let mut histories: Vec<History> = all.iter().map(|_| History::default()).collect();
+        progress.begin(self.count);
+        for number in 0..self.count {
+            if stop.load(Ordering::Relaxed) {
+                progress.end();
+                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+            }
+            let seen = all
+                .iter()
+                .map(|stream| Seen::read(&frame(&stream.folder, number * stream.step), self.lpips))
+                .collect::<Result<Vec<Seen>>>()?;
+            for (i, series) in series.iter_mut().enumerate() {
+                let mut row = self.row(number, &seen[i], &histories[i])?;
+                if i > 0 {
+                    self.against_truth(&seen[0], &seen[i], &histories[i], &mut row)?;
+                }
+                if let Some([generated, decoded]) = self.decoder
+                    && series.name == generated
+                    && !number.is_multiple_of(STRIDE)
+                    && let Some(reference) = all.iter().position(|stream| stream.name == decoded)
+                {
+                    let (a, b) = (&seen[reference], &seen[i]);
+                    row[Column::DecoderPsnr as usize] = Some(psnr(&a.picture, &b.picture)?);
+                    row[Column::DecoderSsim as usize] = Some(ssim(&a.picture, &b.picture)?);
+                    row[Column::DecoderLpips as usize] = a.lpips(b, self.lpips)?;
+                }
+                series.rows.push(row);
+            }
+            for (history, seen) in histories.iter_mut().zip(seen) {
+                if history.first.is_none() {
+                    // A copy, because the frame itself moves on.
+                    history.first = Some(Seen { picture: seen.picture.clone(), features: seen.features.clone() });
+                }
+                let [one, two] = &mut history.before;
+                *two = one.take();
+                *one = Some(seen);
+            }
+            progress.frames(number + 1);
+        }
+        progress.end();
+        Ok(series)
+    }
+
+    /// What a stream says of itself.
+    fn row(&self, number: u64, seen: &Seen, history: &History) -> Result<Row> {
+        let mut row = Row::default();
+        let [one, two] = &history.before;
+        let anchor = two.as_ref().filter(|_| number.is_multiple_of(STRIDE));
+        for (before, lpips, similarity) in [
+            (one.as_ref(), Column::AdjacentLpips, Column::AdjacentSsim),
+            (anchor, Column::AnchorLpips, Column::AnchorSsim),
+        ] {
+            if let Some(before) = before {
+                row[lpips as usize] = before.lpips(seen, self.lpips)?;
+                row[similarity as usize] = Some(ssim(&before.picture, &seen.picture)?);
+            }
+        }
+        let pixels = seen.picture.pixels();
+        for (channel, column) in [Column::Red, Column::Green, Column::Blue].into_iter().enumerate() {
+            let sum: u64 = pixels.iter().map(|px| u64::from(px[channel])).sum();
+            row[column as usize] = Some(sum as f64 / pixels.len() as f64);
+        }
+        Ok(row)
+    }
+
+    fn against_truth(&self, truth: &Seen, seen: &Seen, history: &History, row: &mut Row) -> Result<()> {
+        row[Column::Psnr as usize] = Some(psnr(&truth.picture, &seen.picture)?);
+        row[Column::Ssim as usize] = Some(ssim(&truth.picture, &seen.picture)?);
+        row[Column::Lpips as usize] = truth.lpips(seen, self.lpips)?;
+        row[Column::HeldLpips as usize] = truth.lpips(history.first.as_ref().unwrap_or(seen), self.lpips)?;
+        Ok(())
+    }
+}
+
+/// All series as CSV; `key` says what they were made from.
+pub(super) fn to_csv(key: &str, series: &[Series]) -> String {
+    let mut text = format!("# {key}\nstream,frame,seconds");
+    Column::ALL.iter().for_each(|(_, name)| text += &format!(",{name}"));
+    text.push('\n');
+    for series in series {
+        for (number, row) in series.rows.iter().enumerate() {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{},{number},{:.6}", series.name, number as f64 / f64::from(RATE));
+            for value in row {
+                let _ = match value {
+                    Some(value) => write!(text, ",{value}"),
+                    None => write!(text, ","),
+                };
+            }
+            text.push('\n');
+        }
+    }
+    text
+}
+
+/// Series that were written earlier under the same key; none where the text is another.
+pub(super) fn from_csv(key: &str, text: &str) -> Option<Vec<Series>> {
+    let mut lines = text.lines();
+    if lines.next()?.strip_prefix("# ")? != key {
+        return None;
+    }
+    let columns = Column::ALL.iter().map(|(_, name)| *name);
+    if !lines.next()?.split(',').eq(["stream", "frame", "seconds"].into_iter().chain(columns)) {
+        return None;
+    }
+    let mut all: Vec<Series> = Vec::new();
+    for line in lines {
+        let mut cells = line.split(',');
+        let name = cells.next()?;
+        let number: usize = cells.next()?.parse().ok()?;
+        cells.next()?;
+        if all.last().is_none_or(|series| series.name != name) {
+            all.push(Series { name: name.to_owned(), rows: Vec::new() });
+        }
+        let series = all.last_mut()?;
+        let mut row = Row::default();
+        for value in &mut row {
+            *value = match cells.next()? {
+                "" => None,
+                text => Some(text.parse().ok()?),
+            };
+        }
+        if cells.next().is_some() || number != series.rows.len() {
+            return None;
+        }
+        series.rows.push(row);
+    }
+    Some(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::media::encode_png;
+    use crate::output::FRAMES;
+
+    /// Frames of a slope whose brightness and place follow `shown`.
+    fn stream(folder: &Path, name: &str, step: u64, shown: impl Fn(u64) -> u32, count: u64) -> Stream {
+        let folder = folder.join(name);
+        std::fs::create_dir_all(folder.join(FRAMES)).unwrap();
+        for number in 0..count {
+            let mut picture = Picture::new(48, 40).unwrap();
+            for (i, px) in picture.pixels_mut().iter_mut().enumerate() {
+                let x = i as u32 % 48 + shown(number);
+                *px = [(x * 37 % 200) as u8, (x * 11 % 90) as u8, 40, 255];
+            }
+            std::fs::write(frame(&folder, number), encode_png(&picture).unwrap()).unwrap();
+        }
+        Stream { name: name.into(), folder, step }
+    }
+
+    fn measured(held: bool) -> Vec<Series> {
+        let folder = tempfile::tempdir().unwrap();
+        let truth = stream(folder.path(), "truth", 1, |n| n as u32, 7);
+        let streams = [
+            stream(folder.path(), "coherence", 1, |n| if held { n as u32 / 2 * 2 } else { n as u32 }, 7),
+            stream(folder.path(), "decoded-60", 2, |n| n as u32 / 2, 13),
+        ];
+        let decoder = Some(["coherence", "decoded-60"]);
+        let comparison = Comparison { truth: &truth, streams: &streams, decoder, count: 7, lpips: None };
+        comparison.measure(&Progress::quiet(), &AtomicBool::new(false)).unwrap()
+    }
+
+    #[test]
+    fn frames_of_the_same_time_are_compared() {
+        let [truth, coherence, decoded] = measured(false).try_into().unwrap();
+        // Both show what is true, one of them at twice the rate.
+        for series in [&coherence, &decoded] {
+            assert!(series.column(Column::Psnr).all(|v| v == Some(f64::INFINITY)), "{}", series.name);
+            assert_eq!(
+                series.column(Column::AdjacentSsim).collect::<Vec<_>>(),
+                truth.column(Column::AdjacentSsim).collect::<Vec<_>>()
+            );
+        }
+        assert!(truth.column(Column::Psnr).all(|v| v.is_none()));
+        let places = |column| coherence.column(column).map(|v: Option<f64>| u8::from(v.is_some())).collect::<Vec<_>>();
+        assert_eq!(places(Column::AdjacentSsim), [0, 1, 1, 1, 1, 1, 1]);
+        assert_eq!(places(Column::AnchorSsim), [0, 0, 1, 0, 1, 0, 1]);
+        assert_eq!(places(Column::DecoderSsim), [0, 1, 0, 1, 0, 1, 0]);
+        assert!(decoded.column(Column::DecoderPsnr).all(|v| v.is_none()));
+    }
+
+    #[test]
+    fn a_held_stream_shows_in_every_second_frame() {
+        let series = measured(true);
+        let adjacent: Vec<f64> = series[1].column(Column::AdjacentSsim).flatten().collect();
+        assert!(adjacent.iter().step_by(2).all(|v| *v == 1.0) && adjacent.iter().skip(1).step_by(2).all(|v| *v < 1.0));
+    }
+
+    #[test]
+    fn series_are_read_again_under_their_key_alone() {
+        let series = measured(false);
+        let text = to_csv("key", &series);
+        assert_eq!(from_csv("key", &text).unwrap(), series);
+        assert!(from_csv("other", &text).is_none());
+        assert!(from_csv("key", &text[..text.len() - 9]).is_none());
+        assert!(from_csv("key", &text.replace("psnr_db", "psnr")).is_none());
+        assert!(from_csv("key", "").is_none());
+    }
+}

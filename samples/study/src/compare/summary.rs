@@ -1,0 +1,234 @@
+//! From frames to figures: one number a rollout, and intervals over places, never over frames, which depend on each other.
+
+use super::series::{Column, RATE, STRIDE, Series};
+
+/// Looks in one segment: a second.
+const SEGMENT: usize = RATE as usize;
+/// Resamplings of an interval.
+const RESAMPLINGS: usize = 2_000;
+/// The share of resampled means that lies inside an interval.
+const CONFIDENCE: f64 = 0.95;
+
+/// The figures of one rollout; none where they could not be measured.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Figures {
+    /// Mean change from frame to frame, LPIPS. Lower is not better: a frozen picture has 0.
+    pub(super) adjacent_lpips: Option<f64>,
+    /// The same as similarity.
+    pub(super) adjacent_ssim: Option<f64>,
+    /// Mean change from anchor to anchor, LPIPS.
+    pub(super) anchor_lpips: Option<f64>,
+    /// The same as similarity.
+    pub(super) anchor_ssim: Option<f64>,
+    /// Mean distance of each change from frame to frame from that of the truth at the same time, LPIPS.
+    pub(super) adjacent_error: Option<f64>,
+    /// The same from anchor to anchor.
+    pub(super) anchor_error: Option<f64>,
+    /// Mean change into odd frames over that into even ones, the larger over the smaller: 1 is even motion, a stream that
+    /// shows every frame twice has infinity.
+    pub(super) asymmetry: Option<f64>,
+    /// Means against the truth.
+    pub(super) psnr: Option<f64>,
+    pub(super) ssim: Option<f64>,
+    pub(super) lpips: Option<f64>,
+    /// Means of generated frames against the decoder's own pictures.
+    pub(super) decoder_psnr: Option<f64>,
+    pub(super) decoder_ssim: Option<f64>,
+    pub(super) decoder_lpips: Option<f64>,
+    /// Of all seconds, the farthest mean brightness from that of the truth, 0 to 255.
+    pub(super) brightness_drift: Option<f64>,
+    /// The same of red less blue: positive is warmer.
+    pub(super) warmth_drift: Option<f64>,
+    /// Mean change of brightness from frame to frame beyond the truth's.
+    pub(super) flicker: Option<f64>,
+    /// Seconds until the stream is as far from the truth as its first picture is from the second half of the walk; the whole
+    /// length where it never is.
+    pub(super) horizon: Option<f64>,
+    /// Seconds from the first command to turn until the turn is seen.
+    pub(super) onset: Option<f64>,
+}
+
+/// Mean of what is there.
+pub(super) fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let (sum, count) = values.flatten().fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// The figures of a stream beside the truth of its place.
+pub(super) fn figures(stream: &Series, truth: &Series) -> Figures {
+    let of = |column| mean(stream.column(column));
+    let error = |column| {
+        let pairs = stream.column(column).zip(truth.column(column));
+        mean(pairs.map(|(ours, theirs)| Some((ours? - theirs?).abs())))
+    };
+    let change = |series: &Series| {
+        let levels: Vec<Option<f64>> = brightness(series).collect();
+        mean(levels.windows(2).map(|pair| Some((pair[1]? - pair[0]?).abs())))
+    };
+    Figures {
+        adjacent_lpips: of(Column::AdjacentLpips),
+        adjacent_ssim: of(Column::AdjacentSsim),
+        anchor_lpips: of(Column::AnchorLpips),
+        anchor_ssim: of(Column::AnchorSsim),
+        adjacent_error: error(Column::AdjacentLpips),
+        anchor_error: error(Column::AnchorLpips),
+        asymmetry: asymmetry(stream),
+        psnr: of(Column::Psnr),
+        ssim: of(Column::Ssim),
+        lpips: of(Column::Lpips),
+        decoder_psnr: of(Column::DecoderPsnr),
+        decoder_ssim: of(Column::DecoderSsim),
+        decoder_lpips: of(Column::DecoderLpips),
+        brightness_drift: drift(brightness(stream), brightness(truth)),
+        warmth_drift: drift(warmth(stream), warmth(truth)),
+        flicker: change(stream).zip(change(truth)).map(|(ours, theirs)| ours - theirs),
+        horizon: horizon(stream),
+        // It takes a second walk to know.
+        onset: None,
+    }
+}
+
+fn asymmetry(stream: &Series) -> Option<f64> {
+    let into = |odd: bool| {
+        let frames = stream.column(Column::AdjacentLpips).enumerate();
+        mean(frames.filter(|(number, _)| (number % STRIDE as usize == 1) == odd).map(|(_, value)| value))
+    };
+    let (odd, even) = (into(true)?, into(false)?);
+    // Two frozen halves are even.
+    if odd == even { Some(1.0) } else { Some(odd.max(even) / odd.min(even)) }
+}
+
+/// Rec. 709 weights on the bytes as they are.
+fn brightness(series: &Series) -> impl Iterator<Item = Option<f64>> + '_ {
+    series.rows.iter().map(|row| {
+        let of = |column: Column| row[column as usize];
+        Some(0.2126 * of(Column::Red)? + 0.7152 * of(Column::Green)? + 0.0722 * of(Column::Blue)?)
+    })
+}
+
+fn warmth(series: &Series) -> impl Iterator<Item = Option<f64>> + '_ {
+    series.rows.iter().map(|row| Some(row[Column::Red as usize]? - row[Column::Blue as usize]?))
+}
+
+/// Means of whole seconds; one of a video that has none.
+fn segments(values: impl Iterator<Item = Option<f64>>) -> Vec<Option<f64>> {
+    let all: Vec<Option<f64>> = values.collect();
+    let whole = (all.len() / SEGMENT).max(1) * SEGMENT;
+    all.chunks(SEGMENT).take(whole / SEGMENT).map(|segment| mean(segment.iter().copied())).collect()
+}
+
+/// The farthest segment, with its sign.
+fn drift(ours: impl Iterator<Item = Option<f64>>, truth: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let differences = segments(ours.zip(truth).map(|(ours, truth)| Some(ours? - truth?)));
+    differences.into_iter().flatten().max_by(|a, b| a.abs().total_cmp(&b.abs()))
+}
+
+/// Start of the first second that is as far from the truth as the stream's first picture is, on average, from the second half
+/// of the walk: nothing of what the world knew in the beginning is left then.
+fn horizon(stream: &Series) -> Option<f64> {
+    let lost = mean(stream.column(Column::HeldLpips).skip(stream.rows.len() / 2))?;
+    let far = segments(stream.column(Column::Lpips));
+    let first = far.iter().position(|level| level.is_some_and(|level| level >= lost));
+    let whole = (stream.rows.len().saturating_sub(1)) as f64 / f64::from(RATE);
+    Some(first.map_or(whole, |segment| segment as f64))
+}
+
+/// A mean over places.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Estimate {
+    pub(super) mean: f64,
+    /// 95 % of resampled means; none for a single place.
+    pub(super) interval: Option<[f64; 2]>,
+}
+
+/// Mean over places with a percentile bootstrap of places; the same bits everywhere. None where there is no value.
+pub(super) fn estimate(values: &[f64]) -> Option<Estimate> {
+    let n = values.len();
+    let mean_of = |sum: f64| sum / n as f64;
+    let interval = (n > 1 && values.iter().all(|value| value.is_finite())).then(|| {
+        let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+        let mut pick = || {
+            // The generator of splitmix64.
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            values[((z ^ (z >> 31)) % n as u64) as usize]
+        };
+        let mut means: Vec<f64> = (0..RESAMPLINGS).map(|_| mean_of((0..n).map(|_| pick()).sum())).collect();
+        means.sort_by(f64::total_cmp);
+        let at = |share: f64| means[((RESAMPLINGS - 1) as f64 * share).round() as usize];
+        [at((1.0 - CONFIDENCE) / 2.0), at((1.0 + CONFIDENCE) / 2.0)]
+    });
+    (n > 0).then(|| Estimate { mean: mean_of(values.iter().sum()), interval })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compare::series::Row;
+
+    /// A stream whose change into frame n, and whose distance from the truth, are given.
+    fn stream(frames: usize, change: impl Fn(usize) -> f64, far: impl Fn(usize) -> f64) -> Series {
+        let rows = (0..frames)
+            .map(|n| {
+                let mut row = Row::default();
+                row[Column::AdjacentLpips as usize] = (n > 0).then(|| change(n));
+                row[Column::Lpips as usize] = Some(far(n));
+                row[Column::HeldLpips as usize] = Some(if n < frames / 2 { 0.0 } else { 0.5 });
+                row[Column::Red as usize] = Some(100.0 + far(n));
+                row[Column::Green as usize] = Some(100.0);
+                row[Column::Blue as usize] = Some(100.0);
+                row
+            })
+            .collect();
+        Series { name: "test".into(), rows }
+    }
+
+    /// The trap of mean adjacent LPIPS: who shows every picture twice has half of the changes, or fewer where perception
+    /// saturates, and would win by it.
+    #[test]
+    fn holding_frames_does_not_win() {
+        let truth = stream(61, |_| 0.1, |_| 0.0);
+        let moving = figures(&stream(61, |n| 0.1 + 0.01 * (n % 3) as f64, |_| 0.0), &truth);
+        let held = figures(&stream(61, |n| if n % 2 == 1 { 0.0 } else { 0.16 }, |_| 0.0), &truth);
+        let frozen = figures(&stream(61, |_| 0.0, |_| 0.0), &truth);
+        assert!(held.adjacent_lpips < moving.adjacent_lpips, "the plain mean falls for it");
+        assert!(held.adjacent_error > moving.adjacent_error, "the distance from the truth's change does not");
+        assert_eq!((held.asymmetry, frozen.asymmetry), (Some(f64::INFINITY), Some(1.0)));
+        assert!(moving.asymmetry.unwrap() < 1.2);
+        assert!(frozen.adjacent_error > moving.adjacent_error);
+    }
+
+    #[test]
+    fn drift_is_the_farthest_second_with_its_sign() {
+        let truth = stream(91, |_| 0.1, |_| 0.0);
+        // Warmer by 10 in the second second, and back again: start against end would not see it.
+        let drifted = figures(&stream(91, |_| 0.1, |n| if n / 30 == 1 { 10.0 } else { 1.0 }), &truth);
+        assert!((drifted.warmth_drift.unwrap() - 10.0).abs() < 1e-9);
+        assert!((drifted.brightness_drift.unwrap() - 2.126).abs() < 1e-9);
+        assert_eq!(figures(&truth, &truth).warmth_drift, Some(0.0));
+    }
+
+    #[test]
+    fn the_horizon_is_the_first_lost_second() {
+        let of = |far: &dyn Fn(usize) -> f64| horizon(&stream(151, |_| 0.0, far)).unwrap();
+        assert_eq!(of(&|n| if n >= 60 { 0.6 } else { 0.1 }), 2.0);
+        assert_eq!(of(&|_| 0.49), 5.0, "never lost: the whole length");
+        assert_eq!(of(&|_| 0.5), 0.0);
+        assert_eq!(horizon(&stream(20, |_| 0.0, |_| 0.1)), Some(19.0 / 30.0), "shorter than a segment");
+    }
+
+    #[test]
+    fn an_interval_needs_two_places_and_holds_the_mean() {
+        assert_eq!(estimate(&[]), None);
+        assert_eq!(estimate(&[0.25]), Some(Estimate { mean: 0.25, interval: None }));
+        let few = estimate(&[1.0, 2.0, 3.0, 4.0]).unwrap();
+        let [low, high] = few.interval.unwrap();
+        assert!(few.mean == 2.5 && (1.0..2.0).contains(&low) && (3.0..=4.0).contains(&high), "{few:?}");
+        assert_eq!(estimate(&[1.0, 2.0, 3.0, 4.0]), Some(few), "the same every time");
+        let many: Vec<f64> = [1.0, 2.0, 3.0, 4.0].repeat(25);
+        let [tight_low, tight_high] = estimate(&many).unwrap().interval.unwrap();
+        // Standard error of the mean of 100: 1.118 / 10.
+        assert!((tight_high - tight_low - 2.0 * 1.96 * 0.1118).abs() < 0.06, "{tight_low} {tight_high}");
+    }
+}

@@ -1,0 +1,114 @@
+//! The renderer's truth of a place: the same walk, drawn at the times and at the size at which streams are compared.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use cairn::world::ControlScript;
+use cairn::{Error, ErrorKind, Result};
+use scenes::{Clip, ClipOptions, Scene};
+use serde::{Deserialize, Serialize};
+
+use super::plan::{Place, Settings};
+use super::series::RATE;
+use crate::manifest::{MANIFEST_VERSION, read_manifest, sha256, to_json};
+use crate::media::{RealDisk, describe_io, encode_png, write_whole};
+use crate::output::{FRAMES, MANIFEST};
+use crate::progress::Progress;
+use crate::reconstruct::script_of;
+
+/// The folder of the truth in that of its place.
+pub(super) const FOLDER: &str = "truth";
+/// What its manifest says that it is.
+const JOB: &str = "truth";
+
+/// `manifest.json` of a drawn walk.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Manifest {
+    manifest_version: u32,
+    /// `truth`.
+    job: String,
+    /// `forest`, `sword`, `desert` or `snow`.
+    scene: String,
+    /// Which place of that kind.
+    place: u64,
+    /// Of the control script.
+    script_sha256: String,
+    /// Frames a second.
+    rate: u32,
+    /// `[width, height]` of all frames.
+    size: [u32; 2],
+    /// Of this program, which draws.
+    version: String,
+    /// The size of each frame's file, in bytes.
+    files: Vec<u64>,
+}
+
+/// The picture of frame `number` in a folder of frames.
+pub(super) fn frame(folder: &Path, number: u64) -> PathBuf {
+    folder.join(FRAMES).join(format!("{number:06}.png"))
+}
+
+/// Draws `count` frames of a place, where they are not there.
+///
+/// # Errors
+/// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set.
+pub(super) fn draw(
+    place: Place,
+    count: u64,
+    settings: &Settings,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> Result<PathBuf> {
+    let folder = place.folder(&settings.out).join(FOLDER);
+    let path = folder.join(MANIFEST);
+    let script = script_of(place.family);
+    let wanted = |files| Manifest {
+        manifest_version: MANIFEST_VERSION,
+        job: JOB.into(),
+        scene: place.family.to_string(),
+        place: place.seed,
+        script_sha256: sha256(script.as_bytes()),
+        rate: RATE,
+        size: settings.size,
+        version: env!("CARGO_PKG_VERSION").into(),
+        files,
+    };
+    if path.exists() && whole(&folder, &path, count, &wanted)? {
+        return Ok(folder);
+    }
+    let frames = folder.join(FRAMES);
+    std::fs::create_dir_all(&frames).map_err(|e| describe_io("cannot be made", &frames, &e))?;
+    progress.phase(&format!("drawing {place}"));
+    progress.begin(count);
+    let [width, height] = settings.size;
+    let (scene, script) = (Scene::new(place.family, place.seed), ControlScript::parse(script)?);
+    let options = ClipOptions { width, height, rate: RATE, ..ClipOptions::default() };
+    let mut clip = Clip::new(&scene, &script, options)
+        .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, format!("no walk has {RATE} frames a second")))?;
+    let mut files = Vec::new();
+    for number in 0..count {
+        if stop.load(Ordering::Relaxed) {
+            progress.end();
+            return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+        }
+        let bytes = encode_png(&clip.frame()?.picture)?;
+        write_whole(&RealDisk, &frame(&folder, number), &bytes)?;
+        files.push(bytes.len() as u64);
+        progress.frames(number + 1);
+    }
+    progress.end();
+    write_whole(&RealDisk, &path, &to_json(&wanted(files))?)?;
+    Ok(folder)
+}
+
+/// Whether the frames are there as the manifest says, and it is the manifest of what is wanted.
+fn whole(folder: &Path, path: &Path, count: u64, wanted: &dyn Fn(Vec<u64>) -> Manifest) -> Result<bool> {
+    let found: Manifest = match read_manifest(path, "a drawn walk", "study compare") {
+        Ok(found) => found,
+        Err(error) if error.kind() == ErrorKind::InvalidArgument => return Ok(false),
+        Err(error) => return Err(error),
+    };
+    let there =
+        |(number, size): (u64, &u64)| std::fs::metadata(frame(folder, number)).is_ok_and(|data| data.len() == *size);
+    Ok(found == wanted(found.files.clone()) && found.files.len() as u64 >= count && (0..).zip(&found.files).all(there))
+}

@@ -1,0 +1,150 @@
+//! What makes frames between anchors: `--generator`.
+
+use std::fmt;
+use std::str::FromStr;
+
+use cairn::framegen::FrameGenerator;
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::runtime::Device;
+use cairn::world::{OperatingPoint, Presentation};
+use cairn::{Error, ErrorKind, Result};
+use serde::{Deserialize, Serialize};
+
+/// What was asked for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum GeneratorChoice {
+    /// The processor. What manifests mean that name no generator.
+    #[default]
+    Cpu,
+    /// The library's shaders on Direct3D 12.
+    Shader,
+    /// AMD's FSR on Direct3D 12, from the libraries in `CAIRN_FFX_DIR` or beside the program.
+    Fsr,
+}
+
+/// The choices in words.
+const NAMES: [(GeneratorChoice, &str); 3] =
+    [(GeneratorChoice::Cpu, "cpu"), (GeneratorChoice::Shader, "shader"), (GeneratorChoice::Fsr, "fsr")];
+
+impl FromStr for GeneratorChoice {
+    type Err = Error;
+
+    /// Reads `cpu`, `shader` or `fsr`.
+    fn from_str(text: &str) -> Result<Self> {
+        let found = NAMES.iter().find(|(_, name)| *name == text).map(|(choice, _)| *choice);
+        found.ok_or_else(|| {
+            Error::new(ErrorKind::InvalidArgument, format!("{text:?} is no generator"))
+                .field("--generator")
+                .remedy("Use cpu, shader or fsr")
+        })
+    }
+}
+
+impl fmt::Display for GeneratorChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(NAMES.iter().find(|(choice, _)| choice == self).map_or("", |(_, name)| name))
+    }
+}
+
+impl TryFrom<String> for GeneratorChoice {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
+    }
+}
+
+impl From<GeneratorChoice> for String {
+    fn from(choice: GeneratorChoice) -> Self {
+        choice.to_string()
+    }
+}
+
+impl GeneratorChoice {
+    /// Whether it is what manifests mean that name no generator.
+    pub(crate) fn is_cpu(&self) -> bool {
+        *self == Self::Cpu
+    }
+
+    /// Refuses what this machine, or the way of presenting, cannot have: what can be known before anything is loaded.
+    pub(crate) fn check(self, point: &OperatingPoint) -> Result<()> {
+        if !self.is_cpu() && !cfg!(windows) {
+            return Err(Error::new(
+                ErrorKind::Unsupported,
+                format!("{self} needs Direct3D 12, which is there on Windows only"),
+            )
+            .field("--generator")
+            .remedy("Use cpu"));
+        }
+        let Presentation::Generated { rate, .. } = point.presentation else { return Ok(()) };
+        if self == Self::Fsr && rate != 2 * point.latents_per_second {
+            let why =
+                format!("fsr makes frames half way between two anchors: {} a second", 2 * point.latents_per_second);
+            return Err(Error::new(ErrorKind::Unsupported, why)
+                .field("--generator")
+                .remedy("Present at that rate, or use shader or cpu"));
+        }
+        Ok(())
+    }
+
+    /// The generator, on the device that the world runs on where that is one of Direct3D 12, else on the best.
+    #[cfg(windows)]
+    pub(crate) fn make(self, world: &Device, latents_per_second: u32) -> Result<Box<dyn FrameGenerator>> {
+        use cairn::ffx::{Choice, Effect, Library, LoadOptions};
+        use cairn::framegen::device::DeviceGenerator;
+        use cairn::gpu::Gpu;
+
+        let gpu = || world.gpu().map_or_else(|| Gpu::on_adapter(None), |gpu| Ok(gpu.clone()));
+        Ok(match self {
+            Self::Cpu => Box::new(CpuGenerator::new()),
+            Self::Shader => Box::new(DeviceGenerator::of_shaders(&gpu()?)),
+            Self::Fsr => {
+                let library = Library::load(&LoadOptions::from_environment())?;
+                let interval = 1000.0 / latents_per_second as f32;
+                let api = library.api(Effect::FrameGeneration)?;
+                Box::new(DeviceGenerator::of_amd(&gpu()?, api, Choice::Any, interval))
+            }
+        })
+    }
+
+    /// The generator; others than the processor's were refused before.
+    #[cfg(not(windows))]
+    pub(crate) fn make(self, _world: &Device, _latents_per_second: u32) -> Result<Box<dyn FrameGenerator>> {
+        Ok(Box::new(CpuGenerator::new()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use cairn::world::Preset;
+
+    use super::*;
+
+    #[test]
+    fn a_choice_is_written_as_it_is_read() {
+        for (choice, name) in NAMES {
+            assert_eq!((name.parse::<GeneratorChoice>().unwrap(), choice.to_string()), (choice, name.to_owned()));
+        }
+        for text in ["", "CPU", "fsr4", "auto"] {
+            let error = text.parse::<GeneratorChoice>().unwrap_err();
+            assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("--generator")));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_before_anything_is_loaded() {
+        let twice = Preset::Coherence.operating_point();
+        GeneratorChoice::Cpu.check(&twice).unwrap();
+        for choice in [GeneratorChoice::Shader, GeneratorChoice::Fsr] {
+            let checked = choice.check(&twice);
+            assert_eq!(checked.is_ok(), cfg!(windows), "{checked:?}");
+            assert!(checked.is_ok() || checked.unwrap_err().offending_field() == Some("--generator"));
+        }
+        let fourfold: OperatingPoint = twice.to_string().replace("generated:30", "generated:60").parse().unwrap();
+        assert_ne!(fourfold, twice);
+        let refused = GeneratorChoice::Fsr.check(&fourfold).unwrap_err();
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("--generator")));
+        GeneratorChoice::Cpu.check(&fourfold).unwrap();
+    }
+}

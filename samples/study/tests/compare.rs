@@ -1,0 +1,132 @@
+//! The comparison through the program: every branch of one scene for a second, what is kept, and what is made again.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn compare(out: &Path, more: &[&str]) -> (Option<i32>, String) {
+    let Output { status, stdout, stderr } = command(out, more).output().expect("the program starts");
+    let text = String::from_utf8_lossy(&stdout).into_owned() + &String::from_utf8_lossy(&stderr);
+    (status.code(), text)
+}
+
+fn command(out: &Path, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_study"));
+    command.args(["compare", "--scene", "forest", "--seconds", "0.2", "--size", "128x72", "--no-lpips", "--quiet"]);
+    command.arg("--out").arg(out).args(more);
+    command
+}
+
+/// When each file below `folder` was written.
+fn times(folder: &Path) -> Vec<(String, std::time::SystemTime)> {
+    let mut all: Vec<_> = fs::read_dir(folder)
+        .unwrap()
+        .flatten()
+        .flat_map(|entry| match entry.file_type().unwrap().is_dir() {
+            true => times(&entry.path()),
+            false => vec![(entry.path().display().to_string(), entry.metadata().unwrap().modified().unwrap())],
+        })
+        .collect();
+    all.sort();
+    all
+}
+
+/// The lines of a report that no clock decides.
+fn figures(out: &Path) -> Vec<String> {
+    let text = fs::read_to_string(out.join("report.md")).unwrap();
+    let measured = text.split("## Seconds of computing").next().unwrap().to_owned();
+    measured.lines().filter(|line| !line.contains("kept from before")).map(str::to_owned).collect()
+}
+
+#[test]
+fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("compare");
+    let (status, text) = compare(&out, &[]);
+    assert_eq!(status, Some(0), "{text}");
+    let place = out.join("forest-41");
+    for (branch, frames) in
+        [("coherence", 7), ("baseline", 7), ("baseline-doubled", 7), ("heavy", 7), ("decoded-60", 13), ("truth", 7)]
+    {
+        assert_eq!(fs::read_dir(place.join(branch).join("frames")).unwrap().count(), frames, "{branch}");
+        assert!(place.join(branch).join("manifest.json").exists(), "{branch}");
+    }
+    for words in
+        ["g128", "g384", "g512", "Table 6", "Table 7", "0.0449 / 0.0677", "cannot be told: too short a walk, 0.2 s"]
+    {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    // The same latents: at the times of the anchors both show the same picture, bit for bit.
+    let frame =
+        |branch: &str, number: u32| fs::read(place.join(branch).join(format!("frames/{number:06}.png"))).unwrap();
+    for anchor in 0..=3 {
+        assert_eq!(frame("coherence", 2 * anchor), frame("decoded-60", 4 * anchor), "anchor {anchor}");
+    }
+    assert_ne!(frame("coherence", 1), frame("decoded-60", 2), "between them one is generated, the other decoded");
+    let series = fs::read_to_string(place.join("series.csv")).unwrap();
+    assert_eq!(series.lines().count(), 2 + 6 * 7, "a line for each frame of truth and branches");
+
+    // Nothing is made again.
+    let (first, before) = (figures(&out), times(&place.join("coherence")));
+    let (status, text) = compare(&out, &[]);
+    assert!(status == Some(0) && text.contains("5 of them kept"), "{text}");
+    assert_eq!((times(&place.join("coherence")), figures(&out)), (before.clone(), first.clone()));
+
+    // What is missing is made again, and nothing else; the figures are the same.
+    fs::remove_file(place.join("baseline/frames/000003.png")).unwrap();
+    let half = fs::read_to_string(place.join("heavy/manifest.json"))
+        .unwrap()
+        .replace("\"complete\": true", "\"complete\": false");
+    fs::write(place.join("heavy/manifest.json"), half).unwrap();
+    fs::remove_file(place.join("series.csv")).unwrap();
+    let (status, text) = compare(&out, &["--jobs", "1"]);
+    assert!(status == Some(0) && text.contains("3 of them kept"), "{text}");
+    assert_eq!((times(&place.join("coherence")), figures(&out)), (before, first));
+
+    // What a newer program wrote is not replaced.
+    let manifest = place.join("baseline/manifest.json");
+    let newer = fs::read_to_string(&manifest).unwrap().replace("\"manifest_version\": 1", "\"manifest_version\": 2");
+    fs::write(&manifest, &newer).unwrap();
+    let (status, text) = compare(&out, &[]);
+    assert!(status == Some(1) && text.contains("version 2") && text.contains("wrote it"), "{text}");
+    assert_eq!(fs::read_to_string(&manifest).unwrap(), newer);
+}
+
+/// A process that is killed takes nothing with it but its own cell.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_killed_rollout_is_named_and_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("compare");
+    let program = command(&out, &["--jobs", "1"]).stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let (id, since) = (program.id(), std::time::Instant::now());
+    let child = loop {
+        let children = fs::read_to_string(format!("/proc/{id}/task/{id}/children")).unwrap_or_default();
+        if let Some(child) = children.split_whitespace().next() {
+            break child.to_owned();
+        }
+        assert!(since.elapsed().as_secs() < 120, "no rollout was begun");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    };
+    assert!(Command::new("kill").args(["-9", &child]).status().unwrap().success());
+    let Output { status, stderr, .. } = program.wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&stderr);
+    assert_eq!(status.code(), Some(1), "{text}");
+    assert!(
+        text.contains("forest 41, coherence") && text.contains("signal: 9") && text.contains("same command"),
+        "{text}"
+    );
+    let (status, text) = compare(&out, &[]);
+    assert!(status == Some(0) && text.contains("0 of them kept"), "{text}");
+}
+
+#[test]
+fn a_world_without_the_windows_is_refused_before_anything_is_made() {
+    let out = tempfile::tempdir().unwrap();
+    let tiny = common::worlds::tiny();
+    let (status, text) = compare(&out.path().join("compare"), &["--world", tiny.to_str().unwrap()]);
+    assert!(status == Some(2) && text.contains("global_window"), "{status:?}: {text}");
+    assert!(!out.path().join("compare").exists());
+}

@@ -1,0 +1,74 @@
+//! What a host wants of a presenter's frames: their colours, and what makes them.
+
+use super::d3d12::behind::HAS_SHADERS;
+use super::presenter::{
+    CAIRN_COLOUR_HDR10, CAIRN_COLOUR_LINEAR, CAIRN_COLOUR_SCRGB, CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO,
+    CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE, cairn_presenter_options,
+};
+use super::results::{CAIRN_ERROR_UNSUPPORTED, Failure, Outcome};
+use crate::Colours;
+use crate::framegen::FrameGenerator;
+use crate::framegen::cpu::CpuGenerator;
+
+/// What the numbers of frames stand for.
+pub(super) fn colours(space: u32, white_nits: u32) -> Outcome<Colours> {
+    let refuse = |field: &str, why: String| Err(Failure::argument(&format!("options.{field}"), why));
+    let white = match white_nits {
+        0 => 203.0,
+        nits @ 1..=10_000 => nits as f32,
+        other => return refuse("white_nits", format!("{other} nits are more than there can be")),
+    };
+    match space {
+        CAIRN_COLOUR_SRGB | CAIRN_COLOUR_LINEAR if white_nits != 0 => {
+            refuse("white_nits", "these colours do not say how bright white is".into())
+        }
+        CAIRN_COLOUR_SRGB => Ok(Colours::Shown),
+        CAIRN_COLOUR_LINEAR => Ok(Colours::Linear),
+        CAIRN_COLOUR_SCRGB => Ok(Colours::ScRgb { white_nits: white }),
+        CAIRN_COLOUR_HDR10 => Ok(Colours::Hdr10 { white_nits: white }),
+        other => refuse("colour_space", format!("{other} is no colour space of this library")),
+    }
+}
+
+/// The generator that the preferences lead to, and why others are not used.
+pub(super) fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<dyn FrameGenerator>>, String)> {
+    let preferences = [("fsr", options.fsr), ("shader", options.shader), ("cpu", options.cpu)];
+    for (name, preference) in preferences {
+        if preference > CAIRN_PREFER_NEVER {
+            let why = format!("{preference} is no preference");
+            return Err(Failure::argument(&format!("options.{name}"), why));
+        }
+    }
+    let required = preferences.iter().filter(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE);
+    if required.count() > 1 {
+        return Err(Failure::argument("options.cpu", "only one generator can be required"));
+    }
+    let missing = || {
+        let failure = if HAS_SHADERS { Failure::new(CAIRN_ERROR_UNSUPPORTED, ELSEWHERE) } else { Failure::no_d3d12() };
+        failure.remedy("Use the cpu generator")
+    };
+    for (name, preference) in &preferences[..2] {
+        if *preference == CAIRN_PREFER_REQUIRE && !HAS_SHADERS {
+            return Err(missing().field(format!("options.{name}")));
+        }
+    }
+    if options.fsr == CAIRN_PREFER_REQUIRE && options.shader == CAIRN_PREFER_NEVER {
+        let why = "fsr makes the frames half way between two anchors, and needs shaders for all others";
+        return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why).field("options.shader").remedy("Let shaders be used"));
+    }
+    let wanted: Vec<_> = preferences[..2].iter().filter(|(_, p)| *p == CAIRN_PREFER_AUTO).map(|(n, _)| *n).collect();
+    let reason = if wanted.is_empty() || options.cpu == CAIRN_PREFER_REQUIRE {
+        String::new()
+    } else {
+        format!("{}: {}", wanted.join(", "), missing())
+    };
+    let generator: Option<Box<dyn FrameGenerator>> = match (options.cpu, options.shader) {
+        (CAIRN_PREFER_NEVER, _) | (_, CAIRN_PREFER_REQUIRE) => None,
+        _ if options.fsr == CAIRN_PREFER_REQUIRE => None,
+        _ => Some(Box::new(CpuGenerator::new())),
+    };
+    Ok((generator, reason))
+}
+
+/// Why what is in memory is not made by a device.
+const ELSEWHERE: &str = "frames are made with it where they are recorded for Direct3D 12";

@@ -1,0 +1,230 @@
+//! Frames of pictures in memory, made by a Direct3D 12 device: for tools, which have no textures. Windows only.
+//!
+//! Everything goes to the device and comes back for every frame, and each is waited for. Engines have
+//! [`present::device`](crate::present::device).
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use super::fsr::{FsrGenerator, PairFacts};
+use super::shader::{
+    DESCRIPTORS, GuidanceTextures, ShaderGenerator, TexturePair, WORD_OF_CUT, WORD_OF_UNCOVERED, WORD_OF_UNEXPLAINED,
+};
+use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases};
+use crate::ffx::{Api, Choice};
+use crate::gpu::compute::{Frames, Resting};
+use crate::gpu::{Gpu, Heap, Shared, read_buffer, read_texture, texture_of, written_texture};
+use crate::guidance::{DepthMap, Guidance};
+use crate::{Error, ErrorKind, Picture, Result};
+
+/// Words of a report.
+const WORDS: usize = WORD_OF_UNEXPLAINED as usize + 1;
+const STATE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
+
+/// Generates frames of pictures in memory on a device: by the library's shaders, at any phase, or by a provider of AMD's, half way
+/// between two anchors. What lies beyond an anchor is the shaders' in either case.
+pub struct DeviceGenerator {
+    gpu: Gpu,
+    /// Whose provider, and which, where it is not the shaders.
+    amd: Option<(Api, Choice)>,
+    interval_ms: f32,
+    made: Option<Made>,
+}
+
+/// What is made for one size.
+struct Made {
+    size: (u32, u32),
+    shader: ShaderGenerator,
+    fsr: Option<FsrGenerator>,
+    frames: Frames,
+    target: ID3D12Resource,
+    /// The later anchor of the last pair, and its number.
+    last: Option<(Picture, u64)>,
+}
+
+/// Anchors and what leads from one to the other, in textures.
+struct Brought {
+    pictures: Vec<ID3D12Resource>,
+    motion: ID3D12Resource,
+    depth: ID3D12Resource,
+    tiles: [u32; 2],
+    depth_is_even: bool,
+    previous_depth: Option<(ID3D12Resource, u32)>,
+}
+
+impl DeviceGenerator {
+    /// By the library's shaders.
+    pub fn of_shaders(gpu: &Gpu) -> Self {
+        Self { gpu: gpu.clone(), amd: None, interval_ms: 1000.0 / 15.0, made: None }
+    }
+
+    /// By a provider of AMD's, for anchors so far apart, in milliseconds of the world's time.
+    pub fn of_amd(gpu: &Gpu, api: &Api, choice: Choice, interval_ms: f32) -> Self {
+        Self { gpu: gpu.clone(), amd: Some((*api, choice)), interval_ms, made: None }
+    }
+
+    /// What makes pictures of `size`.
+    fn made(&mut self, size: (u32, u32)) -> Result<&mut Made> {
+        if self.made.as_ref().is_none_or(|made| made.size != size) {
+            // First, as there may not be room for both.
+            self.made = None;
+            let gpu = &self.gpu;
+            let fsr = self.amd.map(|(api, choice)| FsrGenerator::new(gpu, &api, choice, size)).transpose()?;
+            self.made = Some(Made {
+                size,
+                shader: ShaderGenerator::new(gpu, size)?,
+                fsr,
+                frames: Frames::new(gpu, gpu.frames(), DESCRIPTORS)?,
+                target: written_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, STATE)?,
+                last: None,
+            });
+        }
+        self.made.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))
+    }
+
+    /// Brings all of it to the device.
+    fn bring(&self, pictures: &[&Picture], guidance: &Guidance, previous: Option<&DepthMap>) -> Result<Brought> {
+        let pictures = pictures.iter().map(|picture| Ok(texture_of(&self.gpu, picture)?.0)).collect::<Result<_>>()?;
+        let (motion, depth) = (guidance.motion(), guidance.depth());
+        let vectors = bytemuck::must_cast_slice::<[half::f16; 2], u8>(motion.vectors());
+        let of_depth = |map: &DepthMap| {
+            let bytes = bytemuck::must_cast_slice::<f32, u8>(map.depth());
+            upload(&self.gpu, bytes, (map.columns(), map.rows()), DXGI_FORMAT_R32_FLOAT)
+        };
+        Ok(Brought {
+            pictures,
+            motion: upload(&self.gpu, vectors, (motion.columns(), motion.rows()), DXGI_FORMAT_R16G16_FLOAT)?,
+            depth: of_depth(depth)?,
+            tiles: [motion.tile(), depth.tile()],
+            depth_is_even: depth.even().is_some(),
+            previous_depth: previous.map(|map| Ok::<_, Error>((of_depth(map)?, map.tile()))).transpose()?,
+        })
+    }
+}
+
+impl Brought {
+    fn guidance(&self) -> GuidanceTextures<'_> {
+        GuidanceTextures {
+            motion: resting(&self.motion),
+            motion_tile: self.tiles[0],
+            depth: resting(&self.depth),
+            depth_tile: self.tiles[1],
+            depth_is_even: self.depth_is_even,
+            hud: None,
+        }
+    }
+}
+
+impl FrameGenerator for DeviceGenerator {
+    fn name(&self) -> &str {
+        if self.amd.is_some() { "fsr" } else { "shader" }
+    }
+
+    fn phases(&self) -> Phases {
+        if self.amd.is_some() { Phases::OnlyHalf } else { Phases::Any }
+    }
+
+    fn generate(&mut self, pair: &AnchorPair<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport> {
+        super::pair::check_size(out.size(), pair.size(), "out")?;
+        if !self.phases().contains(t) {
+            let why = format!("{} makes no frame at phase {t}", self.name());
+            return Err(Error::new(ErrorKind::InvalidArgument, why).field("t").remedy("Use shader, or cpu"));
+        }
+        let brought = self.bring(&[pair.previous(), pair.current()], pair.guidance(), pair.previous_depth())?;
+        let (gpu, interval_ms) = (self.gpu.clone(), self.interval_ms);
+        let made = self.made(pair.size())?;
+        let textures = TexturePair {
+            previous: resting(&brought.pictures[0]),
+            current: resting(&brought.pictures[1]),
+            guidance: brought.guidance(),
+            previous_depth: brought.previous_depth.as_ref().map(|(depth, tile)| (resting(depth), *tile)),
+            cut: pair.is_cut(),
+        };
+        if let Some(fsr) = made.fsr.as_mut().filter(|_| !pair.is_cut()) {
+            // What goes on from the pair before has the next number, and what does not one that nothing goes on from.
+            let number = made
+                .last
+                .take()
+                .map_or(1, |(picture, number)| number + if picture == *pair.previous() { 1 } else { 2 });
+            let facts = PairFacts { place: (0, number), projection: pair.guidance().depth().projection(), interval_ms };
+            let (half, moment) = fsr.generate(&textures, &facts)?;
+            moment.wait()?;
+            copy(&read_texture(&gpu, &half, STATE)?, out);
+            made.last = Some((pair.current().clone(), number));
+            return Ok(GenerateReport { outcome: Outcome::Generated, uncovered: 0.0, unexplained: 0.0 });
+        }
+        let mut frame = made.frames.begin()?;
+        made.shader.generate(&mut frame, &textures, t, &resting(&made.target))?;
+        frame.submit(gpu.frames())?.wait()?;
+        made.report(&gpu, out)
+    }
+
+    fn extrapolate(&mut self, anchor: &Anchor<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport> {
+        super::pair::check_size(out.size(), anchor.picture().size(), "out")?;
+        let brought = self.bring(&[anchor.picture()], anchor.guidance(), None)?;
+        let gpu = self.gpu.clone();
+        let made = self.made(anchor.picture().size())?;
+        let mut frame = made.frames.begin()?;
+        let (picture, target) = (resting(&brought.pictures[0]), resting(&made.target));
+        made.shader.extrapolate(&mut frame, &picture, &brought.guidance(), anchor.is_after_cut(), t, &target)?;
+        frame.submit(gpu.frames())?.wait()?;
+        let report = made.report(&gpu, out)?;
+        let is_held = t > 1.0 || anchor.is_after_cut();
+        Ok(GenerateReport { outcome: if is_held { Outcome::Held } else { report.outcome }, ..report })
+    }
+
+    fn reset(&mut self) {
+        if let Some(made) = &mut self.made {
+            made.last = None;
+        }
+    }
+}
+
+impl Made {
+    /// Reads the frame that was made, and what happened in it.
+    fn report(&self, gpu: &Gpu, out: &mut Picture) -> Result<GenerateReport> {
+        copy(&read_texture(gpu, &self.target, STATE)?, out);
+        let mut bytes = [0; 4 * WORDS];
+        read_buffer(gpu, self.shader.report().resource, &mut bytes)?;
+        let word = |at: u32| bytes.as_chunks::<4>().0[at as usize];
+        let is_cut = word(WORD_OF_CUT) != [0; 4];
+        let pixels = f64::from(self.size.0) * f64::from(self.size.1);
+        Ok(GenerateReport {
+            outcome: if is_cut { Outcome::CutFallback } else { Outcome::Generated },
+            uncovered: (f64::from(u32::from_le_bytes(word(WORD_OF_UNCOVERED))) / pixels) as f32,
+            unexplained: f32::from_le_bytes(word(WORD_OF_UNEXPLAINED)),
+        })
+    }
+}
+
+impl std::fmt::Debug for DeviceGenerator {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "DeviceGenerator({})", self.name())
+    }
+}
+
+fn resting(resource: &ID3D12Resource) -> Resting<'_> {
+    Resting { resource, state: STATE }
+}
+
+fn copy(from: &Picture, to: &mut Picture) {
+    to.pixels_mut().copy_from_slice(from.pixels());
+}
+
+/// A texture with these rows, each after the other.
+fn upload(gpu: &Gpu, bytes: &[u8], size: (u32, u32), format: DXGI_FORMAT) -> Result<ID3D12Resource> {
+    let row = bytes.len() / size.1 as usize;
+    let pitch = row.next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize);
+    let mut memory = Shared::new(gpu, Heap::Upload, pitch * size.1 as usize)?;
+    bytes.chunks_exact(row).enumerate().for_each(|(y, bytes)| memory.write(y * pitch, bytes));
+    let to = written_texture(gpu, size, format, STATE)?;
+    let rows =
+        D3D12_SUBRESOURCE_FOOTPRINT { Format: format, Width: size.0, Height: size.1, Depth: 1, RowPitch: pitch as u32 };
+    let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows };
+    let mut ring = Frames::new(gpu, gpu.frames(), 1)?;
+    let mut frame = ring.begin()?;
+    let from = Resting { resource: memory.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
+    frame.copy_rows(&from, rows, &resting(&to))?;
+    frame.submit(gpu.frames())?.wait()?;
+    Ok(to)
+}

@@ -1,0 +1,24 @@
+// Motion and depth, one to a pixel, of what may be one to a square of several: providers want both at one size.
+
+cbuffer Constants : register(b0)
+{
+    uint2 Size;        // of the picture, width and height
+    uint MotionTile;   // pixels to a side of a square with one vector
+    uint DepthTile;    // and with one depth
+};
+
+Texture2D<float2> Motion : register(t0);
+Texture2D<float> Depth : register(t1);
+RWTexture2D<float2> EachMotion : register(u0);
+RWTexture2D<float> EachDepth : register(u1);
+
+[numthreads(8, 8, 1)]
+void main(uint3 at : SV_DispatchThreadID)
+{
+    if (any(at.xy >= Size))
+    {
+        return;
+    }
+    EachMotion[at.xy] = Motion.Load(int3(at.xy / MotionTile, 0));
+    EachDepth[at.xy] = Depth.Load(int3(at.xy / DepthTile, 0));
+}

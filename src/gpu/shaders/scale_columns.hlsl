@@ -1,0 +1,106 @@
+// A picture as a target holds it: the columns of the rows that were made, in the target's colours and format, and black around it where
+// it does not fill the target.
+
+#include "halves.hlsli"
+#include "light.hlsli"
+
+cbuffer Constants : register(b0)
+{
+    uint2 From;     // width of the rows, and their number
+    uint2 To;       // width and height of the picture
+    uint AtTaps;    // byte where the tables of columns lie
+    uint Taps;      // how many weights each has
+    uint2 Target;   // width and height of the target
+    uint2 At;       // where in it the picture begins
+    uint Pitch;     // bytes from one row of it to the next
+    uint Written;   // its format, as of frames: 0 RGBA8, 1 BGRA8, 2 RGB10A2, 3 RGBA16F
+    uint Colours;   // 0: as the picture has them; 1: light; 2: PQ, with the primaries of BT.2020
+    float White;    // how bright white is: for light the number that it has, for PQ its nits
+};
+
+ByteAddressBuffer Between : register(t0);
+ByteAddressBuffer Tables : register(t1);
+RWByteAddressBuffer Finished : register(u0);
+
+float4 held(uint2 at)
+{
+    uint2 words = Between.Load2(8 * (at.y * From.x + at.x));
+    uint4 parts = uint4(words.x & 0xffff, words.x >> 16, words.y & 0xffff, words.y >> 16);
+    return float4(parts) / 64 - 256;
+}
+
+// Light of the primaries of sRGB in those of BT.2020 (ITU-R BT.2087).
+float3 wide(float3 light)
+{
+    return float3(dot(light, float3(0.6274, 0.3293, 0.0433)), dot(light, float3(0.0691, 0.9195, 0.0114)),
+        dot(light, float3(0.0164, 0.0880, 0.8956)));
+}
+
+// The curve of PQ (SMPTE ST 2084) for so many nits.
+float3 pq(float3 nits)
+{
+    float3 power = pow(min(max(nits, 0.000001), 10000) / 10000, 0.1593017578125);
+    return pow((0.8359375 + 18.8515625 * power) / (1 + 18.6875 * power), 78.84375);
+}
+
+// What numbers of 0 to 1 in sRGB are in the target's colours.
+float4 encoded(float4 shown)
+{
+    float3 colour = shown.rgb;
+    [branch]
+    if (Colours != 0)
+    {
+        float3 light = float3(light_of(shown.x), light_of(shown.y), light_of(shown.z));
+        if (Colours == 1)
+        {
+            colour = light * White;
+        }
+        else
+        {
+            colour = pq(wide(light) * White);
+        }
+    }
+    return float4(colour, shown.w);
+}
+
+void write(uint2 at, float4 v)
+{
+    uint place = at.y * Pitch;
+    if (Written == 3)
+    {
+        uint4 h = uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w));
+        Finished.Store2(place + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));
+        return;
+    }
+    float4 top = Written == 2 ? float4(1023, 1023, 1023, 3) : float4(255, 255, 255, 255);
+    uint4 levels = uint4(floor(min(max(v, 0), 1) * top + 0.5));
+    uint first = Written == 1 ? levels.z : levels.x;
+    uint third = Written == 1 ? levels.x : levels.z;
+    uint bits = Written == 2 ? first | levels.y << 10 | third << 20 | levels.w << 30
+                             : first | levels.y << 8 | third << 16 | levels.w << 24;
+    Finished.Store(place + 4 * at.x, bits);
+}
+
+[numthreads(8, 8, 1)]
+void main(uint3 at : SV_DispatchThreadID)
+{
+    if (any(at.xy >= Target))
+    {
+        return;
+    }
+    uint2 inside = at.xy - At;
+    float4 levels = float4(0, 0, 0, 255);
+    [branch]
+    if (all(at.xy >= At) && all(inside < To))
+    {
+        uint table = AtTaps + inside.x * 4 * (Taps + 1);
+        uint first = Tables.Load(table);
+        levels = 0;
+        [loop]
+        for (uint tap = 0; tap < Taps; tap++)
+        {
+            levels += asfloat(Tables.Load(table + 4 * (tap + 1))) * held(uint2(first + tap, inside.y));
+        }
+    }
+    write(at.xy, encoded(min(max(levels, 0), 255) / 255));
+}

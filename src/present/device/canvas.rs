@@ -1,0 +1,233 @@
+//! Finished frames in targets of another size than the anchors', or in colours that pictures are not in.
+
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+
+use super::super::area::Area;
+use super::super::upscale::{Filter, Table};
+use super::resting;
+use super::supply::Supply;
+use crate::gpu::compute::pictures::Format;
+use crate::gpu::compute::{Frame, Kernel, Resting, Shape, View, Words};
+use crate::gpu::{Gpu, Heap, Shared, buffer, written_texture};
+use crate::texels::NITS_OF_SCRGB;
+use crate::{Colours, Error, ErrorKind, Result};
+
+/// Descriptors of a frame that it takes: for the rows, and for the columns.
+pub(super) const DESCRIPTORS: u32 = 6;
+/// Sides of a group of threads.
+const GROUP: u32 = 8;
+/// Bytes of a pixel between the two.
+const BETWEEN: u64 = 8;
+/// Bytes of a buffer that shaders reach.
+const MOST: u64 = 4 << 27;
+
+/// The shaders that bring a picture into a target: its rows, and of these its columns in the target's colours and format. A copy does the
+/// rest, so that the target need not be one that shaders write.
+pub(super) struct Canvas {
+    gpu: Gpu,
+    rows: Kernel,
+    columns: Kernel,
+    /// What the generator writes into: of the anchors' size, RGBA8.
+    picture: ID3D12Resource,
+    from: (u32, u32),
+    made: Option<Made>,
+}
+
+/// What a size of frames takes.
+struct Made {
+    size: (u32, u32),
+    area: Area,
+    /// Weights for rows and, from byte `at_columns` on, for columns.
+    tables: ID3D12Resource,
+    bytes: usize,
+    taps: [u32; 2],
+    at_columns: u32,
+    between: ID3D12Resource,
+    finished: ID3D12Resource,
+    /// The format and colours of what is finished.
+    last: Option<(Format, Colours)>,
+}
+
+impl Canvas {
+    /// For pictures of the size `from`.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, `DeviceRemoved`, or `Device` when the driver refuses a shader.
+    pub(super) fn new(gpu: &Gpu, from: (u32, u32)) -> Result<Self> {
+        let rows = Shape { constants: 6, inputs: 2, outputs: 1 };
+        let columns = Shape { constants: 14, inputs: 2, outputs: 1 };
+        Ok(Self {
+            gpu: gpu.clone(),
+            rows: Kernel::new(gpu, include_bytes!("../../gpu/shaders/scale_rows.dxbc"), rows)?,
+            columns: Kernel::new(gpu, include_bytes!("../../gpu/shaders/scale_columns.dxbc"), columns)?,
+            picture: written_texture(gpu, from, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON)?,
+            from,
+            made: None,
+        })
+    }
+
+    /// Makes it ready for frames of `size`, which keep the shape of the picture if so, with a list of `supply`'s. What frames before use lives
+    /// until they have run.
+    ///
+    /// # Errors
+    /// `Unsupported` for more pixels than fit into the buffers of Direct3D; `OutOfMemory`, `DeviceRemoved`.
+    pub(super) fn fit(&mut self, supply: &mut Supply, size: (u32, u32), keeps_shape: bool) -> Result<()> {
+        let area = Area::of(self.from, size, keeps_shape);
+        if !self.made.as_ref().is_some_and(|made| made.size == size && made.area == area) {
+            // First, as there may not be room for both.
+            self.made = None;
+            self.made = Some(Made::new(&self.gpu, supply, self.from, size, area)?);
+        }
+        Ok(())
+    }
+
+    /// Where the generator writes the picture.
+    pub(super) fn picture(&self) -> Resting<'_> {
+        resting(&self.picture)
+    }
+
+    /// Records what brings the picture into `target`, which has the size that it was made ready for.
+    ///
+    /// # Errors
+    /// As for any frame. Nothing more is recorded then.
+    pub(super) fn record(
+        &mut self,
+        frame: &mut Frame<'_>,
+        format: Format,
+        colours: Colours,
+        target: &Resting<'_>,
+    ) -> Result<()> {
+        let Self { made: Some(made), rows, columns, picture, from, .. } = self else { return Err(not_ready()) };
+        made.last = None;
+        let (size, area) = (made.size, made.area);
+        let between = view(&made.between, u64::from(from.0) * u64::from(area.size.1) * BETWEEN);
+        let tables = view(&made.tables, made.bytes as u64);
+        let pitch = pitch(size.0, format.bytes);
+        let finished = view(&made.finished, u64::from(pitch) * u64::from(size.1));
+        let groups = |(width, height): (u32, u32)| [width.div_ceil(GROUP), height.div_ceil(GROUP), 1];
+        let constants = [from.0, from.1, area.size.0, area.size.1, 0, made.taps[0]];
+        let given = View::Texture(resting(picture), DXGI_FORMAT_R8G8B8A8_UNORM);
+        frame.run(rows, &constants, &[given, tables], &[between], groups((from.0, area.size.1)))?;
+        let (kind, white) = match colours {
+            Colours::Shown => (0, 1.0),
+            Colours::Linear => (1, 1.0),
+            Colours::ScRgb { white_nits } => (1, (f64::from(white_nits) / NITS_OF_SCRGB) as f32),
+            Colours::Hdr10 { white_nits } => (2, white_nits),
+        };
+        let constants = [
+            from.0,
+            area.size.1,
+            area.size.0,
+            area.size.1,
+            made.at_columns,
+            made.taps[1],
+            size.0,
+            size.1,
+            area.at.0,
+            area.at.1,
+            pitch,
+            format.written,
+            kind,
+            white.to_bits(),
+        ];
+        frame.run(columns, &constants, &[between, tables], &[finished], groups(size))?;
+        made.last = Some((format, colours));
+        made.copy(frame, target)
+    }
+
+    /// Records the picture that was finished last once more, into `target`; whether that is possible.
+    ///
+    /// # Errors
+    /// As for [`record`](Self::record).
+    pub(super) fn again(
+        &self,
+        frame: &mut Frame<'_>,
+        format: Format,
+        colours: Colours,
+        target: &Resting<'_>,
+    ) -> Result<bool> {
+        match &self.made {
+            Some(made) if made.last == Some((format, colours)) => made.copy(frame, target).map(|()| true),
+            _ => Ok(false),
+        }
+    }
+}
+
+impl Made {
+    fn new(gpu: &Gpu, supply: &mut Supply, from: (u32, u32), size: (u32, u32), area: Area) -> Result<Self> {
+        let between = u64::from(from.0) * u64::from(area.size.1) * BETWEEN;
+        // Halves are the widest.
+        let finished = u64::from(pitch(size.0, 8)) * u64::from(size.1);
+        if between.max(finished) > MOST {
+            let why = format!("frames of {} x {} pixels of anchors of {} x {}", size.0, size.1, from.0, from.1);
+            return Err(Error::new(ErrorKind::Unsupported, why).field("size"));
+        }
+        let rows = Table::new(from.1, area.size.1, Filter::Lanczos3)?;
+        let columns = Table::new(from.0, area.size.0, Filter::Lanczos3)?;
+        let bytes_of = |table: &Table, positions: u32| 4 * (table.width + 1) * positions as usize;
+        let at_columns = bytes_of(&rows, area.size.1);
+        let bytes = at_columns + bytes_of(&columns, area.size.0);
+        let mut written = Shared::new(gpu, Heap::Upload, bytes)?;
+        let mut at = 0;
+        for (table, positions) in [(&rows, area.size.1), (&columns, area.size.0)] {
+            for i in 0..positions as usize {
+                let (first, weights) = table.taps(i);
+                written.write(at, &(first as u32).to_le_bytes());
+                written.write(at + 4, bytemuck::must_cast_slice(weights));
+                at += 4 * (weights.len() + 1);
+            }
+        }
+        let make = |bytes: u64| buffer(gpu, Heap::Device, bytes as usize);
+        let tables = make(bytes as u64)?;
+        // In a list of ours: an engine's may never run.
+        let mut frame = supply.begin()?;
+        frame.stage(c"Cairn: weights for another size");
+        let from_processor = Resting { resource: written.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
+        frame.copy_bytes(&from_processor, bytes as u64, &resting(&tables), 0)?;
+        frame.end_stage();
+        frame.submit(gpu.frames())?;
+        Ok(Self {
+            size,
+            area,
+            tables,
+            bytes,
+            taps: [rows.width as u32, columns.width as u32],
+            at_columns: at_columns as u32,
+            between: make(between)?,
+            finished: make(finished)?,
+            last: None,
+        })
+    }
+
+    /// Copies what is finished over all of a target.
+    fn copy(&self, frame: &mut Frame<'_>, target: &Resting<'_>) -> Result<()> {
+        let (format, _) = self.last.ok_or_else(not_ready)?;
+        let rows = D3D12_SUBRESOURCE_FOOTPRINT {
+            Format: format.viewed,
+            Width: self.size.0,
+            Height: self.size.1,
+            Depth: 1,
+            RowPitch: pitch(self.size.0, format.bytes),
+        };
+        frame.copy_rows(
+            &resting(&self.finished),
+            D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows },
+            target,
+        )
+    }
+}
+
+fn view(resource: &ID3D12Resource, bytes: u64) -> View<'_> {
+    View::Buffer(resting(resource), Words { first: 0, count: (bytes / 4) as u32 })
+}
+
+/// Bytes of a row of a finished frame, as copies want it.
+fn pitch(width: u32, bytes: u32) -> u32 {
+    (width * bytes).next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT)
+}
+
+/// Cannot come about: it was made ready for the size before.
+fn not_ready() -> Error {
+    Error::new(ErrorKind::InvalidState, "there is nothing to bring a frame into a target with")
+}

@@ -1,0 +1,90 @@
+//! Calls of a device that fail when they are told to, whoever makes them: this library, DirectML or ONNX Runtime.
+
+use std::ffi::c_void;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use cairn::gpu::windows::Win32::Foundation::E_OUTOFMEMORY;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::core::{GUID, HRESULT, Interface};
+
+/// Calls until the fault; 0 for none.
+static LEFT: AtomicU64 = AtomicU64::new(0);
+
+/// Lets the `n`-th allocation from now on fail, once.
+pub(crate) fn fail_at(n: u64) {
+    LEFT.store(n, Ordering::SeqCst);
+}
+
+/// Ends that; whether the fault was still to come.
+pub(crate) fn is_left() -> bool {
+    LEFT.swap(0, Ordering::SeqCst) != 0
+}
+
+/// Whether this call fails.
+fn fails() -> bool {
+    let counted = LEFT.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1));
+    counted == Ok(1)
+}
+
+#[link(name = "kernel32")]
+unsafe extern "system" {
+    fn VirtualProtect(address: *mut c_void, size: usize, protection: u32, before: *mut u32) -> i32;
+}
+const READ_WRITE: u32 = 4;
+
+/// Puts `ours` into a place of a table of functions; what was there.
+fn replaced<F: Copy>(place: *const F, ours: F) -> F {
+    assert_eq!(size_of::<F>(), size_of::<usize>(), "a function");
+    let place = place.cast_mut();
+    let mut before = 0;
+    // SAFETY: the page of a live table, and a place that lives during the call.
+    assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), READ_WRITE, &mut before) } != 0, "it can be written");
+    // SAFETY: a table that the process may write now, and a function of the same type.
+    let theirs = unsafe { std::ptr::replace(place, ours) };
+    // SAFETY: as above.
+    assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), before, &mut before) } != 0, "it is as before");
+    theirs
+}
+
+/// Replaces functions of the table that devices share: each fails when it is its turn, else does what it did.
+macro_rules! faulty {
+    ($($name:ident($($argument:ident: $kind:ty),*);)*) => {
+        #[allow(non_upper_case_globals, reason = "Direct3D's names")]
+        mod theirs {
+            use super::*;
+            $(pub(super) static $name: OnceLock<unsafe extern "system" fn(*mut c_void, $($kind),*) -> HRESULT> = OnceLock::new();)*
+        }
+        #[allow(non_snake_case, reason = "Direct3D's names")]
+        mod ours {
+            use super::*;
+            $(pub(super) unsafe extern "system" fn $name(this: *mut c_void, $($argument: $kind),*) -> HRESULT {
+                if fails() {
+                    return E_OUTOFMEMORY;
+                }
+                let theirs = theirs::$name.get().expect("what it replaces");
+                // SAFETY: the caller's own arguments, handed on.
+                unsafe { theirs(this, $($argument),*) }
+            })*
+        }
+        /// Makes the allocations of all devices like `device` faulty, for the rest of the process.
+        pub(crate) fn install(device: &ID3D12Device) {
+            let table = Interface::vtable(device);
+            $(theirs::$name.get_or_init(|| replaced(&raw const table.$name, ours::$name));)*
+        }
+    };
+}
+
+faulty! {
+    CreateCommandQueue(wanted: *const D3D12_COMMAND_QUEUE_DESC, id: *const GUID, made: *mut *mut c_void);
+    CreateCommandAllocator(kind: D3D12_COMMAND_LIST_TYPE, id: *const GUID, made: *mut *mut c_void);
+    CreateComputePipelineState(wanted: *const D3D12_COMPUTE_PIPELINE_STATE_DESC, id: *const GUID, made: *mut *mut c_void);
+    CreateDescriptorHeap(wanted: *const D3D12_DESCRIPTOR_HEAP_DESC, id: *const GUID, made: *mut *mut c_void);
+    CreateCommittedResource(
+        properties: *const D3D12_HEAP_PROPERTIES, flags: D3D12_HEAP_FLAGS, wanted: *const D3D12_RESOURCE_DESC,
+        state: D3D12_RESOURCE_STATES, clear: *const D3D12_CLEAR_VALUE, id: *const GUID, made: *mut *mut c_void
+    );
+    CreateHeap(wanted: *const D3D12_HEAP_DESC, id: *const GUID, made: *mut *mut c_void);
+    CreateFence(first: u64, flags: D3D12_FENCE_FLAGS, id: *const GUID, made: *mut *mut c_void);
+    CreateQueryHeap(wanted: *const D3D12_QUERY_HEAP_DESC, id: *const GUID, made: *mut *mut c_void);
+}

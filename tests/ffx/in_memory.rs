@@ -1,0 +1,78 @@
+//! Frames of pictures in memory, as tools have them made.
+
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::framegen::device::DeviceGenerator;
+use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
+
+use super::*;
+
+/// Motion of a step in tiles, and depth.
+fn guidance(tile: u32) -> Guidance {
+    let mut motion = MotionField::tiled(SIZE.0, SIZE.1, tile).expect("a field");
+    motion.vectors_mut().fill([f16::from_f32(-STEP as f32), f16::ZERO]);
+    let mut depth = DepthMap::new(SIZE.0, SIZE.1, paper::PROJECTION).expect("a depth map");
+    depth.fill(0.5);
+    Guidance::from_parts(motion, depth).expect("guidance")
+}
+
+fn apart(a: &Picture, b: &Picture) -> u8 {
+    a.rgba().iter().zip(b.rgba()).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+}
+
+#[test]
+fn pictures_in_memory_become_what_they_become_elsewhere() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let (mut shader, mut cpu) = (DeviceGenerator::of_shaders(&gpu), CpuGenerator::new());
+    assert_eq!((shader.name(), shader.phases()), ("shader", Phases::Any));
+    let [mut made, mut wanted] = [(); 2].map(|()| Picture::new(SIZE.0, SIZE.1).expect("a picture"));
+    let (first, second, guidance) = (moved(0), moved(STEP), guidance(8));
+    let pair = AnchorPair::new(&first, &second, &guidance).expect("a pair");
+    for t in [0.25, 0.5] {
+        let reports = [shader.generate(&pair, t, &mut made), cpu.generate(&pair, t, &mut wanted)];
+        let [a, b] = reports.map(|report| report.expect("generated"));
+        assert_eq!((a.outcome, b.outcome), (Outcome::Generated, Outcome::Generated));
+        assert!(
+            (a.uncovered - b.uncovered).abs() < 1e-3 && (a.unexplained - b.unexplained).abs() < 1e-3,
+            "{a:?} {b:?}"
+        );
+        assert!(apart(&made, &wanted) <= 1, "{t}");
+    }
+    let anchor = Anchor::new(&second, &guidance).expect("an anchor");
+    for t in [0.5, 2.0] {
+        let reports = [shader.extrapolate(&anchor, t, &mut made), cpu.extrapolate(&anchor, t, &mut wanted)];
+        let [a, b] = reports.map(|report| report.expect("generated"));
+        assert_eq!(a.outcome, b.outcome, "{t}");
+        assert!(apart(&made, &wanted) <= 1, "{t} beyond");
+    }
+    let cut = pair.with_cut(true);
+    let reports = [shader.generate(&cut, 0.5, &mut made), cpu.generate(&cut, 0.5, &mut wanted)];
+    assert_eq!(reports.map(|report| report.expect("generated").outcome), [Outcome::CutFallback; 2]);
+    assert!(made == wanted);
+}
+
+#[test]
+fn pictures_in_memory_go_through_a_provider() {
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML]);
+    let library = stage.load().expect("loaded");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let mut fsr = DeviceGenerator::of_amd(&gpu, api, Choice::Any, 1000.0 / 15.0);
+    assert_eq!((fsr.name(), fsr.phases()), ("fsr", Phases::OnlyHalf));
+    let mut made = Picture::new(SIZE.0, SIZE.1).expect("a picture");
+    let guidance = guidance(1);
+    let tested = 2;
+    // Two pairs that go on, and one that does not: there the earlier anchor is shown first.
+    for (from, asked) in [(0, 2), (STEP, 3), (5 * STEP, 5)] {
+        let (first, second) = (moved(from), moved(from + STEP));
+        let pair = AnchorPair::new(&first, &second, &guidance).expect("a pair");
+        let report = fsr.generate(&pair, 0.5, &mut made).expect("generated");
+        assert_eq!(report.outcome, Outcome::Generated);
+        let error = off(made.rgba(), &moved(from + STEP / 2));
+        assert!(error <= 3, "from {from}: {error}");
+        assert_eq!(pictures(&stage), tested + asked, "from {from}");
+        assert!(fsr.generate(&pair, 0.25, &mut made).is_err(), "no other phase");
+        let cut = fsr.generate(&pair.with_cut(true), 0.5, &mut made).expect("an anchor");
+        assert_eq!((cut.outcome, made == second), (Outcome::CutFallback, true));
+    }
+    assert_eq!(stage.judgement(), [""; 0]);
+}

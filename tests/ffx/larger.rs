@@ -1,0 +1,208 @@
+//! Larger frames in an engine's textures.
+
+use cairn::ffx::bindings::ReactiveFlags;
+use cairn::ffx::{ReactiveMask, TextureUpscaler, UpscalePictures};
+use cairn::gpu::Moment;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
+
+use super::*;
+use crate::pictures;
+
+fn in_textures(gpu: &Gpu, library: &Library) -> cairn::Result<TextureUpscaler> {
+    TextureUpscaler::new(gpu, library.api(Effect::Upscaling)?, Choice::Any, head(UpscaleCreateFlags::empty()))
+}
+
+impl Scene {
+    fn pictures(&self) -> UpscalePictures<'_> {
+        UpscalePictures {
+            color: self.rendered.color.resting(),
+            depth: self.rendered.depth.resting(),
+            motion: self.rendered.motion.resting(),
+            exposure: None,
+            reactive: None,
+            transparency: None,
+            output: self.shown.output.resting(),
+        }
+    }
+
+    /// Two frames as of [`pair`](Self::pair), through textures.
+    fn pair_of(&self, upscaler: &mut TextureUpscaler, pictures: &UpscalePictures<'_>) -> cairn::Result<()> {
+        for (number, by) in [(0, 0.0), (1, 8.0)] {
+            self.draw(by, Coordinates::default());
+            let shot = UpscaleShot { reset: number == 0, ..UpscaleShot::of(RENDERED, SHOWN) };
+            upscaler.upscale(pictures, &shot)?.wait()?;
+        }
+        Ok(())
+    }
+}
+
+/// A target of the size shown.
+fn target(gpu: &Gpu, flags: D3D12_RESOURCE_FLAGS, state: D3D12_RESOURCE_STATES) -> Kept {
+    let wanted = pictures::flat((SHOWN.width, SHOWN.height), DXGI_FORMAT_R8G8B8A8_UNORM, flags);
+    Kept { resource: pictures::made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state }
+}
+
+#[test]
+fn textures_in_any_state_become_what_the_library_makes_of_them() {
+    let (stage, library) = playing(&["sdk 2.1", NEWEST]);
+    let scene = Scene::new();
+    let wanted = {
+        let mut plain = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+        scene.pair(&mut plain, &Told::plain())
+    };
+    let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
+    let (written, none) = (D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, D3D12_RESOURCE_FLAG_NONE);
+    for (flags, state) in [(written, D3D12_RESOURCE_STATE_RENDER_TARGET), (none, D3D12_RESOURCE_STATE_PRESENT)] {
+        let flags = flags | D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
+        let target = target(&scene.gpu, flags, state);
+        let pictures = UpscalePictures { output: target.resting(), ..scene.pictures() };
+        scene.pair_of(&mut upscaler, &pictures).expect("upscaled");
+        assert!(scene.shown.pixels(&target) == wanted, "{flags:?}");
+    }
+    // Into a list of an engine's, which finds its own frames between.
+    let fence: ID3D12Fence = {
+        // SAFETY: values only.
+        unsafe { scene.gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence")
+    };
+    for (number, by) in [(0, 0.0), (1, 8.0)] {
+        scene.draw(by, Coordinates::default());
+        let until = Moment::of_engine(&scene.gpu, &fence, number + 1).expect("its own");
+        let shot = UpscaleShot { reset: number == 0, ..UpscaleShot::of(RENDERED, SHOWN) };
+        run(&scene.gpu, |list| upscaler.record(list, &until, &scene.pictures(), &shot).expect("recorded"));
+        // SAFETY: a live fence, and the list has run.
+        unsafe { fence.Signal(number + 1) }.expect("signalled");
+    }
+    assert!(scene.shown.generated() == wanted, "in a list of an engine's");
+
+    // Motion that is wild is none, or as long as the picture.
+    scene.rendered.fill(&scene.rendered.motion, |x, _| match x % 3 {
+        0 => halves(f32::NAN, f32::INFINITY),
+        1 => halves(-60000.0, 0.0),
+        _ => halves(0.0, 0.0),
+    });
+    scene.pair_of(&mut upscaler, &scene.pictures()).expect("upscaled");
+    let wild = scene.shown.generated();
+    scene.rendered.fill(&scene.rendered.motion, |x, _| if x % 3 == 1 { halves(-64.0, 0.0) } else { halves(0.0, 0.0) });
+    scene.pair_of(&mut upscaler, &scene.pictures()).expect("upscaled");
+    assert!(scene.shown.generated() == wild);
+    let memory = upscaler.memory().expect("an answer");
+    assert!(memory.own > 0 && memory.provider.is_some());
+    drop(upscaler);
+    assert!(scene.gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn four_frames_at_once_wait_for_one_another() {
+    let (stage, library) = playing(&["sdk 2.1", NEWEST]);
+    let scene = Scene::new();
+    let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
+    scene.draw(0.0, Coordinates::default());
+    // The judge counts frames under way, of which AMD's has room for four.
+    let shot = UpscaleShot::of(RENDERED, SHOWN);
+    let all: Vec<_> = (0..8).map(|_| upscaler.upscale(&scene.pictures(), &shot).expect("submitted")).collect();
+    drop(upscaler);
+    assert!(all.iter().all(Moment::reached), "a frame that is under way is waited for");
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn a_mask_says_where_the_past_is_not_to_be_trusted() {
+    let (stage, library) = playing(&["sdk 2.1", NEWEST]);
+    let scene = Scene::new();
+    let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
+    let opaque = Textures::new(&scene.gpu, RENDERED);
+    let shade = |x: u32, y: u32| [(x * 4) as u8, (y * 5) as u8, 40, 255];
+    let glass = |x: u32, y: u32| if x < 32 { shade(x, y) } else { [shade(x, y)[0] / 2, shade(x, y)[1], 200, 255] };
+    opaque.fill(&opaque.color, shade);
+    scene.rendered.fill(&scene.rendered.color, glass);
+    let (threshold, max) = (ReactiveFlags::THRESHOLD, ReactiveFlags::COMPONENTS_MAX);
+    let (mapped, back) = (ReactiveFlags::TONEMAP, ReactiveFlags::INVERSE_TONEMAP);
+    for flags in [ReactiveFlags::empty(), max, mapped, back, threshold | max] {
+        let mask = ReactiveMask { scale: 0.75, threshold: 0.3, value: 0.8, flags, ..ReactiveMask::of(RENDERED) };
+        let (from, color) = (opaque.color.resting(), scene.rendered.color.resting());
+        let moment = upscaler.find_reactive(&from, &color, &scene.reactive.resting(), &mask);
+        moment.expect("found").wait().expect("it is there");
+        let colour = |pixel: [u8; 4]| {
+            let unit = [0, 1, 2].map(|c| f32::from(pixel[c]) / 255.0);
+            let brightest = unit.iter().copied().fold(0.0, f32::max);
+            let divisor = match () {
+                () if flags.contains(mapped) => brightest + 1.0,
+                () if flags.contains(back) => (1.0 - brightest).max(1.0 / 32.0),
+                () => 1.0,
+            };
+            unit.map(|c| c / divisor)
+        };
+        for (found, place) in scene.rendered.pixels(&scene.reactive).into_iter().zip(0..) {
+            let (x, y) = (place % RENDERED.width, place / RENDERED.width);
+            let (a, b) = (colour(shade(x, y)), colour(glass(x, y)));
+            let apart = [0, 1, 2].map(|c| (a[c] - b[c]).abs());
+            let length = apart.iter().map(|c| c * c).sum::<f32>().sqrt();
+            let all = 0.75 * if flags.contains(max) { apart.into_iter().fold(0.0, f32::max) } else { length };
+            let wanted = match () {
+                () if !flags.contains(threshold) => all,
+                () if all < 0.3 => 0.0,
+                () => 0.8,
+            };
+            let found = f32::from_le_bytes(found);
+            let near_threshold = flags.contains(threshold) && (all - 0.3).abs() < 1e-4;
+            assert!((found - wanted).abs() < 1e-3 || near_threshold, "{flags:?} at {x}, {y}: {found}, not {wanted}");
+        }
+    }
+    // What it is for.
+    scene.pair_of(&mut upscaler, &scene.pictures()).expect("upscaled");
+    let without = scene.shown.generated();
+    let masked = UpscalePictures { reactive: Some(scene.reactive.resting()), ..scene.pictures() };
+    scene.rendered.fill(&scene.rendered.motion, |_, _| halves(-3.0, 0.0));
+    scene.pair_of(&mut upscaler, &scene.pictures()).expect("upscaled");
+    let apart = scene.shown.generated();
+    scene.pair_of(&mut upscaler, &masked).expect("upscaled");
+    assert!(without != apart && scene.shown.generated() != apart, "the mask is used");
+    for (field, mask) in [
+        ("scale", ReactiveMask { scale: f32::NAN, ..ReactiveMask::of(RENDERED) }),
+        ("threshold", ReactiveMask { threshold: -0.1, ..ReactiveMask::of(RENDERED) }),
+        ("value", ReactiveMask { value: 1.1, ..ReactiveMask::of(RENDERED) }),
+        ("flags", ReactiveMask { flags: ReactiveFlags::from_bits_retain(16), ..ReactiveMask::of(RENDERED) }),
+        ("opaque", ReactiveMask::of(SHOWN)),
+    ] {
+        let (from, color) = (opaque.color.resting(), scene.rendered.color.resting());
+        let refused = upscaler.find_reactive(&from, &color, &scene.reactive.resting(), &mask).expect_err(field);
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
+    }
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn a_provider_is_given_what_it_requires() {
+    let scene = Scene::new();
+    scene.draw(0.0, Coordinates::default());
+    let (stage, library) = playing(&["sdk 2.1", NEWEST, "requires 0x17"]);
+    let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
+    assert!(upscaler.required().contains(UpscaleResources::REACTIVE));
+    let shot = UpscaleShot::of(RENDERED, SHOWN);
+    let refused = upscaler.upscale(&scene.pictures(), &shot).expect_err("there is no mask");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("reactive")));
+    let masked = UpscalePictures { reactive: Some(scene.reactive.resting()), ..scene.pictures() };
+    upscaler.upscale(&masked, &shot).expect("upscaled").wait().expect("it is there");
+    assert_eq!(stage.judgement(), [""; 0]);
+    // What nobody here knows cannot be given.
+    let (_, library) = playing(&["sdk 2.1", NEWEST, "requires 0x47"]);
+    let refused = in_textures(&scene.gpu, &library).expect_err("a kind to come");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")));
+    // Textures that are none of this device's, of another size, or of motion that is not read.
+    let (_, library) = playing(&["sdk 2.0", ANALYTIC]);
+    let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
+    let pictures = scene.pictures();
+    for (field, spoilt) in [
+        ("color", UpscalePictures { color: scene.shown.color.resting(), ..pictures }),
+        ("depth", UpscalePictures { depth: scene.one.depth.resting(), ..pictures }),
+        ("motion", UpscalePictures { motion: scene.rendered.color.resting(), ..pictures }),
+        ("exposure", UpscalePictures { exposure: Some(scene.reactive.resting()), ..pictures }),
+        ("output", UpscalePictures { output: scene.rendered.output.resting(), ..pictures }),
+    ] {
+        let refused = upscaler.upscale(&spoilt, &shot).expect_err(field);
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
+    }
+    upscaler.upscale(&pictures, &shot).expect("upscaled").wait().expect("it is there");
+}
