@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from . import archive, table
+from . import archive, rates, table
 from .checkpoint import open_checkpoint
 from .errors import BuildError
 from .geometry import PRESETS, Geometry
@@ -26,7 +26,14 @@ examples:
   python -m cairn.build checkpoint ~/Waypoint-1.5-1B --out worlds/waypoint.cairn
   python -m cairn.build describe --preset 720p
   python -m cairn.build describe worlds/demo
+  python -m cairn.build rates waypoint.cairn
   python -m cairn.build pack worlds/demo --out worlds/demo.cairn
+"""
+
+RATES_HELP = """\
+Estimates how many latents a second a world makes on common GPUs, at each preset of the library: from what its graphs do, the
+bytes that must move, and the makers' figures. Bold is real time, in brackets is the limit that no program passes, and a dash
+says that memory is too small. Nothing is measured; docs/rates.md says what the estimate rests on.
 """
 
 CHECKPOINT_HELP = """\
@@ -85,6 +92,13 @@ def parser() -> argparse.ArgumentParser:
     describe = commands.add_parser("describe", help="table of sizes of a bundle or of shapes", formatter_class=raw)
     describe.add_argument("bundle", type=Path, nargs="?", help="a folder or a .cairn file; else give shapes")
     _geometry(describe)
+
+    of_rates = commands.add_parser(
+        "rates", help="what runs at what rate on which GPU", description=RATES_HELP, formatter_class=raw
+    )
+    of_rates.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
+    of_rates.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
+    of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
 
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
@@ -235,6 +249,15 @@ def _describe(options: argparse.Namespace) -> int:
     return 0
 
 
+def _rates(options: argparse.Namespace) -> int:
+    worlds = [rates.World(bundle.stem, archive.read_geometry(bundle)) for bundle in options.bundles]
+    worlds += [rates.World(name, PRESETS[name][1]) for name in options.preset]
+    if not worlds:
+        raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
+    print((rates.summary if options.summary else rates.table)(worlds))
+    return 0
+
+
 def _pack(options: argparse.Namespace) -> int:
     if options.bundle.is_dir():
         archive.pack(options.bundle, options.out, options.replace)
@@ -244,4 +267,4 @@ def _pack(options: argparse.Namespace) -> int:
     return 0
 
 
-_COMMANDS = {"checkpoint": _checkpoint, "random": _random, "describe": _describe, "pack": _pack}
+_COMMANDS = {"checkpoint": _checkpoint, "random": _random, "describe": _describe, "rates": _rates, "pack": _pack}

@@ -1,0 +1,206 @@
+"""What runs at what rate: an estimate from the graphs' arithmetic, the bytes that must move, and the makers' figures for a GPU.
+
+    seconds of a run       max(2 x multiply-adds / peak, bytes / bandwidth)
+    bytes of a pass        weights and past keys and values, read once, and the latent's own, written: fewer cannot move
+    limit of a latent      passes of the preset x seconds of a pass + seconds of the decoder
+    likely for a latent    the larger of limit / share, and kernels x `KERNEL_SECONDS`
+
+What share of its peak a GPU reaches is what no data sheet tells. Two figures are published that say all it takes, both of Waypoint-1.5
+720P on a GeForce RTX 5090 in bfloat16 with the stock schedule: 14 latents a second with the decoder (the model's own page), and 7.6
+without it (its engine in PyTorch). `likely_share` is from the second, since an engine's frame wants the GPU as well.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+from .geometry import PRESETS, Geometry
+from .graph import Graph
+from .table import activation_peak, ring_bytes, slab_bytes, value_sizes, weight_bytes
+from .writer import build_graphs
+
+
+@dataclass(frozen=True)
+class Gpu:
+    """A GPU by its maker's data sheet."""
+
+    name: str
+    teraflops: float  # dense float16 products with float32 sums, on matrix units where there are any, 1e12 a second
+    bandwidth: float  # of its memory, 1e9 bytes a second
+    memory: float  # GiB; of one without memory of its own, what a game may well use
+
+
+# Matrix units: GeForce, twice float32's rate with float32 sums (as the white papers of Ada and Blackwell list them; Ampere's the
+# same); Radeon RX 7000, twice float32's; RX 9000, as listed ("peak half precision matrix"); Arc, half the listed int8 rate.
+GPUS = (
+    Gpu("Radeon 780M (in a laptop's processor)", 16.6, 90, 8),
+    Gpu("Radeon RX 7600", 43.5, 288, 8),
+    Gpu("Radeon RX 7900 XTX", 122.8, 960, 24),
+    Gpu("Radeon RX 9060 XT 16 GB", 103, 322, 16),
+    Gpu("Radeon RX 9070 XT", 195, 645, 16),
+    Gpu("GeForce RTX 3060", 25.5, 360, 12),
+    Gpu("GeForce RTX 4060", 30.2, 272, 8),
+    Gpu("GeForce RTX 4070", 58.3, 504, 12),
+    Gpu("GeForce RTX 4090", 165.2, 1008, 24),
+    Gpu("GeForce RTX 5070", 61.7, 672, 12),
+    Gpu("GeForce RTX 5090", 209.5, 1792, 32),
+    Gpu("Arc B580", 116.5, 456, 12),
+)
+
+
+# What starting a kernel costs where nothing is fused: a few microseconds on any desktop, an assumption and no measurement.
+KERNEL_SECONDS = 5e-6
+# Worlds are real time at so many latents a second: Waypoint-1.5's, and the miniature's.
+REAL_TIME = 15
+# What is left of a GPU's memory to the engine.
+ENGINES_SHARE = 0.25
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What a preset of the library asks of the transformer for one latent."""
+
+    name: str
+    window: int
+    passes: int  # with the cache pass
+
+
+# As `cairn::world::Preset` has them; a test holds the two together.
+PRESETS_OF_THE_LIBRARY = (
+    Preset("stock", 128, 5),
+    Preset("baseline112", 112, 10),
+    Preset("baseline128", 128, 10),
+    Preset("coherence", 384, 11),
+    Preset("heavy", 512, 13),
+)
+
+
+def multiply_adds(graph: Graph, dimensions: dict[str, int]) -> int:
+    """Products of `MatMul` and `Conv` in one run, each with the addition that follows it: what `Bundle::work` counts in Rust."""
+    model, sizes = value_sizes(graph, dimensions)
+    shapes = {name: shape for name, (shape, _) in sizes.items()}
+    shapes |= {value.name: [d.dim_value for d in value.type.tensor_type.shape.dim] for value in model.graph.input}
+    shapes |= {tensor.name: list(tensor.dims) for tensor in model.graph.initializer}
+    total = 0
+    for node in model.graph.node:
+        if node.op_type == "MatMul":
+            total += math.prod(shapes[node.output[0]]) * shapes[node.input[0]][-1]
+        elif node.op_type == "Conv":
+            total += math.prod(shapes[node.output[0]]) * math.prod(shapes[node.input[1]][1:])
+    return total
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a graph."""
+
+    flops: float
+    bytes: float
+
+    def seconds(self, gpu: Gpu) -> float:
+        """The least it can take."""
+        return max(self.flops / (gpu.teraflops * 1e12), self.bytes / (gpu.bandwidth * 1e9))
+
+
+class World:
+    """What the graphs of a world do, in float16."""
+
+    def __init__(self, name: str, g: Geometry):
+        self.name, self.geometry = name, g
+        self._graphs = build_graphs(g, "f16")
+        self._weights = {kind: weight_bytes({kind: graph}) for kind, graph in self._graphs.items()}
+        pictures = 3 * math.prod(g.decoded) * 4
+        self.decode = Run(2.0 * multiply_adds(self._graphs["decoder"], {}), self._weights["decoder"] + pictures)
+        self._passes: dict[int, Run] = {}
+        self._memory: dict[int, float] = {}
+
+    def one_pass(self, window: int) -> Run:
+        """A denoise or a cache pass of the transformer at global window `window`."""
+        g = self.geometry
+        if window not in self._passes:
+            moved = self._weights["transformer"] + ring_bytes(g, window, "f16") + slab_bytes(g, "f16")
+            self._passes[window] = Run(2.0 * multiply_adds(self._graphs["transformer"], g.dimensions(window)), moved)
+        return self._passes[window]
+
+    def kernels(self, preset: Preset) -> int:
+        """Nodes of the graphs that run for one latent; a runtime that fuses them starts fewer."""
+        free = {"Reshape", "Cast"}
+        counts = [sum(n.op_type not in free for n in self._graphs[k].model().graph.node) for k in ("transformer", "decoder")]
+        return preset.passes * counts[0] + counts[1]
+
+    def memory(self, window: int) -> float:
+        """GiB for weights, past and intermediate values."""
+        g = self.geometry
+        if window not in self._memory:
+            dimensions = {"transformer": g.dimensions(window)}
+            alive = max(activation_peak(graph, dimensions.get(kind, {}))[0] for kind, graph in self._graphs.items())
+            total = sum(self._weights.values()) + ring_bytes(g, window, "f16") + slab_bytes(g, "f16") + alive
+            self._memory[window] = total / 2**30
+        return self._memory[window]
+
+    def flops(self, preset: Preset) -> float:
+        """Of a latent."""
+        return preset.passes * self.one_pass(preset.window).flops + self.decode.flops
+
+    def limit(self, gpu: Gpu, preset: Preset) -> float:
+        """Latents a second that no program passes."""
+        return 1.0 / (preset.passes * self.one_pass(preset.window).seconds(gpu) + self.decode.seconds(gpu))
+
+    def likely(self, gpu: Gpu, preset: Preset) -> float:
+        """Latents a second that a GPU makes which does nothing else."""
+        return min(likely_share() * self.limit(gpu, preset), 1.0 / (KERNEL_SECONDS * self.kernels(preset)))
+
+    def fits(self, gpu: Gpu, preset: Preset) -> bool:
+        """Whether there is memory for it beside an engine's."""
+        return self.memory(preset.window) <= (1 - ENGINES_SHARE) * gpu.memory
+
+
+@cache
+def likely_share() -> float:
+    """What share of a GPU's peak the published figure is: of a latent's passes alone, 7.6 of them a second."""
+    gpu = next(gpu for gpu in GPUS if gpu.name.endswith("5090"))
+    stock = PRESETS_OF_THE_LIBRARY[0]
+    return 7.6 * stock.passes * World("720p", PRESETS["720p"][1]).one_pass(stock.window).seconds(gpu)
+
+
+def table(worlds: list[World]) -> str:
+    """Latents a second of every GPU, world and preset, in Markdown."""
+    out = []
+    for world in worlds:
+        width, height = world.geometry.decoded
+        out += [f"### {world.name}, {width} x {height} decoded", ""]
+        columns = [f"{p.name}<br>g{p.window}, {p.passes - 1} + 1 passes" for p in PRESETS_OF_THE_LIBRARY]
+        rows = [
+            ("TFLOP a latent", [f"{world.flops(p) / 1e12:.2g}" for p in PRESETS_OF_THE_LIBRARY]),
+            ("kernels a latent", [f"{world.kernels(p):,}" for p in PRESETS_OF_THE_LIBRARY]),
+            ("memory, GiB", [f"{world.memory(p.window):.2g}" for p in PRESETS_OF_THE_LIBRARY]),
+            *((gpu.name, [_cell(world, gpu, p, limit=True) for p in PRESETS_OF_THE_LIBRARY]) for gpu in GPUS),
+        ]
+        out += [_markdown(columns, rows), ""]
+    return "\n".join(out)
+
+
+def summary(worlds: list[World]) -> str:
+    """The same for two presets and without the limits, in Markdown."""
+    shown = [(world, p) for world in worlds for p in PRESETS_OF_THE_LIBRARY if p.name in ("stock", "coherence")]
+    rows = [(gpu.name, [_cell(world, gpu, p, limit=False) for world, p in shown]) for gpu in GPUS]
+    return _markdown([f"{world.name}<br>{p.name}" for world, p in shown], rows)
+
+
+def _markdown(columns: list[str], rows: list[tuple[str, list[str]]]) -> str:
+    lines = ["| | " + " | ".join(columns) + " |", "|---|" + "--:|" * len(columns)]
+    return "\n".join(lines + [f"| {name} | " + " | ".join(cells) + " |" for name, cells in rows])
+
+
+def _cell(world: World, gpu: Gpu, preset: Preset, limit: bool) -> str:
+    if not world.fits(gpu, preset):
+        return "-"
+    likely = world.likely(gpu, preset)
+    text = _short(likely) + (f" ({_short(world.limit(gpu, preset))})" if limit else "")
+    return f"**{text}**" if likely >= REAL_TIME else text
+
+
+def _short(value: float) -> str:
+    return f"{value:.1f}" if value < 10 else f"{value:,.0f}"

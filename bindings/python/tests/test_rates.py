@@ -1,0 +1,76 @@
+"""What runs at what rate: that it is counted right, and that the pages show what is counted."""
+
+import re
+
+import pytest
+from conftest import ROOT, TINY
+
+from cairn.build import PRESETS, archive, rates
+from cairn.build.cli import main
+from cairn.build.writer import build_graphs
+
+SHOWN = "samples/worlds/miniature.cairn --preset 360p --preset 720p"
+
+
+@pytest.fixture(scope="module")
+def worlds():
+    """Those of the pages, named as the command names them."""
+    bundle = ROOT / "samples" / "worlds" / "miniature.cairn"
+    shapes = {bundle.stem: archive.read_geometry(bundle)} | {name: PRESETS[name][1] for name in ("360p", "720p")}
+    return [rates.World(name, g) for name, g in shapes.items()]
+
+
+@pytest.mark.parametrize("window", [TINY.global_window, TINY.global_max_window])
+def test_products_of_a_pass_are_those_of_the_architecture(window):
+    g = TINY
+    tokens, width, hidden = g.tokens, g.width, g.width * g.mlp_ratio
+    # Patches in and out, the conditioner and what it modulates, the controls, and the last norm.
+    wanted = 2 * tokens * width * g.patch_width + 512 * 4 * width + 4 * width * width
+    wanted += g.layers * 6 * width * width + g.control_width * hidden + hidden * width + 2 * width * width
+    for i in range(g.layers):
+        keys = g.past_tokens(i, window) + tokens
+        wanted += 2 * tokens * width * (width + g.kv_width + hidden) + 2 * g.heads * tokens * keys * g.head_width
+        wanted += (2 * tokens + 1) * width * width if g.sees_controls(i) else 0
+    assert rates.multiply_adds(build_graphs(g, "f32")["transformer"], g.dimensions(window)) == wanted
+
+
+def test_a_convolution_counts_its_window(worlds):
+    # Of the decoder's last convolution alone: every number of the picture, nine cells of every channel.
+    g = worlds[0].geometry
+    last = g.decoded[0] // 2 * (g.decoded[1] // 2) * 12 * 4 * 9 * g.decoder_widths[3]
+    assert last < worlds[0].decode.flops / 2 < 100 * last
+
+
+def test_presets_are_the_library_s():
+    text = (ROOT / "src" / "world" / "preset.rs").read_text(encoding="utf-8")
+    of_stock = len(TINY.schedule) - 1
+    for preset in rates.PRESETS_OF_THE_LIBRARY:
+        row = re.search(rf"Self::{preset.name.capitalize()} => \((\d+), Schedule::(?:Refined\((\d+)\)|Stock)", text)
+        assert row, preset.name
+        assert (int(row[1]), int(row[2] or of_stock) + 1) == (preset.window, preset.passes), preset.name
+
+
+def test_faster_memory_and_faster_arithmetic_each_help_where_they_are_short(worlds):
+    world, stock = worlds[1], rates.PRESETS_OF_THE_LIBRARY[0]
+    slow = rates.Gpu("slow", 10, 1000, 24)
+    assert world.limit(rates.Gpu("", 20, 1000, 24), stock) > 1.9 * world.limit(slow, stock)
+    assert world.limit(rates.Gpu("", 10, 2000, 24), stock) == world.limit(slow, stock)
+    starved = rates.Gpu("starved", 1000, 10, 24)
+    assert world.limit(rates.Gpu("", 1000, 20, 24), stock) > 1.9 * world.limit(starved, stock)
+    assert world.likely(slow, stock) < world.limit(slow, stock)
+    assert not world.fits(rates.Gpu("small", 1000, 1000, 3), stock)
+
+
+def test_the_pages_show_what_is_counted(worlds):
+    page, readme = ((ROOT / name).read_text(encoding="utf-8") for name in ("docs/rates.md", "README.md"))
+    why = f"make it again: python -m cairn.build rates {SHOWN}"
+    assert rates.table(worlds).strip() in page, why
+    assert rates.summary(worlds) in readme, f"{why} --summary"
+    assert f"rates {SHOWN}" in page and f"{100 * rates.likely_share():.0f} %" in page
+
+
+def test_the_command_names_what_is_missing(capsys, tiny):
+    assert main(["rates"]) == 2
+    assert "--preset 360p" in capsys.readouterr().err
+    assert main(["rates", str(tiny), "--summary"]) == 0
+    assert "GeForce" in capsys.readouterr().out
