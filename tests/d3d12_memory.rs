@@ -10,7 +10,7 @@ use cairn::world::{Rollout, World, WorldOptions};
 use cairn::{ErrorKind, Result};
 
 mod common;
-use common::{bundle, controls, fingerprint, ort, point, seeded};
+use common::{bundle, controls, fingerprint, ort, picture, point};
 #[path = "d3d12/engine.rs"]
 mod engine;
 use engine::{Engine, comes_back, engine, references};
@@ -70,29 +70,60 @@ fn memory_runs_out_at_each_allocation() {
     // A rollout, which is ours, and its steps, in which ONNX Runtime allocates as well.
     {
         let options = DirectMlOptions { deterministic: true, ..DirectMlOptions::default() };
-        let device = Device::directml(&ort(), &gpu(&engine).expect("a device"), options).expect("DirectML");
+        let gpu = gpu(&engine).expect("a device");
+        faults::watch(&gpu);
+        let device = Device::directml(&ort(), &gpu, options).expect("DirectML");
         let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
         let world = World::load(&device, &bundle("tiny"), options).expect("a world");
         let count = walk(3, || Rollout::new(&world, &point(&world), 7));
         assert!(count > 50, "{count} allocations make a rollout");
 
-        let mut rollout = seeded(&world, &point(&world), 7);
-        let mut untroubled = seeded(&world, &point(&world), 7);
-        rollout.step(&controls(0)).expect("a step");
-        untroubled.step(&controls(0)).expect("a step");
-        let saved = rollout.save().expect("a state");
-        for n in 1..=4 {
-            faults::fail_at(n);
-            let result = rollout.step(&controls(1));
-            faults::fail_at(0);
-            if result.is_ok() {
-                rollout.restore(&saved).expect("the state fits");
-            }
-            assert!(rollout.save().expect("a state") == saved, "allocation {n} left a trace: {result:?}");
+        let mut rollout = Rollout::new(&world, &point(&world), 7).expect("a rollout");
+        let mut untroubled = Rollout::new(&world, &point(&world), 7).expect("a rollout");
+        // The first one primes the decoder, which writes the very memories that count.
+        let seed = picture(40, 22, 9);
+        hold_out(&mut rollout, |rollout| rollout.append(&seed));
+        untroubled.append(&seed).expect("a seed");
+        for i in 0..2 {
+            hold_out(&mut rollout, |rollout| rollout.step(&controls(i)));
+            untroubled.step(&controls(i)).expect("a step");
         }
-        rollout.step(&controls(1)).expect("a step");
-        untroubled.step(&controls(1)).expect("a step");
         assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut untroubled).expect("bits"));
+        let saved = rollout.save().expect("a state");
+        hold_out(&mut rollout, Rollout::reset);
+        hold_out(&mut rollout, |rollout| rollout.restore(&saved));
+        assert!(rollout.save().expect("a state") == saved);
     }
     comes_back(|| held(&engine), before);
+}
+
+/// Lets the allocations of `act` fail in turn, once or from there on, with pools as they happen to be and with none that has
+/// anything free; whenever it fails, the rollout is what it was. Then `act` is done.
+fn hold_out<T>(rollout: &mut Rollout, act: impl Fn(&mut Rollout) -> Result<T>) {
+    let before = rollout.save().expect("a state");
+    for (stands, lasts) in [(true, false), (true, true), (false, false)] {
+        for n in 1.. {
+            faults::time_stands(stands);
+            if lasts {
+                faults::fail_from(n)
+            } else {
+                faults::fail_at(n)
+            }
+            let result = act(rollout).map(drop);
+            let is_left = faults::is_left();
+            faults::time_stands(false);
+            match &result {
+                // Who asked has another way, or nobody asked for so many.
+                Ok(()) => rollout.restore(&before).expect("the state fits"),
+                Err(error) => assert!(!is_left, "allocation {n} did not fail: {error}"),
+            }
+            let how = format!("allocation {n}, time stands: {stands}, for good: {lasts}");
+            assert!(rollout.save().expect("a state") == before, "{how}, left a trace: {result:?}");
+            if is_left {
+                println!("{} allocations; time stands: {stands}", n - 1);
+                break;
+            }
+        }
+    }
+    act(rollout).expect("all goes on");
 }

@@ -293,7 +293,7 @@ impl Shared {
             let result = guard(|| {
                 let mut core = self.core.lock();
                 // A step whose anchor found no room would be made, and yet fail.
-                let mut anchor = KeptAnchor::room(&core.rollout)?;
+                let mut anchor = KeptAnchor::room(&mut core.rollout)?;
                 let info = core.run(&job)?;
                 *self.statistics.lock() = core.rollout.statistics();
                 let cut = core.cut;

@@ -75,6 +75,11 @@ impl Shared {
         &self.resource
     }
 
+    /// In bytes.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
     /// Writes what the device has no business with any more.
     pub(crate) fn write(&mut self, at: usize, bytes: &[u8]) {
         assert!(at + bytes.len() <= self.len, "inside the mapping");

@@ -12,7 +12,7 @@ use super::device::Backend;
 use super::failure::{make, ort_failure};
 use super::finite::all_finite;
 use super::graph::TensorSpec;
-use super::lane::{BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
+use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
 use super::memory::Memory;
 use super::{Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
@@ -155,8 +155,15 @@ impl Lane for CpuLane {
         Ok(())
     }
 
-    fn clear(&mut self, buffer: BufferId) -> Result<()> {
-        self.memories[buffer.0].bytes_mut().fill(0);
+    fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
+        contents.iter().try_for_each(|(to, bytes)| {
+            assert_eq!(bytes.len(), self.size(*to), "a whole buffer");
+            self.upload(*to, 0, bytes)
+        })
+    }
+
+    fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
+        buffers.iter().for_each(|buffer| self.memories[buffer.0].bytes_mut().fill(0));
         Ok(())
     }
 
@@ -175,12 +182,37 @@ impl Lane for CpuLane {
         Ok(CopiesId(self.kept.len() - 1))
     }
 
-    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
-        // Taken out meanwhile, as a copy needs the whole lane.
-        let kept = std::mem::take(&mut self.kept[copies.0]);
-        let done = kept.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
-        self.kept[copies.0] = kept;
-        done
+    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+        copies.iter().try_for_each(|copies| {
+            // Taken out meanwhile, as a copy needs the whole lane.
+            let kept = std::mem::take(&mut self.kept[copies.0]);
+            let done = kept.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
+            self.kept[copies.0] = kept;
+            done
+        })
+    }
+
+    fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
+        let copy = |buffer: &BufferId| {
+            let (contents, mut copy) = (self.memories[buffer.0].bytes(), Vec::new());
+            copy.try_reserve_exact(contents.len()).map_err(|_| {
+                Error::new(ErrorKind::OutOfMemory, format!("a copy of {} bytes cannot be allocated", contents.len()))
+            })?;
+            copy.extend_from_slice(contents);
+            Ok((*buffer, copy))
+        };
+        of.iter().map(copy).collect::<Result<_>>().map(Backup::Host)
+    }
+
+    fn put_back(&mut self, backup: Backup) -> Result<()> {
+        match backup {
+            Backup::Host(copies) => {
+                copies.iter().for_each(|(to, bytes)| self.memories[to.0].bytes_mut().copy_from_slice(bytes));
+                Ok(())
+            }
+            #[cfg(windows)]
+            Backup::Device(_) => unreachable!("a backup of another lane"),
+        }
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {

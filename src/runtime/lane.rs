@@ -61,7 +61,10 @@ impl std::ops::Sub for Bytes {
 /// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the lane, so a handle can
 /// never outlive what it names; a lane belongs to one user at a time.
 ///
-/// `upload`, `clear`, `copy`, `repeat` and `run` submit and may return before the work is done; `read` and `finite` wait for it.
+/// What writes submits and may return before the work is done; `read` and `finite` wait for it.
+///
+/// Calls that say "all or nothing" are how state changes: when one fails, every buffer is as it was, now and after whatever is
+/// submitted later. Only a device that is gone is beyond that.
 pub(crate) trait Lane: Send {
     /// Makes a zeroed buffer.
     fn buffer(&mut self, bytes: usize) -> Result<BufferId>;
@@ -76,8 +79,11 @@ pub(crate) trait Lane: Send {
     /// Writes `bytes` into `to` from byte `at` on. `bytes` may be reused at once.
     fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()>;
 
-    /// Fills a buffer with zeroes.
-    fn clear(&mut self, buffer: BufferId) -> Result<()>;
+    /// Writes buffers anew, each as a whole: all or nothing.
+    fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()>;
+
+    /// Fills buffers with zeroes: all or nothing.
+    fn clear(&mut self, buffers: &[BufferId]) -> Result<()>;
 
     /// Copies regions of `from` into `to`, two different buffers.
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()>;
@@ -85,8 +91,14 @@ pub(crate) trait Lane: Send {
     /// Writes copies down, of which none reads or writes what another one writes.
     fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId>;
 
-    /// Does copies that were written down.
-    fn repeat(&mut self, copies: CopiesId) -> Result<()>;
+    /// Does copies that were written down, each of these once: all or nothing.
+    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()>;
+
+    /// Copies what is in buffers, for [`put_back`](Self::put_back).
+    fn back_up(&mut self, of: &[BufferId]) -> Result<Backup>;
+
+    /// Lets buffers have what they had when this lane backed them up. Asks for no memory, as it is what follows a failure.
+    fn put_back(&mut self, backup: Backup) -> Result<()>;
 
     /// Runs a bound graph.
     fn run(&mut self, binding: BindingId) -> Result<()>;
@@ -121,17 +133,30 @@ pub(crate) trait Lane: Send {
 
     /// Room on the device for a copy of `latent` and for `pictures` pictures of `size`; none on a device that is no Direct3D 12 one.
     #[cfg(windows)]
-    fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<super::Snapshot>> {
+    fn room_on_device(
+        &mut self,
+        latent: BufferId,
+        pictures: usize,
+        size: (u32, u32),
+    ) -> Result<Option<super::Snapshot>> {
         let _ = (latent, pictures, size);
         Ok(None)
     }
 
-    /// Has a latent and its pictures copied into their room, which is of this lane. Nothing waits for it.
+    /// Has a latent and its pictures copied into their room, which is of this lane. Nothing waits for it, and no memory is asked
+    /// for.
     #[cfg(windows)]
     fn keep_on_device(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut super::Snapshot) -> Result<()> {
         let _ = (decoded, latent, into);
         Err(crate::Error::new(crate::ErrorKind::Unsupported, "the device keeps no pictures"))
     }
+}
+
+/// What was in buffers of one lane.
+pub(crate) enum Backup {
+    Host(Vec<(BufferId, Vec<u8>)>),
+    #[cfg(windows)]
+    Device(super::directml::Backup),
 }
 
 /// Wall time of a lane that is not the library's own.

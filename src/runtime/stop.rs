@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::lane::{BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
+use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
 use super::{Device, Graph};
 use crate::bundle::Precision;
 use crate::{Error, ErrorKind, Result};
@@ -38,8 +38,12 @@ impl Lane for StopLane {
         self.inner.upload(to, at, bytes)
     }
 
-    fn clear(&mut self, buffer: BufferId) -> Result<()> {
-        self.inner.clear(buffer)
+    fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
+        self.inner.replace(contents)
+    }
+
+    fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
+        self.inner.clear(buffers)
     }
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
@@ -50,8 +54,16 @@ impl Lane for StopLane {
         self.inner.keep(copies)
     }
 
-    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
+    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
         self.inner.repeat(copies)
+    }
+
+    fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
+        self.inner.back_up(of)
+    }
+
+    fn put_back(&mut self, backup: Backup) -> Result<()> {
+        self.inner.put_back(backup)
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
@@ -89,7 +101,12 @@ impl Lane for StopLane {
     }
 
     #[cfg(windows)]
-    fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<super::Snapshot>> {
+    fn room_on_device(
+        &mut self,
+        latent: BufferId,
+        pictures: usize,
+        size: (u32, u32),
+    ) -> Result<Option<super::Snapshot>> {
         self.inner.room_on_device(latent, pictures, size)
     }
 

@@ -48,12 +48,12 @@ impl KeptAnchor {
     ///
     /// # Errors
     /// `OutOfMemory`.
-    pub(crate) fn room(rollout: &Rollout) -> Result<Self> {
+    pub(crate) fn room(rollout: &mut Rollout) -> Result<Self> {
+        #[cfg(windows)]
+        let on_device = on_device::OnDevice::room(rollout)?;
         let point = rollout.operating_point();
         let size = rollout.world().render_size();
         let shape = rollout.world().manifest().geometry.latent;
-        #[cfg(windows)]
-        let on_device = on_device::OnDevice::room(rollout)?;
         #[cfg(windows)]
         let on_host = on_device.is_none();
         #[cfg(not(windows))]

@@ -1,7 +1,7 @@
 //! Pictures to latents and back: the encoder, and the streaming decoder with its memories.
 
 use crate::bundle::Precision;
-use crate::runtime::{BindingId, BufferId, Lane};
+use crate::runtime::{Backup, BindingId, BufferId, Lane};
 use crate::world::contract::Shapes;
 use crate::world::numbers::{self, Uploader};
 use crate::world::resize::Bilinear;
@@ -23,6 +23,14 @@ impl Side {
     fn rgb(&self) -> BufferId {
         self.buffers[self.buffers.len() - 1]
     }
+}
+
+/// A latent that was decoded and does not count yet.
+pub(super) struct Decoding {
+    /// Where its memories and pictures are.
+    side: usize,
+    /// The side that counts, where that was written.
+    backup: Option<Backup>,
 }
 
 /// A rollout's autoencoder.
@@ -76,44 +84,39 @@ impl Autoencoder {
         lane.run(self.encode)
     }
 
-    /// Decodes latent number `latent`, after decoding it `prime` times for the memories' sake alone. Gives the side the
-    /// result is on, for [`commit`](Self::commit); until then the side that counts is as it was.
-    pub(super) fn decode(&self, lane: &mut dyn Lane, latent: u64, prime: u32) -> Result<usize> {
+    /// Decodes latent number `latent`, after decoding it `prime` times for the memories' sake alone, for
+    /// [`commit`](Self::commit) or [`undo`](Self::undo). When it fails, the side that counts is as it was.
+    pub(super) fn decode(&self, lane: &mut dyn Lane, latent: u64, prime: u32) -> Result<Decoding> {
         // One run writes the side that does not count. More runs come back to the one that does.
-        let mut backup = Vec::new();
-        if prime > 0 {
-            for buffer in self.state() {
-                let mut contents = numbers::zeroed(lane.size(buffer))?;
-                lane.read(buffer, 0, &mut contents)?;
-                backup.push((buffer, contents));
+        let backup = if prime > 0 { Some(lane.back_up(&self.sides[self.current].buffers)?) } else { None };
+        let side = 1 - (self.current + prime as usize) % 2;
+        let decoding = Decoding { side, backup };
+        match self.run(lane, latent, prime, side) {
+            Ok(()) => Ok(decoding),
+            Err(error) => {
+                self.undo(lane, decoding)?;
+                Err(error)
             }
         }
-        let result = (0..=prime).try_fold(self.current, |side, _| {
-            lane.run(self.decode[side])?;
-            Ok(1 - side)
-        });
-        let result = result.and_then(|side| {
-            if !lane.finite(&self.sides[side].buffers, self.precision)? {
-                return Err(device_not_finite(&format!("the decoder's view of latent {latent}")));
-            }
-            Ok(side)
-        });
-        if result.is_err() {
-            for (buffer, contents) in &backup {
-                lane.upload(*buffer, 0, contents)?;
-            }
+    }
+
+    /// The runs of [`decode`](Self::decode), the last of which writes `side`.
+    fn run(&self, lane: &mut dyn Lane, latent: u64, prime: u32, side: usize) -> Result<()> {
+        (0..=prime).try_for_each(|run| lane.run(self.decode[(self.current + run as usize) % 2]))?;
+        if lane.finite(&self.sides[side].buffers, self.precision)? {
+            return Ok(());
         }
-        result
+        Err(device_not_finite(&format!("the decoder's view of latent {latent}")))
     }
 
-    /// Lets the side count that [`decode`](Self::decode) gave.
-    pub(super) fn commit(&mut self, side: usize) {
-        self.current = side;
+    /// Lets what was decoded count.
+    pub(super) fn commit(&mut self, decoding: Decoding) {
+        self.current = decoding.side;
     }
 
-    /// Zero memories, as before the first latent.
-    pub(super) fn reset(&mut self, lane: &mut dyn Lane) -> Result<()> {
-        self.state().try_for_each(|buffer| lane.clear(buffer))
+    /// Takes back what was decoded.
+    pub(super) fn undo(&self, lane: &mut dyn Lane, decoding: Decoding) -> Result<()> {
+        decoding.backup.map_or(Ok(()), |backup| lane.put_back(backup))
     }
 
     /// Fills `planes`, `[3, H, W]`, with picture `i` of the last decoded latent.

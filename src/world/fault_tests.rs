@@ -1,33 +1,45 @@
-//! Faults of the device, one at every call a step makes: none leaves a trace, and the next try works.
+//! Faults of the device at every call in turn, once and from there on: none leaves a trace, and the next try works.
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use super::{Rollout, StepInfo};
+use super::Rollout;
 use crate::bundle::Precision;
-use crate::runtime::{BindingId, BufferId, Bytes, CopiesId, Graph, KeptCopy, Lane, Region};
+use crate::runtime::{Backup, BindingId, BufferId, Bytes, CopiesId, Graph, KeptCopy, Lane, Region};
 use crate::{Error, ErrorKind, Result};
 
-/// A lane whose n-th call fails, once. Copies never fail by themselves: they are submitted with what does.
-struct Faulty {
-    inner: Box<dyn Lane>,
-    /// Calls until the fault; 0 for none.
-    left: Arc<AtomicU64>,
+/// When calls fail.
+#[derive(Default)]
+struct Fault {
+    /// Calls until then; 0 for never.
+    left: AtomicU64,
+    /// Whether those after it fail as well.
+    lasts: AtomicBool,
+    /// Whether one has failed.
+    came: AtomicBool,
 }
 
-impl Faulty {
+impl Fault {
     fn call(&self) -> Result<()> {
-        match self.left.load(Ordering::Relaxed) {
-            0 => Ok(()),
-            left => {
-                self.left.store(left - 1, Ordering::Relaxed);
-                if left == 1 { Err(Error::new(ErrorKind::Device, "a fault made by this test")) } else { Ok(()) }
-            }
+        let left = self.left.load(Ordering::Relaxed);
+        if left > 1 || !self.lasts.load(Ordering::Relaxed) {
+            self.left.store(left.saturating_sub(1), Ordering::Relaxed);
         }
+        if left != 1 {
+            return Ok(());
+        }
+        self.came.store(true, Ordering::Relaxed);
+        Err(Error::new(ErrorKind::Device, "a fault made by this test"))
     }
+}
+
+/// A lane whose calls fail when they are told to, but for the one that puts right what a failure left.
+struct Faulty {
+    inner: Box<dyn Lane>,
+    fault: Arc<Fault>,
 }
 
 impl Lane for Faulty {
@@ -44,16 +56,22 @@ impl Lane for Faulty {
     }
 
     fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()> {
-        self.call()?;
+        self.fault.call()?;
         self.inner.upload(to, at, bytes)
     }
 
-    fn clear(&mut self, buffer: BufferId) -> Result<()> {
-        self.call()?;
-        self.inner.clear(buffer)
+    fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.replace(contents)
+    }
+
+    fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.clear(buffers)
     }
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
+        self.fault.call()?;
         self.inner.copy(to, from, regions)
     }
 
@@ -61,22 +79,32 @@ impl Lane for Faulty {
         self.inner.keep(copies)
     }
 
-    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
+    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+        self.fault.call()?;
         self.inner.repeat(copies)
     }
 
+    fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
+        self.fault.call()?;
+        self.inner.back_up(of)
+    }
+
+    fn put_back(&mut self, backup: Backup) -> Result<()> {
+        self.inner.put_back(backup)
+    }
+
     fn run(&mut self, binding: BindingId) -> Result<()> {
-        self.call()?;
+        self.fault.call()?;
         self.inner.run(binding)
     }
 
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
-        self.call()?;
+        self.fault.call()?;
         self.inner.read(from, at, into)
     }
 
     fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
-        self.call()?;
+        self.fault.call()?;
         self.inner.finite(of, precision)
     }
 
@@ -85,20 +113,24 @@ impl Lane for Faulty {
     }
 }
 
-/// Lets every call of `act` fail in turn, until it gets through; after each fault the rollout is what it was. Gives the
-/// number of faults.
-fn walk(rollout: &mut Rollout, fault: &AtomicU64, act: impl Fn(&mut Rollout) -> Result<StepInfo>) -> u64 {
+/// Lets every call of `act` fail in turn, once and from there on, until it gets through; after each fault the rollout is what it was.
+/// Gives the number of calls.
+fn walk<T>(rollout: &mut Rollout, fault: &Fault, act: impl Fn(&mut Rollout) -> Result<T>) -> u64 {
     let before = rollout.save().expect("a state");
     for n in 1.. {
-        fault.store(n, Ordering::Relaxed);
-        let result = act(rollout);
-        let spent = fault.swap(0, Ordering::Relaxed) == 0;
-        match result {
-            Ok(_) if spent => panic!("the fault of call {n} was swallowed"),
-            Ok(_) => return n - 1,
-            Err(error) => assert!(error.to_string().contains("a fault made"), "call {n}: {error}"),
+        for lasts in [true, false] {
+            fault.lasts.store(lasts, Ordering::Relaxed);
+            fault.left.store(n, Ordering::Relaxed);
+            let result = act(rollout);
+            fault.left.store(0, Ordering::Relaxed);
+            let came = fault.came.swap(false, Ordering::Relaxed);
+            match result {
+                Ok(_) if came => panic!("the fault of call {n} was swallowed"),
+                Ok(_) => return n - 1,
+                Err(error) => assert!(error.to_string().contains("a fault made"), "call {n}: {error}"),
+            }
+            assert!(rollout.save().expect("a state") == before, "call {n} left a trace");
         }
-        assert!(rollout.save().expect("a state") == before, "call {n} left a trace");
     }
     unreachable!("the walk ends when the act gets through")
 }
@@ -108,20 +140,26 @@ fn no_fault_of_the_device_leaves_a_trace() {
     let world = common::world("tiny");
     let mut untroubled = Rollout::new(&world, &common::point(&world), 1).expect("a rollout");
     let mut rollout = Rollout::new(&world, &common::point(&world), 1).expect("a rollout");
-    let left = Arc::new(AtomicU64::new(0));
+    let fault = Arc::new(Fault::default());
     let idle = world.device().lane().expect("a lane");
     let inner = std::mem::replace(&mut rollout.lane, idle);
-    rollout.lane = Box::new(Faulty { inner, left: left.clone() });
+    rollout.lane = Box::new(Faulty { inner, fault: fault.clone() });
 
     // The first one primes the decoder, which writes the very memories that count.
     let seed = common::picture(20, 10, 1);
-    let faults = walk(&mut rollout, &left, |r| r.append(&seed));
+    let faults = walk(&mut rollout, &fault, |r| r.append(&seed));
     assert!(faults > 14, "{faults} calls in an append");
     untroubled.append(&seed).expect("a seed");
     for i in 0..2 {
-        let faults = walk(&mut rollout, &left, |r| r.step(&common::controls(i)));
+        let faults = walk(&mut rollout, &fault, |r| r.step(&common::controls(i)));
         assert!(faults > 14, "{faults} calls in a step");
         untroubled.step(&common::controls(i)).expect("a step");
     }
-    assert!(rollout.save().expect("a state") == untroubled.save().expect("a state"));
+    let saved = untroubled.save().expect("a state");
+    assert!(rollout.save().expect("a state") == saved);
+
+    assert_eq!(walk(&mut rollout, &fault, |r| r.reset()), 1, "calls in a reset");
+    assert!(rollout.save().expect("a state") != saved);
+    assert_eq!(walk(&mut rollout, &fault, |r| r.restore(&saved)), 1, "calls in going on from a state");
+    assert!(rollout.save().expect("a state") == saved);
 }

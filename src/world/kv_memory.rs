@@ -82,20 +82,21 @@ impl KvMemory {
         lane.finite(&self.slabs, self.precision)
     }
 
-    /// Copies the slabs into ring slots, one for local and one for global layers; `None` leaves that kind alone.
-    pub(super) fn commit(&self, lane: &mut dyn Lane, local: Option<usize>, global: Option<usize>) -> Result<()> {
-        for (slots, slot) in self.commits.iter().zip([local, global]) {
-            if let Some(slot) = slot {
-                assert!(slot < slots.len(), "the plan's slot lies in the ring");
-                lane.repeat(slots[slot])?;
-            }
+    /// Copies the slabs into ring slots, one for local and one for global layers, where `None` leaves that kind alone, and does the
+    /// copies `others`: all or nothing.
+    pub(super) fn commit(
+        &self,
+        lane: &mut dyn Lane,
+        local: Option<usize>,
+        global: Option<usize>,
+        others: CopiesId,
+    ) -> Result<()> {
+        let [locals, globals] = &self.commits;
+        match (local.map(|slot| locals[slot]), global.map(|slot| globals[slot])) {
+            (Some(local), Some(global)) => lane.repeat(&[local, global, others]),
+            (Some(slot), None) | (None, Some(slot)) => lane.repeat(&[slot, others]),
+            (None, None) => lane.repeat(&[others]),
         }
-        Ok(())
-    }
-
-    /// Zeroes the rings.
-    pub(super) fn reset(&self, lane: &mut dyn Lane) -> Result<()> {
-        self.rings().try_for_each(|ring| lane.clear(ring))
     }
 }
 

@@ -209,13 +209,12 @@ impl Planner {
     /// and skips its commit. Nothing has changed then.
     pub fn committed(&mut self, plan: &StepPlan) -> Result<()> {
         self.check(plan)?;
-        let latents = self.clocks.latents.checked_add(1).ok_or_else(clock_ran_out)?;
         for (ring, slot) in [(&mut self.local, plan.local.slot), (&mut self.global, plan.global.slot)] {
             if let Some(slot) = slot {
                 ring.mark(slot)?;
             }
         }
-        self.clocks.latents = latents;
+        self.clocks.latents += 1;
         self.clocks.generated += u64::from(plan.noise.is_some());
         self.clocks.commits += u64::from(plan.cache != CachePass::Skip);
         Ok(())
@@ -231,6 +230,9 @@ impl Planner {
                 .field(format!("plan.{field}"))
                 .remedy("Make the plan anew from the planner"))
         };
+        if self.clocks.latents == u64::MAX {
+            return Err(clock_ran_out());
+        }
         if plan.latent != self.clocks.latents {
             return wrong("latent", format!("the plan is for latent {}, next is {}", plan.latent, self.clocks.latents));
         }

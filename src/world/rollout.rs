@@ -16,7 +16,7 @@ use super::plan::{CachePass, Planner, StepPlan};
 use super::resize::Bilinear;
 use super::statistics::{Stages, Statistics, StepInfo};
 use super::world::World;
-use crate::runtime::{BufferId, Lane, Region, StopLane};
+use crate::runtime::{BufferId, CopiesId, KeptCopy, Lane, Region, StopLane};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// One running instance of a world: KV ring, clocks, noise seed, autoencoder memories.
@@ -35,6 +35,8 @@ pub struct Rollout {
     /// The last finished latent.
     pub(super) latent: BufferId,
     passes: Passes,
+    /// What brings the latent that passes made into `latent`.
+    keep_latent: CopiesId,
     /// Kept from step to step for its memory.
     plan: StepPlan,
     /// The last finished latent on the host, once somebody asked.
@@ -76,7 +78,9 @@ impl Rollout {
         let kv = KvMemory::new(&mut *lane, world)?;
         let passes = Passes::new(&mut *lane, world, &kv)?;
         let autoencoder = Autoencoder::new(&mut *lane, world, passes.latent())?;
-        let latent = lane.buffer(lane.size(passes.latent()))?;
+        let whole = Region { to: 0, from: 0, len: lane.size(passes.latent()) };
+        let latent = lane.buffer(whole.len)?;
+        let keep_latent = lane.keep(vec![KeptCopy { to: latent, from: passes.latent(), regions: vec![whole] }])?;
         Ok(Self {
             planner,
             point: point.clone(),
@@ -84,6 +88,7 @@ impl Rollout {
             autoencoder,
             latent,
             passes,
+            keep_latent,
             lane,
             plan: StepPlan::default(),
             host_latent: OnceCell::new(),
@@ -214,9 +219,8 @@ impl Rollout {
     /// # Errors
     /// `Device` when the device is lost.
     pub fn reset(&mut self) -> Result<()> {
-        self.kv.reset(&mut *self.lane)?;
-        self.autoencoder.reset(&mut *self.lane)?;
-        self.lane.clear(self.latent)?;
+        let buffers: Vec<_> = self.state_buffers().collect();
+        self.lane.clear(&buffers)?;
         self.planner.reset();
         self.forget_host_latent();
         Ok(())
@@ -348,8 +352,10 @@ impl Rollout {
     }
 
     /// All of a step but what comes before its denoise passes. Nothing that counts is written before every result is
-    /// there and finite.
+    /// there and finite, and then all of it at once.
     fn finish(&mut self, plan: &StepPlan, mut run: Run) -> Result<StepInfo> {
+        // First, as nothing may fail once what the plan says is done.
+        self.planner.check(plan)?;
         let lane = &mut *self.lane;
         self.passes.prepare(lane, plan, [0.0, 0.0])?;
         let start = Instant::now();
@@ -370,19 +376,18 @@ impl Rollout {
         }
         run.stages.commit.add(0, start);
         let start = Instant::now();
-        // Last, because what primes the decoder cannot be undone after this.
-        let side = self.autoencoder.decode(lane, plan.latent, plan.prime)?;
+        let decoding = self.autoencoder.decode(lane, plan.latent, plan.prime)?;
         run.stages.decode.add(u64::from(plan.prime) + 1, start);
 
         let start = Instant::now();
-        self.planner.committed(plan)?;
         let before = lane.bytes().copied;
-        if committed {
-            self.kv.commit(lane, plan.local.slot, plan.global.slot)?;
+        if let Err(error) = self.kv.commit(lane, plan.local.slot, plan.global.slot, self.keep_latent) {
+            self.autoencoder.undo(lane, decoding)?;
+            return Err(error);
         }
-        let ring_bytes = lane.bytes().copied - before;
-        lane.copy(self.latent, self.passes.latent(), &[Region { to: 0, from: 0, len: lane.size(self.latent) }])?;
-        self.autoencoder.commit(side);
+        let ring_bytes = lane.bytes().copied - before - lane.size(self.latent) as u64;
+        self.autoencoder.commit(decoding);
+        self.planner.committed(plan)?;
         run.stages.commit.add(u64::from(committed), start);
         self.forget_host_latent();
 

@@ -121,12 +121,13 @@ impl Rollout {
         }
         // Nothing can be wrong with the state any more.
         let mut rest = payload;
-        let buffers: Vec<_> = self.state_buffers().collect();
-        for buffer in buffers {
+        let of_buffer = |buffer| {
             let (bytes, tail) = rest.split_at(self.lane.size(buffer));
-            self.lane.upload(buffer, 0, bytes)?;
             rest = tail;
-        }
+            (buffer, bytes)
+        };
+        let contents: Vec<_> = self.state_buffers().map(of_buffer).collect();
+        self.lane.replace(&contents)?;
         self.planner = planner;
         self.point = point;
         self.budget = None;
@@ -144,7 +145,7 @@ impl Rollout {
     }
 
     /// Every buffer that must be kept, in the order of the format.
-    fn state_buffers(&self) -> impl Iterator<Item = BufferId> + '_ {
+    pub(super) fn state_buffers(&self) -> impl Iterator<Item = BufferId> + '_ {
         self.kv.rings().chain([self.latent]).chain(self.autoencoder.state())
     }
 }

@@ -1,30 +1,61 @@
 //! Calls of a device that fail when they are told to, whoever makes them: this library, DirectML or ONNX Runtime.
 
 use std::ffi::c_void;
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock};
 
+use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Foundation::E_OUTOFMEMORY;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::{GUID, HRESULT, Interface};
 
 /// Calls until the fault; 0 for none.
 static LEFT: AtomicU64 = AtomicU64::new(0);
+/// Whether those after it fail as well.
+static LASTS: AtomicBool = AtomicBool::new(false);
+/// Whether one has failed.
+static CAME: AtomicBool = AtomicBool::new(false);
+/// Fences that are watched, by address, and whether they say that they have come nowhere.
+static WATCHED: Mutex<Vec<usize>> = Mutex::new(Vec::new());
+static STANDS: AtomicBool = AtomicBool::new(false);
 
 /// Lets the `n`-th allocation from now on fail, once.
 pub(crate) fn fail_at(n: u64) {
+    LASTS.store(false, Ordering::SeqCst);
+    LEFT.store(n, Ordering::SeqCst);
+}
+
+/// Lets the `n`-th allocation from now on fail, and all after it.
+pub(crate) fn fail_from(n: u64) {
+    LASTS.store(true, Ordering::SeqCst);
     LEFT.store(n, Ordering::SeqCst);
 }
 
 /// Ends that; whether the fault was still to come.
 pub(crate) fn is_left() -> bool {
-    LEFT.swap(0, Ordering::SeqCst) != 0
+    LEFT.store(0, Ordering::SeqCst);
+    !CAME.swap(false, Ordering::SeqCst)
+}
+
+/// Watches the fence of a device's queue for anchors.
+pub(crate) fn watch(gpu: &Gpu) {
+    let moment = gpu.anchors().now().expect("a moment");
+    WATCHED.lock().expect("nobody panics here").push(moment.fence().as_raw() as usize);
+}
+
+/// Lets watched fences show nobody that work is done, so that what is theirs is not used again and all is allocated anew; who waits
+/// is told.
+pub(crate) fn time_stands(stands: bool) {
+    STANDS.store(stands, Ordering::SeqCst);
 }
 
 /// Whether this call fails.
 fn fails() -> bool {
-    let counted = LEFT.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| left.checked_sub(1));
-    counted == Ok(1)
+    let lasts = LASTS.load(Ordering::SeqCst);
+    let next = |left: u64| if lasts && left == 1 { None } else { left.checked_sub(1) };
+    let (Ok(left) | Err(left)) = LEFT.fetch_update(Ordering::SeqCst, Ordering::SeqCst, next);
+    CAME.fetch_or(left == 1, Ordering::SeqCst);
+    left == 1
 }
 
 #[link(name = "kernel32")]
@@ -67,12 +98,27 @@ macro_rules! faulty {
                 unsafe { theirs(this, $($argument),*) }
             })*
         }
-        /// Makes the allocations of all devices like `device` faulty, for the rest of the process.
+        /// Makes the allocations of all devices like `device` faulty, and their fences, for the rest of the process.
         pub(crate) fn install(device: &ID3D12Device) {
             let table = Interface::vtable(device);
             $(theirs::$name.get_or_init(|| replaced(&raw const table.$name, ours::$name));)*
+            // SAFETY: a live device.
+            let fence: ID3D12Fence = unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+            let table = Interface::vtable(&fence);
+            THEIR_VALUE.get_or_init(|| replaced(&raw const table.GetCompletedValue, our_value));
         }
     };
+}
+
+static THEIR_VALUE: OnceLock<unsafe extern "system" fn(*mut c_void) -> u64> = OnceLock::new();
+
+unsafe extern "system" fn our_value(this: *mut c_void) -> u64 {
+    if STANDS.load(Ordering::SeqCst) && WATCHED.lock().expect("nobody panics here").contains(&(this as usize)) {
+        return 0;
+    }
+    let theirs = THEIR_VALUE.get().expect("what it replaces");
+    // SAFETY: the caller's own fence.
+    unsafe { theirs(this) }
 }
 
 faulty! {

@@ -42,13 +42,18 @@ impl KeptList {
         Ok(Self { list, _allocator: allocator, last: None })
     }
 
-    /// Gives it to the queue for anchors.
-    pub(super) fn submit(&mut self, gpu: &Gpu) -> Result<()> {
-        if let Some(last) = &self.last {
-            // Long reached but for a slot that comes twice in a moment.
-            last.wait()?;
-        }
-        self.last = Some(gpu.anchors().submit(std::slice::from_ref(&self.list))?);
-        Ok(())
+    /// Waits until it may be given to a queue: long so, but for a slot that comes twice in a moment.
+    pub(super) fn ready(&self) -> Result<()> {
+        self.last.as_ref().map_or(Ok(()), Moment::wait)
+    }
+
+    /// The list as a queue takes it.
+    pub(super) fn list(&self) -> &ID3D12CommandList {
+        &self.list
+    }
+
+    /// It was given to a queue, and will have run at `moment`.
+    pub(super) fn runs_until(&mut self, moment: &Moment) {
+        self.last = Some(moment.clone());
     }
 }

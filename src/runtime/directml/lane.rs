@@ -26,7 +26,9 @@ use crate::runtime::Graph;
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::finite::exponents;
 use crate::runtime::graph::TensorSpec;
-use crate::runtime::lane::{BindingId, BufferId, Bytes, CopiesId, Decoded, Elsewhere, KeptCopy, Lane, Region, Work};
+use crate::runtime::lane::{
+    Backup, BindingId, BufferId, Bytes, CopiesId, Decoded, Elsewhere, KeptCopy, Lane, Region, Work,
+};
 use crate::{Error, Result};
 
 /// The shader that looks whether numbers are finite.
@@ -227,7 +229,7 @@ impl Lane for DirectMlLane {
         let allocation = make("take a buffer", take).map_err(|e| self.or_removed(e))?;
         self.buffers.push(Buffer { allocation, resource, bytes });
         let made = BufferId(self.buffers.len() - 1);
-        self.clear(made)?;
+        self.blank(made)?;
         Ok(made)
     }
 
@@ -265,8 +267,29 @@ impl Lane for DirectMlLane {
         Ok(())
     }
 
-    fn clear(&mut self, buffer: BufferId) -> Result<()> {
-        self.blank(buffer)
+    fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
+        let mut staged = Shared::new(&self.gpu, Heap::Upload, contents.iter().map(|(_, bytes)| bytes.len()).sum())?;
+        let recorder = self.recorder.get_mut();
+        recorder.apart()?;
+        let mut from = 0;
+        for (to, bytes) in contents {
+            let to = &self.buffers[to.0];
+            assert_eq!(bytes.len(), to.bytes, "a whole buffer");
+            staged.write(from, bytes);
+            let whole = Region { to: 0, from, len: bytes.len() };
+            recorder.fill(&to.resource, staged.resource(), std::iter::once(whole))?;
+            from += bytes.len();
+        }
+        recorder.hold(staged);
+        recorder.submit()?;
+        self.bytes.uploaded += from as u64;
+        Ok(())
+    }
+
+    fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
+        self.recorder.get_mut().apart()?;
+        buffers.iter().try_for_each(|buffer| self.blank(*buffer))?;
+        self.recorder.get_mut().submit()
     }
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
@@ -288,15 +311,33 @@ impl Lane for DirectMlLane {
         Ok(CopiesId(self.kept.len() - 1))
     }
 
-    fn repeat(&mut self, copies: CopiesId) -> Result<()> {
+    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+        copies.iter().try_for_each(|copies| self.kept[copies.0].0.ready())?;
         let recorder = self.recorder.get_mut();
         let begun = recorder.start(self.copying)?;
-        let (list, bytes) = &mut self.kept[copies.0];
-        list.submit(&self.gpu)?;
-        self.bytes.copied += *bytes;
-        recorder.end(begun);
-        // Nothing may follow for long, and the clock goes on.
-        recorder.submit()
+        let lists = copies.iter().map(|copies| self.kept[copies.0].0.list().clone()).collect();
+        let moment = recorder.submit_behind(lists, begun)?;
+        for copies in copies {
+            let (list, bytes) = &mut self.kept[copies.0];
+            list.runs_until(&moment);
+            self.bytes.copied += *bytes;
+        }
+        Ok(())
+    }
+
+    fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
+        let resources = of.iter().map(|buffer| &self.buffers[buffer.0]);
+        let contents: Vec<_> = resources.map(|buffer| (&buffer.resource, buffer.bytes)).collect();
+        self.recorder.get_mut().submit()?;
+        super::Backup::new(&self.gpu, &contents).map(Backup::Device)
+    }
+
+    fn put_back(&mut self, backup: Backup) -> Result<()> {
+        let Backup::Device(backup) = backup else { unreachable!("a backup of another lane") };
+        let recorder = self.recorder.get_mut();
+        // What a failure left recorded may write what is put back.
+        recorder.submit().or_else(|_| recorder.discard())?;
+        backup.put_back(&self.gpu)
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
@@ -370,25 +411,25 @@ impl Lane for DirectMlLane {
         Bytes { read: self.read.load(Ordering::Relaxed), ..self.bytes }
     }
 
-    fn room_on_device(&self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<Snapshot>> {
+    fn room_on_device(&mut self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<Snapshot>> {
+        if self.frames.is_none() {
+            self.frames = Some(Frames::new(&self.gpu, self.gpu.anchors(), 2 * PICTURES as u32)?);
+        }
         Snapshot::new(&self.gpu, pictures, size, self.size(latent), &self.read).map(Some)
     }
 
     fn keep_on_device(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut Snapshot) -> Result<()> {
-        let latent = &self.buffers[latent.0];
-        let whole = Region { to: 0, from: 0, len: latent.bytes };
-        let recorder = self.recorder.get_mut();
-        recorder.copy(into.latent(), &latent.resource, std::iter::once(whole))?;
-        into.comes_at(recorder.now()?);
-        self.bytes.copied += whole.len as u64;
-        let frames = match &mut self.frames {
-            Some(frames) => frames,
-            none => none.insert(Frames::new(&self.gpu, self.gpu.anchors(), 2 * PICTURES as u32)?),
-        };
+        let frames = self.frames.as_mut().expect("made with the room");
         let state = D3D12_RESOURCE_STATE_COMMON;
+        let latent = &self.buffers[latent.0];
         let buffer = Resting { resource: &self.buffers[decoded.planes.0].resource, state };
         for at in (0..decoded.pictures.len()).step_by(PICTURES) {
             let mut frame = frames.begin()?;
+            if at == 0 {
+                let (from, to) = (Resting { resource: &latent.resource, state }, into.latent());
+                frame.copy_bytes(&from, latent.bytes as u64, &Resting { resource: to, state }, 0)?;
+                self.bytes.copied += latent.bytes as u64;
+            }
             for (picture, texture) in decoded.pictures.iter().zip(into.textures()).skip(at).take(PICTURES) {
                 let half = decoded.precision == Precision::F16;
                 let planes = Planes { buffer, picture: *picture, size: decoded.size, half };

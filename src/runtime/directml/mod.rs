@@ -1,5 +1,6 @@
 //! A Direct3D 12 device as a device for worlds: ONNX Runtime's DirectML provider over buffers of our own. Windows only.
 
+mod backup;
 mod capture;
 mod checks;
 mod kept;
@@ -23,6 +24,7 @@ use super::device::Backend;
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{Graph, Lane, Ort};
+pub(crate) use backup::Backup;
 pub use capture::Captured;
 pub(super) use capture::Captures;
 pub(crate) use snapshot::Snapshot;

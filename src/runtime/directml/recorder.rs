@@ -15,10 +15,16 @@ use crate::{Error, Result};
 const PAGE: usize = 1 << 20;
 
 /// An open command list, the memory its uploads lie in, and what the queue still works on.
+///
+/// Two lists take turns. The second is open before the first is closed, as to open one may fail: what has been recorded is given to
+/// the queue, or stays recorded for the next try.
 pub(super) struct Recorder {
     gpu: Gpu,
     list: ID3D12GraphicsCommandList,
     allocator: ID3D12CommandAllocator,
+    other: ID3D12GraphicsCommandList,
+    /// What the other list is open with, when it is.
+    next: Option<ID3D12CommandAllocator>,
     /// Whether anything is recorded.
     pending: bool,
     /// Buffers the open list uses, by address, and as what.
@@ -35,15 +41,12 @@ pub(super) struct Recorder {
 
 impl Recorder {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let allocator = allocator(gpu)?;
-        let kind = gpu.anchors().kind();
-        // SAFETY: a live device and allocator.
-        let list = unsafe { gpu.device().CreateCommandList(0, kind, &allocator, None) }
-            .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommandList", &e))?;
-        let gpu = gpu.clone();
+        let (list, allocator) = open(gpu)?;
+        let (other, next) = open(gpu)?;
+        let (gpu, next) = (gpu.clone(), Some(next));
         let (used, pages, free) = (Vec::new(), Vec::new(), Vec::new());
         let (working, times) = (VecDeque::new(), Times::new(&gpu)?);
-        Ok(Self { gpu, list, allocator, pending: false, used, pages, filled: 0, working, free, times })
+        Ok(Self { gpu, list, allocator, other, next, pending: false, used, pages, filled: 0, working, free, times })
     }
 
     /// Writes `bytes` into `to` from byte `at` on; they may be reused at once.
@@ -139,8 +142,13 @@ impl Recorder {
     pub(super) fn start(&mut self, kind: Kind) -> Result<Option<Begun>> {
         let begun = self.times.start(&self.list, kind);
         self.pending |= begun.is_some();
-        self.submit()?;
-        Ok(begun)
+        match self.submit() {
+            Ok(()) => Ok(begun),
+            Err(error) => {
+                self.forget(begun);
+                Err(error)
+            }
+        }
     }
 
     /// Marks its end, which goes to the queue with what is recorded next.
@@ -168,12 +176,59 @@ impl Recorder {
         if !self.pending {
             return Ok(());
         }
+        self.prepare()?;
+        self.hand_over(Vec::new()).map(drop)
+    }
+
+    /// Gives the queue all that is recorded, and sees to it that what is recorded next can be given to it as well: until then, nothing
+    /// asks for memory, if no buffer is written twice.
+    pub(super) fn apart(&mut self) -> Result<()> {
+        self.submit()?;
+        self.prepare()
+    }
+
+    /// Has the queue run closed lists, a piece of work that was begun, and gives it all that is recorded behind them: all or nothing.
+    pub(super) fn submit_behind(&mut self, lists: Vec<ID3D12CommandList>, begun: Option<Begun>) -> Result<Moment> {
+        if let Err(error) = self.prepare() {
+            self.forget(begun);
+            return Err(error);
+        }
+        self.end(begun);
+        self.hand_over(lists)
+    }
+
+    /// Lets go of what is recorded.
+    pub(super) fn discard(&mut self) -> Result<()> {
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(self.gpu.device(), call, e) };
-        // First, as it may fail, and a list that is closed without another allocator can never be opened again.
+        // SAFETY: an open list.
+        _ = unsafe { self.list.Close() };
+        // SAFETY: no list made with it is given to a queue.
+        unsafe { self.allocator.Reset() }.map_err(|e| failed("ID3D12CommandAllocator::Reset", &e))?;
+        // SAFETY: a closed list and an allocator that no list is recorded with.
+        unsafe { self.list.Reset(&self.allocator, None) }
+            .map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
+        self.times.lost();
+        self.begin();
+        Ok(())
+    }
+
+    /// Holds what the open list reads until it has run.
+    pub(super) fn hold(&mut self, memory: Shared) {
+        self.pages.push(memory);
+        // It is no page: uploads after it begin one.
+        self.filled = PAGE;
+    }
+
+    /// Opens the other list.
+    fn prepare(&mut self) -> Result<()> {
+        if self.next.is_some() {
+            return Ok(());
+        }
+        let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(self.gpu.device(), call, e) };
         let mut reusable = None;
         while self.working.front().is_some_and(|(moment, ..)| moment.reached()) {
             if let Some((_, allocator, pages)) = self.working.pop_front() {
-                self.free.extend(pages);
+                self.free.extend(pages.into_iter().filter(|memory| memory.len() == PAGE));
                 reusable = Some(allocator);
             }
         }
@@ -185,20 +240,45 @@ impl Recorder {
             }
             None => allocator(&self.gpu)?,
         };
+        // SAFETY: a closed list and an allocator that no list is recorded with.
+        unsafe { self.other.Reset(&next, None) }.map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
+        self.next = Some(next);
+        Ok(())
+    }
+
+    /// Closes the open list and gives it to the queue behind others, when the other list is open.
+    fn hand_over(&mut self, mut lists: Vec<ID3D12CommandList>) -> Result<Moment> {
         // SAFETY: an open list.
-        unsafe { self.list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
-        let list = self.list.cast().map_err(|e| failed("IUnknown::QueryInterface", &e))?;
-        let moment = self.gpu.anchors().submit(&[list])?;
-        self.times.submitted(&moment);
-        // Whatever fails from here on: the queue works on these now.
-        self.working.push_back((moment, self.allocator.clone(), std::mem::take(&mut self.pages)));
+        let closed = unsafe { self.list.Close() };
+        let closed = closed.and_then(|()| self.list.cast());
+        let handed = match closed {
+            Ok(list) => {
+                lists.push(list);
+                self.gpu.anchors().submit(&lists)
+            }
+            Err(e) => Err(failed_on(self.gpu.device(), "ID3D12GraphicsCommandList::Close", &e)),
+        };
+        if let Some(next) = self.next.take() {
+            std::mem::swap(&mut self.list, &mut self.other);
+            let closed = std::mem::replace(&mut self.allocator, next);
+            match &handed {
+                Ok(moment) => {
+                    self.times.submitted(moment);
+                    self.working.push_back((moment.clone(), closed, std::mem::take(&mut self.pages)));
+                }
+                Err(_) => self.times.lost(),
+            }
+        }
+        self.begin();
+        handed
+    }
+
+    /// Forgets what the list before had.
+    fn begin(&mut self) {
+        self.pages.clear();
         self.used.clear();
         self.filled = 0;
         self.pending = false;
-        // SAFETY: a closed list and an allocator that no list is recorded with.
-        unsafe { self.list.Reset(&next, None) }.map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
-        self.allocator = next;
-        Ok(())
     }
 
     /// The moment when all that was submitted is done, ONNX Runtime's work on the queue too.
@@ -251,6 +331,15 @@ impl Drop for Recorder {
             moment.settle();
         }
     }
+}
+
+/// A list with an allocator of its own.
+fn open(gpu: &Gpu) -> Result<(ID3D12GraphicsCommandList, ID3D12CommandAllocator)> {
+    let allocator = allocator(gpu)?;
+    // SAFETY: a live device and allocator.
+    let list = unsafe { gpu.device().CreateCommandList(0, gpu.anchors().kind(), &allocator, None) }
+        .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommandList", &e))?;
+    Ok((list, allocator))
 }
 
 fn allocator(gpu: &Gpu) -> Result<ID3D12CommandAllocator> {

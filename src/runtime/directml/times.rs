@@ -65,6 +65,13 @@ impl Times {
         self.free.push(begun.pair);
     }
 
+    /// What the open list has is lost, and so are the ends of pieces that it marks.
+    pub(super) fn lost(&mut self) {
+        while let Some((begun, _)) = self.ended.pop_back_if(|(_, until)| until.is_none()) {
+            self.free.push(begun.pair);
+        }
+    }
+
     /// The open list is on its way, and will have run at `moment`.
     pub(super) fn submitted(&mut self, moment: &Moment) {
         for (_, until) in self.ended.iter_mut().rev().take_while(|(_, until)| until.is_none()) {

@@ -21,11 +21,10 @@ pub(super) struct OnDevice {
 
 impl OnDevice {
     /// Room for an anchor of `rollout`; none where its device is no Direct3D 12 one.
-    pub(super) fn room(rollout: &Rollout) -> Result<Option<Self>> {
-        let world = &rollout.world;
+    pub(super) fn room(rollout: &mut Rollout) -> Result<Option<Self>> {
         let pictures = rollout.point.pictures_per_latent as usize;
-        let snapshot = rollout.lane.room_on_device(rollout.latent, pictures, world.render_size())?;
-        let (precision, numbers) = (world.precision(), world.latent_len());
+        let snapshot = rollout.lane.room_on_device(rollout.latent, pictures, rollout.world.render_size())?;
+        let (precision, numbers) = (rollout.world.precision(), rollout.world.latent_len());
         Ok(snapshot.map(|snapshot| Self { snapshot, precision, numbers }))
     }
 
