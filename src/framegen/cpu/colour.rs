@@ -80,7 +80,8 @@ impl Colour for [u8; 4] {
         for (luma, &pixel) in lumas.iter_mut().zip(pixels) {
             // As one number, which vectors take apart faster than four bytes.
             let pixel = u32::from_le_bytes(pixel);
-            let [r, g, b] = [0, 8, 16].map(|shift| (pixel >> shift & 255) as i32 as f32);
+            let (r, g, b) = (pixel & 255, pixel >> 8 & 255, pixel >> 16 & 255);
+            let (r, g, b) = (r as i32 as f32, g as i32 as f32, b as i32 as f32);
             *luma = 0.299 * r + 0.587 * g + 0.114 * b;
         }
         lumas

@@ -492,9 +492,12 @@ pub(super) fn distance<P: Colour>(
     let (left, top) = (u >> 6, v >> 6);
     let corners = [at(left, top), at(left + 1, top), at(left, top + 1), at(left + 1, top + 1)];
     let here = current.pixels[y * current.width + x].in_levels();
-    (0..3).fold(0.0, |most, c| {
+    // Plain loops over all channels: closures are at times left as functions of their own, one call to a channel.
+    let mut apart = [0.0_f32; 4];
+    for c in 0..4 {
         let above = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
         let below = corners[2][c] + (corners[3][c] - corners[2][c]) * fx;
-        (above + (below - above) * fy - here[c]).abs().max(most)
-    })
+        apart[c] = (above + (below - above) * fy - here[c]).abs();
+    }
+    apart[2].max(apart[1].max(apart[0].max(0.0)))
 }

@@ -221,9 +221,11 @@ fn is_far_from_claims(layer: &Layer, [column, row]: [usize; 2]) -> bool {
 /// Fills the holes of a tile for which there was no candidate with a claim from farther away.
 fn borrow_far(own: &[Key; BLOCK], far: Key, mark: u8, [across, down]: [usize; 2], keys: &mut [Key; BLOCK]) {
     let far = if far == EMPTY { key(u16::MAX, 0, [0; 2]) } else { far };
-    for place in (0..down).flat_map(|j| (0..across).map(move |i| j * TILE + i)) {
-        if own[place] == EMPTY && keys[place] == EMPTY {
-            keys[place] = layer::marked(far, mark);
+    let far = layer::marked(far, mark);
+    let rows = own.as_chunks::<TILE>().0.iter().zip(keys.as_chunks_mut::<TILE>().0);
+    for (own, keys) in rows.take(down) {
+        for i in 0..across {
+            keys[i] = if own[i] == EMPTY && keys[i] == EMPTY { far } else { keys[i] };
         }
     }
 }

@@ -50,8 +50,9 @@ pub(super) fn is_foreign<P: Colour>(colour: P, current: Source<'_, P>, at: [i32;
         let row = &current.pixels[v * grid.width..][x.saturating_sub(AROUND)..(x + AROUND + 1).min(grid.width)];
         for pixel in row {
             let levels = pixel.in_levels();
-            low = std::array::from_fn(|c| low[c].min(levels[c]));
-            high = std::array::from_fn(|c| high[c].max(levels[c]));
+            for c in 0..4 {
+                (low[c], high[c]) = (low[c].min(levels[c]), high[c].max(levels[c]));
+            }
         }
     }
     (0..4).any(|c| levels[c] < low[c] - margin || levels[c] > high[c] + margin)

@@ -119,9 +119,15 @@ impl<P: Colour> Known<'_, P> {
         let mask = self.hidden[row * grid.columns + column];
         for j in 0..down {
             let line = &self.pixels[(row * TILE + j) * grid.width + column * TILE..][..across];
-            for (_, pixel) in line.iter().enumerate().filter(|(i, _)| mask >> (j * TILE + i) & 1 == 0) {
+            for (i, pixel) in line.iter().enumerate() {
+                // Mostly nothing of a tile is hidden.
+                if mask != 0 && mask >> (j * TILE + i) & 1 == 1 {
+                    continue;
+                }
                 let levels = pixel.in_levels();
-                (0..4).for_each(|c| sum[c] += levels[c]);
+                for c in 0..4 {
+                    sum[c] += levels[c];
+                }
                 sum[4] += 1.0;
             }
         }

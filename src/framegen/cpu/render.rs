@@ -201,18 +201,20 @@ impl<P: Colour> Between<'_, P> {
         }
         let strict = Rule { careful: STRICT, ..*rule };
         // An anchor that shows nothing of the tile is not asked.
-        let mask = questionable
-            | match [beyond[0] == u64::MAX, beyond[1] == u64::MAX] {
-                [false, true] => {
-                    P::pixels_of_one(self.level, self.previous, &before, &mut block.before);
-                    0
-                }
-                [true, false] => {
-                    P::pixels_of_one(self.level, self.current, &after, &mut block.after);
-                    0
-                }
-                _ => P::pixels(self.level, self.previous, &before, self.current, &after, &strict, block),
-            };
+        let shows_nothing = beyond.map(|beyond| beyond == u64::MAX);
+        let sample = |anchor, first, at, samples: &mut [P; BLOCK]| match is_whole {
+            true => P::tile_of_one(self.level, anchor, first, samples, TILE),
+            false => P::pixels_of_one(self.level, anchor, at, samples),
+        };
+        if shows_nothing != [true, false] {
+            sample(self.previous, spots.before, &before, &mut block.before);
+        }
+        if shows_nothing != [false, true] {
+            sample(self.current, spots.after, &after, &mut block.after);
+        }
+        let differing =
+            if shows_nothing[0] == shows_nothing[1] { P::merge_block(self.level, &strict, block) } else { 0 };
+        let mask = questionable | differing;
         let mut fronts = [EMPTY; BLOCK];
         let has_front = if mask == 0 { 0 } else { self.fronts(column, row, &mut fronts) & mask };
         let has_rim = self.rims(from, &keys, &fronts, has_front, &strict, rims);
@@ -318,7 +320,9 @@ impl<P: Colour> Between<'_, P> {
                 rims.merged[place] = P::merge(rims.before[place], rims.after[place], rule).0;
             });
         } else {
-            P::pixels(self.level, self.previous, &before, self.current, &after, rule, rims);
+            P::pixels_of_one(self.level, self.previous, &before, &mut rims.before);
+            P::pixels_of_one(self.level, self.current, &after, &mut rims.after);
+            P::merge_block(self.level, rule, rims);
         }
         has_rim
     }
@@ -517,7 +521,11 @@ pub(super) fn beyond<P: Colour>(
 /// How far two colours are apart: the levels of the channel that differs most.
 pub(super) fn apart<P: Colour>(a: P, b: P) -> f32 {
     let (a, b) = (a.in_levels(), b.in_levels());
-    (0..3).fold(0.0, |most: f32, c| most.max((a[c] - b[c]).abs()))
+    let mut apart = [0.0_f32; 4];
+    for c in 0..4 {
+        apart[c] = (a[c] - b[c]).abs();
+    }
+    0.0_f32.max(apart[0]).max(apart[1]).max(apart[2])
 }
 
 /// Calls `visit` for each bit that is set, lowest first.

@@ -17,20 +17,36 @@ impl Sampled for Pixel {
     #[inline]
     fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self {
         let (taps, [across, down]) = taps(&source, at, [0; 4]);
-        let weighted = |values: [[i32; 4]; TAPS], weights: [i16; TAPS]| -> [i32; 4] {
-            std::array::from_fn(|c| (0..TAPS).map(|tap| values[tap][c] * i32::from(weights[tap])).sum())
-        };
-        let rows = taps.map(|row| weighted(row.map(|pixel| pixel.map(i32::from)), across));
-        weighted(rows, down).map(|sum| ((sum + (1 << 13)) >> 14).clamp(0, 255) as u8)
+        // Plain loops: closures of arrays are at times left as functions of their own, one call to a channel.
+        let mut sums = [1 << 13; 4];
+        for (row, down) in taps.iter().zip(down) {
+            let mut of_row = [0; 4];
+            for (pixel, across) in row.iter().zip(across) {
+                for c in 0..4 {
+                    of_row[c] += i32::from(pixel[c]) * i32::from(across);
+                }
+            }
+            for c in 0..4 {
+                sums[c] += of_row[c] * i32::from(down);
+            }
+        }
+        let mut sample = [0; 4];
+        for c in 0..4 {
+            sample[c] = (sums[c] >> 14).clamp(0, 255) as u8;
+        }
+        sample
     }
 
     #[inline]
     fn merge(before: Self, after: Self, rule: &Rule) -> (Self, bool) {
-        let difference = (0..4).map(|c| before[c].abs_diff(after[c])).max().unwrap_or(0);
-        let (nearer, share) = (if rule.nearer_is_current { after } else { before }, u16::from(rule.share()));
-        let mixed = |c: usize| ((u16::from(before[c]) * (128 - share) + u16::from(after[c]) * share + 64) >> 7) as u8;
-        let merged = if difference <= rule.agree { nearer } else { std::array::from_fn(mixed) };
-        (merged, difference > rule.careful)
+        let share = u16::from(rule.share());
+        let (mut difference, mut mixed) = (0, [0; 4]);
+        for c in 0..4 {
+            difference = difference.max(before[c].abs_diff(after[c]));
+            mixed[c] = ((u16::from(before[c]) * (128 - share) + u16::from(after[c]) * share + 64) >> 7) as u8;
+        }
+        let nearer = if rule.nearer_is_current { after } else { before };
+        (if difference <= rule.agree { nearer } else { mixed }, difference > rule.careful)
     }
 
     fn tile(
@@ -68,26 +84,6 @@ impl Sampled for Pixel {
         }
     }
 
-    fn pixels(
-        level: Level,
-        previous: Source<'_, Self>,
-        a: &Positions,
-        current: Source<'_, Self>,
-        b: &Positions,
-        rule: &Rule,
-        out: &mut Block<Self>,
-    ) -> u64 {
-        match level.0 {
-            Set::Scalar | Set::Portable => scalar::pixels(previous, a, current, b, rule, out),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::pixels(previous, a, current, b, rule, out) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::pixels(previous, a, current, b, rule, out) },
-        }
-    }
-
     fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]) {
         match level.0 {
             Set::Scalar | Set::Portable => scalar::pixels_of_one(source, at, out),
@@ -97,6 +93,18 @@ impl Sampled for Pixel {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has all that is asked for.
             Set::Avx512 => unsafe { avx512::pixels_of_one(source, at, out) },
+        }
+    }
+
+    fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64 {
+        match level.0 {
+            Set::Scalar | Set::Portable => scalar::merge_block(rule, block),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::merge_block(rule, block) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            Set::Avx512 => unsafe { avx512::merge_block(rule, block) },
         }
     }
 

@@ -62,20 +62,12 @@ impl Sampled for Pixel {
         tile_of_one(level, source, at, out, stride);
     }
 
-    fn pixels(
-        level: Level,
-        previous: Source<'_, Self>,
-        a: &Positions,
-        current: Source<'_, Self>,
-        b: &Positions,
-        rule: &Rule,
-        out: &mut Block<Self>,
-    ) -> u64 {
-        pixels(level, previous, a, current, b, rule, out)
-    }
-
     fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]) {
         pixels_of_one(level, source, at, out);
+    }
+
+    fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64 {
+        merge_block(level, rule, block)
     }
 
     fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]) {
@@ -105,15 +97,12 @@ at_every_level! {
 }
 
 at_every_level! {
-    fn pixels(
-        previous: Source<'_, Pixel>, a: &Positions, current: Source<'_, Pixel>, b: &Positions, rule: &Rule,
-        out: &mut Block<Pixel>,
-    ) -> u64 = scalar::pixels | vectors::pixels
+    fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK])
+        = scalar::pixels_of_one | vectors::pixels_of_one
 }
 
 at_every_level! {
-    fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK])
-        = scalar::pixels_of_one | vectors::pixels_of_one
+    fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 = scalar::merge_block | vectors::merge_block
 }
 
 at_every_level! {

@@ -98,19 +98,11 @@ pub trait Sampled: Pixel {
     /// When `out` is too small for that.
     fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize);
 
-    /// Sixty-four pixels, each from a place of its own in both pictures. Bits as for [`Self::tile`].
-    fn pixels(
-        level: Level,
-        previous: Source<'_, Self>,
-        a: &Positions,
-        current: Source<'_, Self>,
-        b: &Positions,
-        rule: &Rule,
-        out: &mut Block<Self>,
-    ) -> u64;
-
-    /// The same from one picture alone.
+    /// Sixty-four pixels, each from a place of its own.
     fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]);
+
+    /// Merges the samples of a block. Bits as for [`Self::tile`].
+    fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64;
 
     /// Adds the channels of a row of pixels to `sums`, in whole levels from 0 to 255 (see [`Self::levels`]); sums wrap
     /// around, which those of up to 257 rows do not.

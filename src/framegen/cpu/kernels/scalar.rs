@@ -31,21 +31,12 @@ pub(super) fn tile_of_one<P: Sampled>(source: Source<'_, P>, at: [i32; 2], out: 
     }
 }
 
-/// See [`Sampled::pixels`].
-pub(super) fn pixels<P: Sampled>(
-    previous: Source<'_, P>,
-    a: &Positions,
-    current: Source<'_, P>,
-    b: &Positions,
-    rule: &Rule,
-    out: &mut Block<P>,
-) -> u64 {
-    pixels_of_one(previous, a, &mut out.before);
-    pixels_of_one(current, b, &mut out.after);
+/// See [`Sampled::merge_block`].
+pub(super) fn merge_block<P: Sampled>(rule: &Rule, block: &mut Block<P>) -> u64 {
     let mut mask = 0;
     for i in 0..BLOCK {
-        let (merged, is_reported) = P::merge(out.before[i], out.after[i], rule);
-        out.merged[i] = merged;
+        let (merged, is_reported) = P::merge(block.before[i], block.after[i], rule);
+        block.merged[i] = merged;
         mask |= u64::from(is_reported) << i;
     }
     mask

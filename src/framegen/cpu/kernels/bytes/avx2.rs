@@ -44,25 +44,16 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
     }
 }
 
-/// See [`super::Sampled::pixels`].
+/// See [`super::Sampled::merge_block`].
 #[target_feature(enable = "avx2")]
-pub(super) fn pixels(
-    previous: Source<'_, Pixel>,
-    a: &Positions,
-    current: Source<'_, Pixel>,
-    b: &Positions,
-    rule: &Rule,
-    out: &mut Block<Pixel>,
-) -> u64 {
-    pixels_of_one(previous, a, &mut out.before);
-    pixels_of_one(current, b, &mut out.after);
+pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let merge = Merge::new(rule);
-    let rows = |block| -> &[[Pixel; TILE]; TILE] { must_cast_ref::<[Pixel; BLOCK], _>(block) };
-    let (before, after) = (rows(&out.before), rows(&out.after));
+    let rows = |pixels| -> &[[Pixel; TILE]; TILE] { must_cast_ref::<[Pixel; BLOCK], _>(pixels) };
+    let (before, after) = (rows(&block.before), rows(&block.after));
     let mut mask = 0;
     for j in 0..TILE {
         let (row, is_reported) = merge.eight(must_cast(before[j]), must_cast(after[j]));
-        store(&mut out.merged[j * TILE..], row);
+        store(&mut block.merged[j * TILE..], row);
         mask |= u64::from(is_reported) << (TILE * j);
     }
     mask

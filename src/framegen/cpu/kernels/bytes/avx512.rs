@@ -52,22 +52,13 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
     }
 }
 
-/// See [`super::Sampled::pixels`].
+/// See [`super::Sampled::merge_block`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-pub(super) fn pixels(
-    previous: Source<'_, Pixel>,
-    a: &Positions,
-    current: Source<'_, Pixel>,
-    b: &Positions,
-    rule: &Rule,
-    out: &mut Block<Pixel>,
-) -> u64 {
-    pixels_of_one(previous, a, &mut out.before);
-    pixels_of_one(current, b, &mut out.after);
+pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let merge = Merge::new(rule);
-    let before: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&out.before);
-    let after: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&out.after);
-    let merged: &mut [[Pixel; PIXELS]; 4] = must_cast_mut::<[Pixel; BLOCK], _>(&mut out.merged);
+    let before: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.before);
+    let after: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.after);
+    let merged: &mut [[Pixel; PIXELS]; 4] = must_cast_mut::<[Pixel; BLOCK], _>(&mut block.merged);
     let mut mask = 0;
     for i in 0..4 {
         let (pixels, is_reported) = merge.sixteen(must_cast(before[i]), must_cast(after[i]));

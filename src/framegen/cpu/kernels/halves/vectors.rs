@@ -45,25 +45,16 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
     }
 }
 
-/// See [`super::Sampled::pixels`].
+/// See [`super::Sampled::merge_block`].
 #[inline(always)]
-pub(super) fn pixels(
-    previous: Source<'_, Pixel>,
-    a: &Positions,
-    current: Source<'_, Pixel>,
-    b: &Positions,
-    rule: &Rule,
-    out: &mut Block<Pixel>,
-) -> u64 {
-    pixels_of_one(previous, a, &mut out.before);
-    pixels_of_one(current, b, &mut out.after);
+pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let mut mask = 0;
     for j in 0..TILE {
         let (mut before, mut after) = ([0.0; ROW], [0.0; ROW]);
-        widen(out.before[TILE * j..].as_flattened(), &mut before);
-        widen(out.after[TILE * j..].as_flattened(), &mut after);
+        widen(block.before[TILE * j..].as_flattened(), &mut before);
+        widen(block.after[TILE * j..].as_flattened(), &mut after);
         let (row, is_reported) = merged(&before, &after, rule);
-        out.merged[TILE * j..][..TILE].copy_from_slice(&narrowed(&row));
+        block.merged[TILE * j..][..TILE].copy_from_slice(&narrowed(&row));
         mask |= is_reported << (TILE * j);
     }
     mask

@@ -147,16 +147,17 @@ fn all_levels_make_the_same_pixels<P: Painted>() {
         let (a, b, rule) = (positions(&mut random), positions(&mut random), rule(&mut random));
         let make = |level: Option<Level>| {
             let mut out = Block { before: [P::GUARD; BLOCK], after: [P::GUARD; BLOCK], merged: [P::GUARD; BLOCK] };
-            let mut one = [P::GUARD; BLOCK];
-            let mask = match level {
-                Some(level) => P::pixels(level, previous, &a, current, &b, &rule, &mut out),
-                None => scalar::pixels(previous, &a, current, &b, &rule, &mut out),
-            };
-            match level {
-                Some(level) => P::pixels_of_one(level, previous, &b, &mut one),
-                None => scalar::pixels_of_one(previous, &b, &mut one),
+            for (source, at, samples) in [(previous, &a, &mut out.before), (current, &b, &mut out.after)] {
+                match level {
+                    Some(level) => P::pixels_of_one(level, source, at, samples),
+                    None => scalar::pixels_of_one(source, at, samples),
+                }
             }
-            (mask, bits(&out.before), bits(&out.after), bits(&out.merged), bits(&one))
+            let mask = match level {
+                Some(level) => P::merge_block(level, &rule, &mut out),
+                None => scalar::merge_block(&rule, &mut out),
+            };
+            (mask, bits(&out.before), bits(&out.after), bits(&out.merged))
         };
         let expected = make(None);
         for level in Level::available() {
