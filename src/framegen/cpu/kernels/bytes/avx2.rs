@@ -9,7 +9,7 @@ use super::{
     BEFORE, BIAS, BLOCK, Block, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE, clamped, rows,
     starts,
 };
-use crate::framegen::cpu::kernels::weights::PAIRS;
+use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
 
 /// See [`super::Sampled::tile`].
 #[target_feature(enable = "avx2")]
@@ -62,47 +62,69 @@ pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
 /// See [`super::Sampled::pixels_of_one`].
 #[target_feature(enable = "avx2")]
 pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
-    // Within a row of eight pixels: of the first four and of the others the bytes of each channel behind each other, the
-    // second and the third before the first and the fourth.
-    let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(4, 8, 0, 12, 5, 9, 1, 13, 6, 10, 2, 14, 7, 11, 3, 15));
-    let ones = _mm256_set1_epi16(1);
-    let bias = _mm256_setr_epi32(BIAS.into(), BIAS.into(), BIAS.into(), BIAS.into(), 0, 0, 0, 0);
+    // Of two pixels beside each other, a channel of both behind each other.
+    let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 8, 9, 2, 3, 10, 11, 4, 5, 12, 13, 6, 7, 14, 15));
+    let bias = _mm256_set1_epi16(BIAS);
     let starts = starts(&source, at);
     for (i, four) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-        let sums: [__m128i; 4] = std::array::from_fn(|lane| {
+        let mut sums = [_mm_setzero_si128(); 4];
+        for (lane, sum) in sums.iter_mut().enumerate() {
             let at = [at.x[4 * i + lane], at.y[4 * i + lane]];
-            let bytes: [__m256i; TAPS] = match rows(&source, starts[4 * i + lane]) {
-                Some(rows) => rows.map(|row| must_cast(*row)),
+            let rows: [__m256i; TAPS] = match rows(&source, starts[4 * i + lane]) {
+                Some([a, b, c, d, e, f]) => {
+                    [must_cast(*a), must_cast(*b), must_cast(*c), must_cast(*d), must_cast(*e), must_cast(*f)]
+                }
                 None => must_cast(clamped(&source, at)),
             };
-            let [fx, fy] = at.map(|v| (v & 63) as usize);
-            let [a, b, c, d, e, f, ..] = NEGATIVE[fx];
-            let (first, last) =
-                (i32::from_le_bytes([b, c, a, d].map(|w| w as u8)), i32::from_le_bytes([f, 0, e, 0].map(|w| w as u8)));
-            let across = _mm256_setr_epi32(first, first, first, first, last, last, last, last);
-            // What the first four taps have, and what the others have.
-            let [a, b, c, d, e, f] = bytes.map(|row| {
-                let pairs = _mm256_maddubs_epi16(_mm256_shuffle_epi8(row, by_channel), across);
-                _mm256_add_epi32(_mm256_madd_epi16(pairs, ones), bias)
-            });
-            let (even, odd) = (_mm256_packs_epi32(a, c), _mm256_packs_epi32(b, d));
-            let down = SINC[fy].map(|w| -w);
-            let weighted =
-                |rows, tap: usize| _mm256_madd_epi16(rows, _mm256_set1_epi32(must_cast([down[tap], down[tap + 1]])));
-            let sum = _mm256_add_epi32(
-                _mm256_add_epi32(
-                    weighted(_mm256_unpacklo_epi16(even, odd), 0),
-                    weighted(_mm256_unpackhi_epi16(even, odd), 2),
-                ),
-                weighted(_mm256_unpacklo_epi16(_mm256_packs_epi32(e, e), _mm256_packs_epi32(f, f)), 4),
+            let [fx, fy] = [at[0] & 63, at[1] & 63].map(|v| v as usize);
+            // Minus what the columns have, and the bias: those of the first two pixels and of the fifth and sixth, and those of the
+            // third and fourth.
+            let (mut outer, mut inner) = (bias, bias);
+            for (pair, [p, q]) in PAIRS.into_iter().enumerate() {
+                let down = _mm256_set1_epi16(DOWN[fy][pair]);
+                let [low, high] = [_mm256_unpacklo_epi8(rows[p], rows[q]), _mm256_unpackhi_epi8(rows[p], rows[q])];
+                outer = _mm256_add_epi16(outer, _mm256_maddubs_epi16(low, down));
+                inner = _mm256_add_epi16(inner, _mm256_maddubs_epi16(high, down));
+            }
+            let [of_outer, of_inner] = ACROSS[fx];
+            let all = _mm256_add_epi32(
+                _mm256_madd_epi16(_mm256_shuffle_epi8(outer, by_channel), must_cast(of_outer)),
+                _mm256_madd_epi16(_mm256_shuffle_epi8(inner, by_channel), must_cast(of_inner)),
             );
-            _mm_add_epi32(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1))
-        });
+            *sum = _mm_add_epi32(_mm256_castsi256_si128(all), _mm256_extracti128_si256(all, 1));
+        }
         let [a, b, c, d] = sums.map(|sum| _mm_srai_epi32(sum, 14));
         let levels = _mm_packs_epi16(_mm_packs_epi32(a, b), _mm_packs_epi32(c, d));
         *four = must_cast(_mm_xor_si128(levels, _mm_set1_epi8(-128)));
     }
 }
+
+/// Minus the weights of each of [`PAIRS`], as bytes of one number.
+static DOWN: [[i16; TAPS / 2]; PHASES] = {
+    let mut table = [[0; TAPS / 2]; PHASES];
+    let mut i = 0;
+    while i < PHASES * TAPS / 2 {
+        let (phase, pair) = (i / (TAPS / 2), i % (TAPS / 2));
+        let [p, q] = PAIRS[pair];
+        table[phase][pair] = NEGATIVE[phase][p] as u8 as i16 | (NEGATIVE[phase][q] as i16) << 8;
+        i += 1;
+    }
+    table
+};
+
+/// Minus the weights of pixels in a row, two to a channel: those of the first two and of the fifth and sixth, then those of the
+/// third and fourth; two more pixels have none.
+static ACROSS: [[[i16; 16]; 2]; PHASES] = {
+    let mut table = [[[0; 16]; 2]; PHASES];
+    let mut i = 0;
+    while i < PHASES * 32 {
+        let (phase, inner, place) = (i / 32, i / 16 % 2, i % 16);
+        let tap = 4 * (place / 8) + 2 * inner + place % 2;
+        table[phase][inner][place] = if tap < TAPS { -SINC[phase][tap] } else { 0 };
+        i += 1;
+    }
+    table
+};
 
 /// The tile as levels, row by row.
 #[target_feature(enable = "avx2")]
