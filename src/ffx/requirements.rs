@@ -1,7 +1,7 @@
 //! What AMD's libraries need, and what is there: system, Direct3D and shader model are the program's to bring, and what runs
 //! without them is less than what could. Windows only.
 
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::c_void;
 
 use windows::Win32::Graphics::Direct3D12::{
     D3D_SHADER_MODEL_6_6, D3D12_FEATURE_DATA_SHADER_MODEL, D3D12_FEATURE_SHADER_MODEL,
@@ -11,7 +11,7 @@ use windows::core::Interface;
 use super::library::{FileVersion, Module};
 use super::provider::listed;
 use super::{Effect, Library, LoadOptions, versions};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, System};
 use crate::{Error, Result};
 
 /// One thing that AMD's frame generation needs.
@@ -91,9 +91,9 @@ fn provider(library: &Result<Library>, gpu: &Gpu) -> Requirement {
 }
 
 fn system() -> Requirement {
-    let build = build();
+    let System { build, wine } = System::this();
     let mut found = build.map_or("unknown".to_owned(), |[major, minor, build]| format!("{major}.{minor}.{build}"));
-    if let Some(version) = wine() {
+    if let Some(version) = wine {
         found = format!(
             "{found}, played by Wine {version}: nothing of AMD's is promised there, and analytic is what runs best"
         );
@@ -101,41 +101,6 @@ fn system() -> Requirement {
     let met = build.is_some_and(|[_, _, build]| build >= WINDOWS_11);
     let needed = "Windows 11 (build 22000) for ml; Windows 10 for analytic";
     Requirement { what: Needed::System, met, needed, found }
-}
-
-/// Major, minor and build of the system. What `GetVersionEx` says is what a program's manifest names.
-fn build() -> Option<[u32; 3]> {
-    /// `OSVERSIONINFOW`.
-    #[repr(C)]
-    struct Version {
-        size: u32,
-        numbers: [u32; 3],
-        platform: u32,
-        text: [u16; 128],
-    }
-    #[link(name = "ntdll")]
-    unsafe extern "system" {
-        fn RtlGetVersion(version: *mut Version) -> i32;
-    }
-    let size = size_of::<Version>() as u32;
-    let mut version = Version { size, numbers: [0; 3], platform: 0, text: [0; 128] };
-    // SAFETY: a struct that says its size.
-    (unsafe { RtlGetVersion(&mut version) } == 0).then_some(version.numbers)
-}
-
-/// Wine's version, where the system is played by it.
-fn wine() -> Option<String> {
-    let system = Module::namesakes("ntdll.dll").into_iter().next()?;
-    let found = system.symbol(c"wine_get_version");
-    if found.is_null() {
-        return None;
-    }
-    // SAFETY: Wine's own function, of this type, which gives static text.
-    let text = unsafe {
-        let version = std::mem::transmute::<*const c_void, unsafe extern "C" fn() -> *const c_char>(found);
-        CStr::from_ptr(version())
-    };
-    Some(text.to_string_lossy().into_owned())
 }
 
 /// The one that is in this process: a device is there, so one is.

@@ -5,8 +5,9 @@ use windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
 use windows::Win32::Graphics::Direct3D12::{D3D12CreateDevice, ID3D12Device};
 use windows::Win32::Graphics::Dxgi::{
     CreateDXGIFactory2, DXGI_ADAPTER_DESC1, DXGI_ADAPTER_FLAG_SOFTWARE, DXGI_CREATE_FACTORY_FLAGS,
-    DXGI_ERROR_NOT_FOUND, IDXGIAdapter1, IDXGIFactory4,
+    DXGI_ERROR_NOT_FOUND, IDXGIAdapter1, IDXGIDevice, IDXGIFactory4,
 };
+use windows::core::Interface;
 
 use super::failure::failed;
 use crate::{Error, ErrorKind, Result};
@@ -26,6 +27,8 @@ pub struct Adapter {
     pub memory: u64,
     /// It is the processor in an adapter's clothes.
     pub software: bool,
+    /// The version of its driver, as Windows shows it, e.g. `32.0.23033.1002`; none where the system does not say.
+    pub driver: Option<String>,
 }
 
 /// Lists the adapters that Direct3D 12 works on, in the system's order: the one it prefers first.
@@ -79,14 +82,22 @@ fn each(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
         };
         // SAFETY: a live adapter; the call fills a struct of its own.
         let told = unsafe { adapter.GetDesc1() }.map_err(|e| failed("IDXGIAdapter1::GetDesc1", &e))?;
-        if !visit(&adapter, describe(&told)) {
+        if !visit(&adapter, describe(&told, driver(&adapter))) {
             break;
         }
     }
     Ok(())
 }
 
-fn describe(told: &DXGI_ADAPTER_DESC1) -> Adapter {
+/// The version of an adapter's driver: DXGI tells that of the part that runs in programs.
+fn driver(adapter: &IDXGIAdapter1) -> Option<String> {
+    // SAFETY: a live adapter and a static identifier; the call fills a number of its own.
+    let version = unsafe { adapter.CheckInterfaceSupport(&IDXGIDevice::IID) }.ok()?;
+    let part = |place: u32| version >> (16 * place) & 0xffff;
+    (version != 0).then(|| format!("{}.{}.{}.{}", part(3), part(2), part(1), part(0)))
+}
+
+fn describe(told: &DXGI_ADAPTER_DESC1, driver: Option<String>) -> Adapter {
     let length = told.Description.iter().position(|&c| c == 0).unwrap_or(told.Description.len());
     Adapter {
         luid: number(told.AdapterLuid),
@@ -95,6 +106,7 @@ fn describe(told: &DXGI_ADAPTER_DESC1) -> Adapter {
         device: told.DeviceId,
         memory: told.DedicatedVideoMemory as u64,
         software: told.Flags & DXGI_ADAPTER_FLAG_SOFTWARE.0 as u32 != 0,
+        driver,
     }
 }
 

@@ -10,7 +10,7 @@ use windows::Win32::Graphics::Direct3D12::{
 use windows::core::{IUnknown, Interface};
 
 use super::failure::{failed, failed_on, removed};
-use super::{Queue, adapter};
+use super::{Adapter, Queue, adapter};
 use crate::{Error, ErrorKind, Result};
 
 /// A Direct3D 12 device, an engine's or our own, with a queue for frames and one for anchors. Cheap to clone; every clone is the
@@ -102,6 +102,14 @@ impl Gpu {
     /// The LUID of its adapter.
     pub fn luid(&self) -> u64 {
         self.0.luid
+    }
+
+    /// Its adapter. Tries no other, and makes no device on it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the adapter is gone.
+    pub fn adapter(&self) -> Result<Adapter> {
+        adapter::find(Some(self.luid())).map(|(_, described)| described)
     }
 
     /// What its adapter calls itself. Tries no other adapter, and makes no device on it.

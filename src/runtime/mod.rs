@@ -35,4 +35,6 @@ pub(crate) use lane::{Backup, BindingId, BufferId, CopiesId, KeptCopy, Lane, Reg
 #[cfg(windows)]
 pub(crate) use lane::{Decoded, Work};
 pub use library::Ort;
+#[cfg(windows)]
+pub use module::{LoadedLibrary, loaded_libraries};
 pub(crate) use stop::StopLane;

@@ -68,6 +68,41 @@ impl Version {
     }
 }
 
+/// What decides what a graphics device computes, beside its driver: libraries by the names under which they are loaded.
+const DECIDING: [PCWSTR; 9] = [
+    w!("onnxruntime.dll"),
+    w!("DirectML.dll"),
+    w!("d3d12.dll"),
+    w!("D3D12Core.dll"),
+    w!("dxgi.dll"),
+    w!("amd_fidelityfx_loader_dx12.dll"),
+    w!("amd_fidelityfx_framegeneration_dx12.dll"),
+    w!("amd_fidelityfx_upscaler_dx12.dll"),
+    w!("amd_fidelityfx_dx12.dll"),
+];
+
+/// A library of this process.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LoadedLibrary {
+    /// Its file.
+    pub path: PathBuf,
+    /// The version that its file tells, e.g. `1.15.4.0`.
+    pub version: Option<String>,
+}
+
+/// Those of the libraries of this process on which it depends what a graphics device computes: of ONNX Runtime, DirectML, Direct3D
+/// and AMD's ffx-api. For manifests; what was not loaded yet is not among them. Windows only.
+pub fn loaded_libraries() -> Vec<LoadedLibrary> {
+    DECIDING
+        .into_iter()
+        .filter_map(loaded)
+        .map(|module| LoadedLibrary {
+            version: Version::of(&module.path).map(|version| version.to_string()),
+            path: module.path,
+        })
+        .collect()
+}
+
 /// A library's path with the version its file tells, for messages.
 pub(super) fn described(path: &Path) -> String {
     match Version::of(path) {

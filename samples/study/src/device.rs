@@ -72,6 +72,15 @@ impl From<DeviceChoice> for String {
 }
 
 impl DeviceChoice {
+    /// Whether this, which a choice came to, may be what `wanted` comes to.
+    pub(crate) fn is_what(self, wanted: Self) -> bool {
+        match wanted {
+            Self::Auto => true,
+            Self::D3d12(None) => matches!(self, Self::D3d12(_)),
+            Self::Cpu | Self::D3d12(Some(_)) => self == wanted,
+        }
+    }
+
     /// Whether it is what manifests mean that name no device.
     pub(crate) fn is_cpu(&self) -> bool {
         *self == Self::Cpu
@@ -145,6 +154,23 @@ fn d3d12(_: &Ort, _: Option<u32>) -> Result<(Device, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_choice_knows_what_it_may_have_come_to() {
+        let choice = |text: &str| text.parse::<DeviceChoice>().unwrap();
+        for (found, wanted, fits) in [
+            ("cpu", "cpu", true),
+            ("d3d12:1", "d3d12", true),
+            ("d3d12:1", "d3d12:1", true),
+            ("d3d12:1", "d3d12:0", false),
+            ("cpu", "d3d12", false),
+            ("d3d12:0", "cpu", false),
+            ("cpu", "auto", true),
+            ("d3d12:0", "auto", true),
+        ] {
+            assert_eq!(choice(found).is_what(choice(wanted)), fits, "{found} for {wanted}");
+        }
+    }
 
     #[test]
     fn a_choice_is_written_as_it_is_read() {

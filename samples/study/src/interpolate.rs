@@ -103,7 +103,7 @@ pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
     let target = Target::choose(job.input, job.out, job.multiplier)?;
     target.check(job.input, job.overwrite)?;
 
-    let format = VideoFormat { size, rate: new_rate, pixel_aspect };
+    let format = VideoFormat { pixel_aspect, ..VideoFormat::new(size, new_rate) };
     let mut steps = Steps::start(source, stopper, size)?;
     // Nothing is made before it is known that there is something to make.
     let start = steps.first_pair(job.stop).map_err(|e| named(e, job.input))?;

@@ -13,7 +13,7 @@ use cairn::{Error, ErrorKind, Result};
 use crate::device::{self, DeviceChoice};
 use crate::inputs::{self, Loaded};
 use crate::latents::LatentFile;
-use crate::machine::Versions;
+use crate::machine::{self, Versions};
 use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute, to_json};
 use crate::media::{Disk, FrameRate, Recorder, VideoFormat, encode_small_png, write_whole};
 use crate::output::{Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO, sinks};
@@ -103,6 +103,8 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     job.progress.end();
 
     let mut finished = stream.finish();
+    // Some are loaded when the first frame needs them.
+    manifest.versions.libraries = machine::libraries();
     let mut failure = finished.failure.take();
     let interrupted = matches!(end, Ok(End::Stopped));
     // The recorder knows why it stopped; the loop only saw that it did.
@@ -152,6 +154,8 @@ fn first_manifest(mut settings: Settings, loaded: &Loaded, device: &Device, chec
             onnxruntime: Some(loaded.ort.version().into()),
             device: Some(device.describe()),
             threads: Some(device.threads()),
+            generator: checked.generator.to_string(),
+            adapter: machine::adapter(device, checked.generator),
             ..Versions::of_this_program()
         },
         timings: BTreeMap::new(),

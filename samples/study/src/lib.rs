@@ -37,7 +37,7 @@ pub use device::DeviceChoice;
 pub use inputs::Overrides;
 pub use interpolate::{FOLDER_RATE, Interpolation, MAX_MULTIPLIER, Report, interpolate};
 pub use job::{Job, Outcome, run as run_job};
-pub use machine::Versions;
+pub use machine::{AdapterVersion, LibraryVersion, Versions};
 pub use manifest::{Counts, Input, Inputs, MANIFEST_VERSION, Manifest, Output, sha256};
 pub use progress::Progress;
 pub use reconstruct::{

@@ -1,11 +1,10 @@
 //! Versions and the machine, as far as they can decide a bit or explain a time.
 
+use cairn::runtime::Device;
 use serde::{Deserialize, Serialize};
 
+use crate::generator::GeneratorChoice;
 use crate::media;
-
-/// The generator in use.
-const GENERATOR: &str = "cpu";
 
 /// What ran, and on what.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -27,7 +26,13 @@ pub struct Versions {
     /// Threads of a pass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub threads: Option<usize>,
-    /// Operating system and kernel.
+    /// The graphics adapter of the world or of the generator, where one of them runs on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adapter: Option<AdapterVersion>,
+    /// Libraries of others that decide what a graphics device computes: of ONNX Runtime, DirectML, Direct3D and AMD.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub libraries: Vec<LibraryVersion>,
+    /// Operating system and its version.
     pub os: String,
     /// Processor architecture.
     pub architecture: String,
@@ -39,6 +44,26 @@ pub struct Versions {
     pub optimised_build: bool,
 }
 
+/// A graphics adapter.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AdapterVersion {
+    /// What it calls itself.
+    pub name: String,
+    /// The version of its driver, as Windows shows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver: Option<String>,
+}
+
+/// A library of others.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LibraryVersion {
+    /// The name of its file.
+    pub name: String,
+    /// What the file says of itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub version: Option<String>,
+}
+
 impl Versions {
     /// This program on this machine, without a world.
     pub(crate) fn of_this_program() -> Self {
@@ -47,9 +72,11 @@ impl Versions {
             onnxruntime: None,
             encoder: media::ENCODER.into(),
             encoder_assembly: media::ASSEMBLY,
-            generator: GENERATOR.into(),
+            generator: GeneratorChoice::Cpu.to_string(),
             device: None,
             threads: None,
+            adapter: None,
+            libraries: libraries(),
             os: os(),
             architecture: std::env::consts::ARCH.into(),
             cpu: cpu(),
@@ -59,7 +86,54 @@ impl Versions {
     }
 }
 
+/// Those libraries of this process, as far as it has loaded them by now.
+#[cfg(windows)]
+pub(crate) fn libraries() -> Vec<LibraryVersion> {
+    let all = cairn::runtime::loaded_libraries().into_iter();
+    all.map(|library| LibraryVersion {
+        name: library.path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        version: library.version,
+    })
+    .collect()
+}
+
+/// None elsewhere: worlds run on the processor there, and the manifest has ONNX Runtime by itself.
+#[cfg(not(windows))]
+pub(crate) fn libraries() -> Vec<LibraryVersion> {
+    Vec::new()
+}
+
+/// The adapter that a world runs on, or else its generator: that takes the system's first which is no software.
+#[cfg(windows)]
+pub(crate) fn adapter(world: &Device, generator: GeneratorChoice) -> Option<AdapterVersion> {
+    let adapter = match world.gpu() {
+        Some(gpu) => gpu.adapter().ok()?,
+        None if generator.is_cpu() => return None,
+        None => {
+            let all = cairn::gpu::adapters().ok()?;
+            all.iter().find(|adapter| !adapter.software).or(all.first())?.clone()
+        }
+    };
+    Some(AdapterVersion { name: adapter.description, driver: adapter.driver })
+}
+
+/// None elsewhere.
+#[cfg(not(windows))]
+pub(crate) fn adapter(_: &Device, _: GeneratorChoice) -> Option<AdapterVersion> {
+    None
+}
+
+/// The operating system, e.g. `Windows 10.0.22631`.
+#[cfg(windows)]
+fn os() -> String {
+    let cairn::gpu::System { build, wine } = cairn::gpu::System::this();
+    let build = build.map(|[major, minor, build]| format!(" {major}.{minor}.{build}")).unwrap_or_default();
+    let wine = wine.map(|version| format!(", played by Wine {version}")).unwrap_or_default();
+    format!("Windows{build}{wine}")
+}
+
 /// The operating system, e.g. `Debian GNU/Linux 12 (bookworm), Linux 6.1.0`.
+#[cfg(not(windows))]
 fn os() -> String {
     let read = |path| std::fs::read_to_string(path).unwrap_or_default();
     let release = read("/etc/os-release");

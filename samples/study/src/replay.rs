@@ -221,12 +221,19 @@ fn changed_input(then: &Input, now: &Input) -> String {
 fn versions(a: &Versions, b: &Versions) -> impl Iterator<Item = Difference> {
     let threads = |versions: &Versions| versions.threads.map(|threads| threads.to_string()).unwrap_or_default();
     let text = |text: &Option<String>| text.clone().unwrap_or_default();
+    let driver = |versions: &Versions| versions.adapter.as_ref().and_then(|a| a.driver.clone()).unwrap_or_default();
+    let libraries = |versions: &Versions| {
+        let all = versions.libraries.iter().map(|l| format!("{} {}", l.name, l.version.as_deref().unwrap_or("?")));
+        all.collect::<Vec<_>>().join(", ")
+    };
     let pairs = [
         ("cairn", [a.cairn.clone(), b.cairn.clone()]),
         ("ONNX Runtime", [text(&a.onnxruntime), text(&b.onnxruntime)]),
         ("the video encoder", [a.encoder.clone(), b.encoder.clone()]),
         ("the frame generator", [a.generator.clone(), b.generator.clone()]),
         ("the device", [text(&a.device), text(&b.device)]),
+        ("the adapter's driver", [driver(a), driver(b)]),
+        ("libraries of others", [libraries(a), libraries(b)]),
         ("the thread count", [threads(a), threads(b)]),
         ("the processor architecture", [a.architecture.clone(), b.architecture.clone()]),
         ("the processor's features", [a.cpu_features.join(" "), b.cpu_features.join(" ")]),

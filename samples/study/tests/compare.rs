@@ -54,10 +54,24 @@ fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
         assert!(place.join(branch).join("manifest.json").exists(), "{branch}");
     }
     for words in
-        ["g128", "g384", "g512", "Table 6", "Table 7", "0.0449 / 0.0677", "cannot be told: too short a walk, 0.2 s"]
+        ["g128", "g384", "g512", "0.0449 / 0.0677", "Radeon RX 9070 XT", "cannot be told: too short a walk, 0.2 s"]
     {
         assert!(text.contains(words), "{words}: {text}");
     }
+    // Every table and figure of the paper that its forest has a part in, and every file that the report has beside it.
+    for number in 2..=7 {
+        assert!(text.contains(&format!("## Table {number}: ")), "table {number}");
+    }
+    for number in ["1", "2", "3"] {
+        assert!(text.contains(&format!("## Figure {number}: ")), "figure {number}");
+    }
+    let named = text.lines().filter_map(|line| Some(line.strip_prefix("![")?.split_once("](")?.1.strip_suffix(')')?));
+    let named: Vec<&str> = named.collect();
+    assert!(named.len() >= 6 && named.iter().all(|path| out.join(path).metadata().unwrap().len() > 0), "{named:?}");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("<video") && page.matches("data:image/jpeg").count() == 3 && !page.contains("src=\"http"));
+    let video = fs::read(place.join("side-by-side.mp4")).unwrap();
+    assert_eq!(video.get(4..8), Some(&b"ftyp"[..]));
     // The same latents: at the times of the anchors both show the same picture, bit for bit.
     let frame =
         |branch: &str, number: u32| fs::read(place.join(branch).join(format!("frames/{number:06}.png"))).unwrap();
@@ -68,10 +82,16 @@ fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
     let series = fs::read_to_string(place.join("series.csv")).unwrap();
     assert_eq!(series.lines().count(), 2 + 6 * 7, "a line for each frame of truth and branches");
 
-    // Nothing is made again.
+    // Nothing is made again; the report may be put elsewhere, without the rollouts.
     let (first, before) = (figures(&out), times(&place.join("coherence")));
-    let (status, text) = compare(&out, &[]);
+    let filmed = fs::metadata(place.join("side-by-side.mp4")).unwrap().modified().unwrap();
+    let published = folder.path().join("published");
+    let (status, text) = compare(&out, &["--publish", published.to_str().unwrap()]);
     assert!(status == Some(0) && text.contains("5 of them kept"), "{text}");
+    assert_eq!(fs::metadata(place.join("side-by-side.mp4")).unwrap().modified().unwrap(), filmed);
+    for path in named.iter().chain(&["report.md", "report.html"]) {
+        assert_eq!(fs::read(published.join(path)).unwrap().len(), fs::read(out.join(path)).unwrap().len(), "{path}");
+    }
     assert_eq!((times(&place.join("coherence")), figures(&out)), (before.clone(), first.clone()));
 
     // What is missing is made again, and nothing else; the figures are the same.

@@ -6,10 +6,10 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use cairn::{ErrorKind, Picture};
-use common::pairs::{Pair, pairs};
+use common::pairs::{Pair, large_pairs, pairs};
 use common::weights::lpips;
 use study::media::encode_png;
-use study::metrics::{Net, psnr, ssim};
+use study::metrics::{Net, ms_ssim, psnr, ssim};
 use study::sha256;
 
 static PAIRS: LazyLock<Vec<Pair>> = LazyLock::new(|| {
@@ -18,8 +18,16 @@ static PAIRS: LazyLock<Vec<Pair>> = LazyLock::new(|| {
     pairs
 });
 
+static LARGE_PAIRS: LazyLock<Vec<Pair>> = LazyLock::new(|| {
+    let pairs = large_pairs();
+    write(&pairs, Path::new(env!("CARGO_TARGET_TMPDIR")).join("large-metric-pairs").as_path());
+    pairs
+});
+
 /// The table that samples/study/tests/goldens/metrics.py makes.
 const TABLE: &str = include_str!("goldens/metrics.csv");
+/// The table that samples/study/tests/goldens/ms_ssim.py makes.
+const LARGE_TABLE: &str = include_str!("goldens/ms_ssim.csv");
 
 /// Leaves the pairs as files for the script.
 fn write(pairs: &[Pair], folder: &Path) {
@@ -40,9 +48,11 @@ fn sum(pair: &Pair) -> String {
 
 /// Compares what `measure` makes of every pair with a column of the table.
 fn compare(column: &str, tolerance: f64, measure: impl Fn(&Pair) -> f64) {
-    // Made first, so that the script finds them whatever the table holds.
-    let pairs = &*PAIRS;
-    let mut lines = TABLE.lines().filter(|line| !line.starts_with('#'));
+    compare_with(&PAIRS, TABLE, column, tolerance, measure);
+}
+
+fn compare_with(pairs: &[Pair], table: &str, column: &str, tolerance: f64, measure: impl Fn(&Pair) -> f64) {
+    let mut lines = table.lines().filter(|line| !line.starts_with('#'));
     let names: Vec<&str> = lines.next().expect("a head").split(';').collect();
     let place = |name: &str| names.iter().position(|n| *n == name).unwrap_or_else(|| panic!("no column {name}"));
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(';').collect()).collect();
@@ -68,6 +78,12 @@ fn psnr_is_that_of_scikit_image() {
 #[test]
 fn ssim_is_that_of_scikit_image() {
     compare("ssim", 1e-8, |pair| ssim(&pair.truth, &pair.candidate).unwrap());
+}
+
+/// TensorFlow computes in 32 bits.
+#[test]
+fn ms_ssim_is_that_of_tensorflow() {
+    compare_with(&LARGE_PAIRS, LARGE_TABLE, "ms_ssim", 1e-5, |pair| ms_ssim(&pair.truth, &pair.candidate).unwrap());
 }
 
 #[test]

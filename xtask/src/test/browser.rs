@@ -1,4 +1,5 @@
-//! The video plays in a browser: Chromium, without a window, against a server of our own on the loopback address.
+//! The video and the report of a comparison in a browser: Chromium, without a window, against a server of our own on the loopback
+//! address.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -29,6 +30,38 @@ video.onended = () => tell(`played ${video.videoWidth}x${video.videoHeight} for 
 video.play().catch(error => tell(`error: ${error}`));
 </script>"#;
 
+/// Opens the report in a frame, looks at all that is in it, steps and plays its video, and tells the server what is wrong.
+const REPORT_PAGE: &str = r#"<!doctype html><meta charset="utf-8"><iframe src="/report.html" width="1200" height="900"></iframe><script>
+const tell = text => fetch("/told", { method: "POST", body: text });
+const pause = time => new Promise(done => setTimeout(done, time));
+const until = async (what, test) => {
+  for (let turn = 0; turn < 600; turn++) { if (test()) return true; await pause(50); }
+  return false;
+};
+const frame = document.querySelector("iframe");
+frame.onload = async () => {
+  const page = frame.contentDocument, all = name => [...page.querySelectorAll(name)], wrong = [];
+  const check = (well, what) => { if (!well) wrong.push(what); };
+  for (const [name, least] of [["table", 8], ["figure img", 4], ["figure svg", 2], ["video", 1], ["nav a", 10]])
+    check(all(name).length >= least, `${all(name).length} of ${name}`);
+  check(all("img").every(image => image.complete && image.naturalWidth > 100), "a picture is not drawn");
+  check(all("svg").every(drawing => drawing.getBBox().width > 100), "a drawing is empty");
+  check(all("nav a").every(link => page.querySelector(link.getAttribute("href"))), "a link leads nowhere");
+  check(all("td").every(cell => cell.innerText !== "NaN" && cell.innerText !== "undefined"), "a cell is no number");
+  check(page.documentElement.scrollWidth <= page.documentElement.clientWidth, "the page is wider than its window");
+  check(frame.contentWindow.performance.getEntriesByType("resource").every(r => r.name.startsWith("data:")), "it fetches something");
+  const video = page.querySelector("video"), [back, play, on] = all(".player button"), time = page.querySelector("output");
+  check(await until("loaded", () => video.readyState >= 2), "the video does not load");
+  on.click();
+  check(await until("step", () => time.textContent.endsWith("frame 1")), `a step on shows ${time.textContent}`);
+  back.click();
+  check(await until("step", () => time.textContent.endsWith("frame 0")), `a step back shows ${time.textContent}`);
+  play.click();
+  check(await until("play", () => play.textContent === "pause" && video.currentTime > 0.1), "the video does not play");
+  tell(wrong.length ? wrong.join("; ") : "all is well");
+};
+</script>"#;
+
 /// What the page tells when all is well: size and length of the short rollout.
 const EXPECTED: &str = "played 256x144 for 0.53 s, drew 2 frames or more";
 
@@ -40,33 +73,47 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         };
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     };
-    let video = study::rollout_video(context, log)?;
-    let told = play(&chromium, &video, &context.clone.target.join("xtask").join("browser"))?;
-    log.line(&format!("the browser says: {told}"))?;
     let mut tally = Tally::default();
-    tally.check((told != EXPECTED).then(|| format!("the browser says {told:?}, not {EXPECTED:?}")));
+    let profile = context.clone.target.join("xtask").join("browser");
+    for (what, page, path, file, kind, expected) in [
+        ("video", PAGE, "/video.mp4", study::rollout_video(context, log)?, "video/mp4", EXPECTED),
+        ("report", REPORT_PAGE, "/report.html", study::comparison_report(context, log)?, "text/html", "all is well"),
+    ] {
+        let bytes = std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+        let told = open(&chromium, Served { page, path, kind, bytes }, &profile)?;
+        log.line(&format!("of the {what} the browser says: {told}"))?;
+        tally.check((told != expected).then(|| format!("of the {what} the browser says {told:?}, not {expected:?}")));
+    }
     Ok(tally)
 }
 
-/// Opens a page with `video` in the browser and waits for what the page tells.
-fn play(chromium: &Path, video: &Path, profile: &Path) -> Result<String, String> {
-    let video = std::fs::read(video).map_err(|e| format!("{}: {e}", video.display()))?;
+/// What the server has: a page, and a file that the page asks for.
+#[derive(Clone)]
+struct Served {
+    page: &'static str,
+    path: &'static str,
+    kind: &'static str,
+    bytes: Vec<u8>,
+}
+
+/// Opens the page in the browser and waits for what it tells.
+fn open(chromium: &Path, served: Served, profile: &Path) -> Result<String, String> {
     let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| format!("no port on the loopback address: {e}"))?;
     let address = listener.local_addr().map_err(|e| e.to_string())?;
     let (tell, told) = mpsc::channel();
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
-            let (tell, video) = (tell.clone(), video.clone());
+            let (tell, served) = (tell.clone(), served.clone());
             // A browser that closes a connection early is no failure: what counts is what the page tells.
-            std::thread::spawn(move || _ = answer(stream, &video, &tell));
+            std::thread::spawn(move || _ = answer(stream, &served, &tell));
         }
     });
     let _browser = Browser::start(chromium, &format!("http://{address}/"), profile)?;
     told.recv_timeout(PATIENCE).map_err(|_| format!("the browser told nothing for {} s", PATIENCE.as_secs()))
 }
 
-/// Answers one request: the page, the video, or the page's report.
-fn answer(mut stream: TcpStream, video: &[u8], tell: &Sender<String>) -> std::io::Result<()> {
+/// Answers one request: the page, its file, or what the page tells.
+fn answer(mut stream: TcpStream, served: &Served, tell: &Sender<String>) -> std::io::Result<()> {
     let mut reader = BufReader::new(stream.try_clone()?);
     let (mut request, mut length) = (String::new(), 0);
     reader.read_line(&mut request)?;
@@ -86,10 +133,10 @@ fn answer(mut stream: TcpStream, video: &[u8], tell: &Sender<String>) -> std::io
         reader.take(length).read_to_string(&mut text)?;
         _ = tell.send(text);
         ("text/plain", b"")
-    } else if request.starts_with("GET /video.mp4 ") {
-        ("video/mp4", video)
+    } else if request.starts_with(&format!("GET {} ", served.path)) {
+        (served.kind, &served.bytes)
     } else {
-        ("text/html", PAGE.as_bytes())
+        ("text/html", served.page.as_bytes())
     };
     write!(
         stream,

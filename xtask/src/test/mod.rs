@@ -82,7 +82,7 @@ const RUNNERS: &[Runner] = &[
     },
     Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
-    Runner { name: "browser", what: "the video plays in Chromium", run: browser::run },
+    Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
     Runner { name: "readme", what: "every command the documents name exists", run: readme::run },
     Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny },
 ];

@@ -36,6 +36,29 @@ pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<Path
     find_video(&folder).ok_or_else(|| format!("{} holds no video", folder.display()))
 }
 
+/// The report of a comparison of a fifth of a second of one scene.
+pub(super) fn comparison_report(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
+    context.build_programs(log)?;
+    let folder = context.clone.target.join("xtask").join("compare");
+    let mut compare = study(context)?;
+    compare.args([
+        "compare",
+        "--scene",
+        "sword",
+        "--seconds",
+        "0.2",
+        "--size",
+        "256x144",
+        "--no-lpips",
+        "--quiet",
+        "--out",
+    ]);
+    if !log.run(compare.arg(&folder))?.success {
+        return Err("the comparison failed".to_owned());
+    }
+    Ok(folder.join("report.html"))
+}
+
 fn find_video(folder: &Path) -> Option<PathBuf> {
     let entries = fs::read_dir(folder).ok()?;
     entries.flatten().map(|entry| entry.path()).find(|path| path.extension().is_some_and(|e| e == "mp4"))

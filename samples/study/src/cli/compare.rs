@@ -20,8 +20,11 @@ Examples:
       The paper's experiment: four scenes of 15 seconds in five branches. It may be interrupted at any time: the same
       command goes on, and makes nothing again that is whole.
 
-  study compare --world waypoint.cairn --device d3d12 --scene sword --seeds 3 --out out/sword
-      On a world of your own and a graphics device, with three places of that kind.
+  study compare --scene sword --seeds 3 --out out/sword
+      Three places of one kind: figures with intervals.
+
+With --world waypoint.cairn --device d3d12 --generator fsr --size 1920x1080, on Windows, a Radeon and Waypoint's weights, the second
+command is the experiment of the paper itself.
 
 A place is drawn by the scenes, none of them is known to the world inside the library, and all branches of a place share seed
 picture, control script and seed of the noise:
@@ -32,8 +35,8 @@ picture, control script and seed of the noise:
   heavy              g512 with 12 passes, else as coherence: a probe
   decoded-60         the latents of coherence with all four decoded pictures shown
 
-The folder --out has a folder for each place with one for each branch in it, the figures of every frame as series.csv, a contact
-sheet as sheet.png, and the report as report.md and, in one page with curves, report.html. Frames are kept as PNG: about 150 MB
+The folder --out has a folder for each place with one for each branch in it, the figures of every frame as series.csv and all streams
+side by side as side-by-side.mp4, and the report as report.md with its figures, and in one page with players as report.html. Frames are kept as PNG: about 150 MB
 for 15 seconds of a branch at 640x360.
 
 Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
@@ -43,7 +46,7 @@ const SECONDS: &str = "15";
 /// The working size.
 const SIZE: [u32; 2] = [640, 360];
 /// Seconds and size of `--smoke`.
-const SMOKE: (&str, [u32; 2]) = ("1", [256, 144]);
+const SMOKE: (&str, [u32; 2]) = ("1", [320, 180]);
 
 #[derive(Args)]
 pub(super) struct CompareArgs {
@@ -59,7 +62,7 @@ pub(super) struct CompareArgs {
     /// Size at which everything is compared [default: 640x360]
     #[arg(long, value_name = "WxH")]
     size: Option<String>,
-    /// One second at 256x144: whether everything works
+    /// One second at 320x180: whether everything works
     #[arg(long, conflicts_with_all = ["seconds", "size"])]
     smoke: bool,
     /// World bundle, a folder or a .cairn file [default: the one inside the library]
@@ -68,6 +71,10 @@ pub(super) struct CompareArgs {
     /// Where the world runs: auto, cpu, d3d12 for the best adapter, or d3d12:N
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     device: String,
+    /// What makes frames between anchors: cpu, or on Windows shader or fsr, for which AMD's libraries lie in CAIRN_FFX_DIR or beside
+    /// this program
+    #[arg(long, value_name = "GENERATOR", default_value = "cpu")]
+    generator: String,
     /// What takes the world's pictures to that size: lanczos or catmull-rom
     #[arg(long, default_value = "lanczos")]
     upscaler: String,
@@ -84,6 +91,9 @@ pub(super) struct CompareArgs {
     /// Folder for everything; what is whole in it is kept
     #[arg(long, value_name = "DIR", default_value = "target/compare")]
     out: PathBuf,
+    /// Writes the report and its figures into this folder too
+    #[arg(long, value_name = "DIR")]
+    publish: Option<PathBuf>,
     /// No progress
     #[arg(long)]
     quiet: bool,
@@ -113,11 +123,13 @@ impl CompareArgs {
             size: self.size.as_deref().map_or(Ok(small), size)?,
             world: self.world.clone(),
             device,
+            generator: self.generator.parse()?,
             upscaler: self.upscaler.clone(),
             threads: self.threads,
             lpips: !self.no_lpips,
             jobs: self.jobs.unwrap_or(jobs),
             out: self.out.clone(),
+            publish: self.publish.clone(),
         })
     }
 }

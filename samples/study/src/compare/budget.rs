@@ -26,6 +26,8 @@ pub(super) struct Budget {
     pub(super) passes: f64,
     /// Frames shown.
     pub(super) presented: f64,
+    /// Those of them that the world made: pictures of latents that are shown as they are.
+    pub(super) native: f64,
     /// Floating-point operations of the graphs' products: two for each multiplication and addition.
     pub(super) flops: f64,
     /// Bytes that the graphs' nodes read and write.
@@ -80,14 +82,18 @@ fn source(cells: &[(Cell, Manifest)], cell: Cell, branch: Branch) -> Result<&Man
     found.ok_or_else(|| Error::new(ErrorKind::InvalidState, format!("{cell} is there, {wanted} is not")))
 }
 
+/// Graphics devices run the half-precision graphs where a bundle has them.
+pub(super) fn is_half(manifest: &Manifest, bundle: &Bundle) -> bool {
+    manifest.settings.device != DeviceChoice::Cpu && bundle.has(Precision::F16)
+}
+
 fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) -> Result<Budget> {
     let point: OperatingPoint = source.settings.operating_point.parse()?;
     let shown: OperatingPoint = manifest.settings.operating_point.parse()?;
     let seconds = WorldTime::parse(&manifest.settings.seconds)?.seconds();
     let generates = matches!(shown.presentation, Presentation::Generated { .. });
-    // Graphics devices run the half-precision graphs where a bundle has them.
-    let half = manifest.settings.device != DeviceChoice::Cpu && bundle.has(Precision::F16);
-    let work = bundle.work(if half { Precision::F16 } else { Precision::F32 }, point.global_window)?;
+    let work =
+        bundle.work(if is_half(manifest, bundle) { Precision::F16 } else { Precision::F32 }, point.global_window)?;
     let primes = u64::from(bundle.geometry().autoencoder.temporal - 1);
     let (passes, decodes) = (source.counts.passes as f64, (manifest.counts.latents + primes) as f64);
     let sum = |of: fn(&cairn::bundle::GraphWork) -> u64| {
@@ -100,6 +106,7 @@ fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) -> Result<Bud
         latents: manifest.counts.latents as f64 / seconds,
         passes: passes / seconds,
         presented: manifest.counts.presented as f64 / seconds,
+        native: (manifest.counts.presented - manifest.counts.generated) as f64 / seconds,
         flops: 2.0 * sum(|work| work.multiply_adds) / seconds,
         bytes: sum(|work| work.bytes) / seconds,
         times: Times {

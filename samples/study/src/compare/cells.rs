@@ -61,7 +61,7 @@ pub(super) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Resul
     if !manifest.complete {
         return missing("it was not finished");
     }
-    if comparable(&manifest.settings, wanted.device) != comparable(wanted, wanted.device) {
+    if !manifest.settings.device.is_what(wanted.device) || comparable(&manifest.settings) != comparable(wanted) {
         return missing("its settings are others");
     }
     if Digests::of(&manifest.inputs) != *digests {
@@ -79,16 +79,16 @@ pub(super) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Resul
     Ok(Found::Whole(Box::new(manifest)))
 }
 
-/// Settings without what does not decide a bit: names of presets, places of inputs (their sums are compared), and what
-/// `auto` came to.
-fn comparable(settings: &Settings, wanted: DeviceChoice) -> Settings {
+/// Settings without what does not decide a bit: names of presets, places of inputs (their sums are compared), and the device,
+/// which the manifest names as what the choice came to.
+fn comparable(settings: &Settings) -> Settings {
     Settings {
         world: None,
         seed_picture: None,
         script: None,
         latents: None,
         preset: None,
-        device: if wanted == DeviceChoice::Auto { wanted } else { settings.device },
+        device: DeviceChoice::Cpu,
         ..settings.clone()
     }
 }

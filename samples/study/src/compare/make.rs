@@ -157,6 +157,7 @@ fn arguments(rollout: &Rollout, out: &Path) -> Result<Vec<OsString>> {
     add("--seed", &rollout.seed.to_string());
     add("--size", &format!("{width}x{height}"));
     add("--upscaler", &rollout.upscaler);
+    add("--generator", &rollout.generator.to_string());
     add("--formats", &"png");
     if let Some(threads) = rollout.threads {
         add("--threads", &threads.to_string());
@@ -292,12 +293,16 @@ mod tests {
     use super::*;
     use crate::cli::rollout_settings;
     use crate::compare::plan::tests::settings;
+    use crate::device::DeviceChoice;
+    use crate::generator::GeneratorChoice;
 
     #[test]
     fn a_command_line_says_all_that_the_settings_say() {
         let mut common = settings(Path::new("out"));
         common.world = Some("w.cairn".into());
         common.upscaler = "catmull-rom".into();
+        common.generator = GeneratorChoice::Shader;
+        common.device = DeviceChoice::D3d12(Some(1));
         common.threads = 3;
         for cell in common.cells() {
             let wanted = cell.rollout(&common);

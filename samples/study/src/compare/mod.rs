@@ -3,13 +3,14 @@
 //! ```text
 //! plan (cells) -> make (a process each, skipping what cells finds whole)
 //!              -> score (truth, series: frame by frame; turn) -> summary (figures of rollouts, intervals over places)
-//!              -> budget (work counted, times measured) -> report
+//!              -> budget (work counted, times measured) -> video (side by side) -> report
 //! ```
 
 mod branch;
 mod budget;
 mod cells;
 mod make;
+mod panels;
 mod plan;
 mod report;
 mod score;
@@ -17,8 +18,9 @@ mod series;
 mod summary;
 mod truth;
 mod turn;
+mod video;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use cairn::Result;
@@ -26,7 +28,7 @@ use cairn::Result;
 pub(crate) use plan::Settings;
 
 use crate::inputs;
-use crate::media::{RealDisk, encode_small_png, write_whole};
+use crate::media::{RealDisk, describe_io, write_whole};
 use crate::progress::Progress;
 
 /// The report, in the folder of everything: as text, and as a page.
@@ -52,20 +54,34 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     let scored = score::score(settings, &made, progress, stop)?;
     let budgets = budget::budgets(&made.cells, &bundle)?;
     let mut files: Vec<PathBuf> = scored.iter().map(|scored| scored.file.clone()).collect();
-    let mut sheets = Vec::new();
-    for scored in &scored {
-        let path = scored.place.folder(&settings.out).join(report::SHEET);
-        let count = scored.series.first().map_or(1, |series| series.rows.len() as u64);
-        let png = encode_small_png(&report::sheet(scored.place, count, settings)?)?;
-        write_whole(&RealDisk, &path, &png)?;
-        files.push(path);
-        sheets.push(png);
+    let videos = scored.iter().map(|scored| {
+        let frames = scored.series.first().map_or(1, |series| series.rows.len() as u64);
+        video::video(scored.place, &scored.key, frames, settings, progress, stop)
+    });
+    let videos = videos.collect::<Result<Vec<_>>>()?;
+    files.extend_from_slice(&videos);
+    let found =
+        report::Found { settings, bundle: &bundle, made: &made, budgets: &budgets, scored: &scored, videos: &videos };
+    let report = report::report(&found)?;
+    let mut folders = vec![settings.out.clone()];
+    folders.extend(settings.publish.clone());
+    for folder in folders {
+        files.extend(write(&report, &folder)?);
     }
-    let report::Report { markdown, html } = report::report(settings, &bundle, &made, &budgets, &scored, sheets)?;
-    for (name, text) in REPORT.into_iter().zip([&markdown, &html]) {
-        let path = settings.out.join(name);
-        write_whole(&RealDisk, &path, text.as_bytes())?;
-        files.push(path);
-    }
-    Ok(Outcome { text: markdown, files })
+    Ok(Outcome { text: report.markdown, files })
+}
+
+/// Writes the report into `folder`, with what it has beside it; what was written.
+fn write(report: &report::Report, folder: &Path) -> Result<Vec<PathBuf>> {
+    let figures = folder.join(report::FIGURES);
+    std::fs::create_dir_all(&figures).map_err(|e| describe_io("cannot be made", &figures, &e))?;
+    let texts = REPORT.into_iter().zip([&report.markdown, &report.html]);
+    let texts = texts.map(|(name, text)| (name.to_owned(), text.as_bytes()));
+    let all = texts.chain(report.assets.iter().map(|asset| (asset.path.clone(), &asset.bytes[..])));
+    all.map(|(name, bytes)| {
+        let path = folder.join(name);
+        write_whole(&RealDisk, &path, bytes)?;
+        Ok(path)
+    })
+    .collect()
 }

@@ -9,6 +9,7 @@
 
 use std::path::{Path, PathBuf};
 
+use cairn::world::Presentation;
 use cairn::{Error, ErrorKind, Result};
 use scenes::Family;
 
@@ -44,6 +45,8 @@ pub(crate) struct Settings {
     pub(crate) world: Option<PathBuf>,
     /// Where the world runs.
     pub(crate) device: DeviceChoice,
+    /// What makes frames between anchors, where a branch has such.
+    pub(crate) generator: GeneratorChoice,
     /// `lanczos` or `catmull-rom`.
     pub(crate) upscaler: String,
     /// Threads of a pass; a setting of every cell, so that numbers do not depend on `jobs`.
@@ -54,6 +57,8 @@ pub(crate) struct Settings {
     pub(crate) jobs: usize,
     /// The folder for everything.
     pub(crate) out: PathBuf,
+    /// Another folder for the report and its figures, without the rollouts.
+    pub(crate) publish: Option<PathBuf>,
 }
 
 /// A place of a kind.
@@ -126,13 +131,16 @@ impl Cell {
         // A straight walk is planned only where it has a length.
         let short = straight_seconds(family, &settings.seconds).ok().flatten().filter(|_| self.straight);
         let shared = self.branch.shares_latents_of().map(|branch| Self { branch, ..self });
+        let point = self.branch.point(family);
+        // Where nothing is generated nothing depends on it, and what was made with another is kept.
+        let generates = matches!(point.presentation, Presentation::Generated { .. });
         Rollout {
             world: settings.world.clone(),
             seed_picture: Some(self.place.seed_picture(out)),
             script: Some(self.place.script(out, self.straight)),
             latents: shared.map(|cell| cell.folder(out).join(LATENTS)),
             preset: None,
-            operating_point: self.branch.point(family).to_string(),
+            operating_point: point.to_string(),
             seconds: short.unwrap_or_else(|| settings.seconds.clone()),
             seed,
             size: settings.size,
@@ -141,7 +149,7 @@ impl Cell {
             formats: Formats { png: true, ..Formats::default() },
             threads: Some(settings.threads),
             device: settings.device,
-            generator: GeneratorChoice::Cpu,
+            generator: if generates { settings.generator } else { GeneratorChoice::Cpu },
         }
     }
 }
@@ -214,11 +222,13 @@ pub(super) mod tests {
             size: [64, 36],
             world: None,
             device: DeviceChoice::Cpu,
+            generator: GeneratorChoice::Cpu,
             upscaler: "lanczos".into(),
             threads: 1,
             lpips: false,
             jobs: 1,
             out: out.to_owned(),
+            publish: None,
         }
     }
 

@@ -22,11 +22,13 @@ use crate::progress::Progress;
 /// The per-frame series of a place.
 const SERIES: &str = "series.csv";
 /// What names the way of measuring: raised when a column changes its meaning.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// What was measured of a place.
 pub(super) struct Scored {
     pub(super) place: Place,
+    /// Names the files of all streams.
+    pub(super) key: String,
     /// The truth beside itself: how much truly changes.
     pub(super) truth: Figures,
     /// In the order of [`Branch::ALL`].
@@ -50,8 +52,13 @@ pub(super) fn score(settings: &Settings, made: &Made, progress: &Progress, stop:
         .map(|place| {
             let cells: Vec<&(Cell, Manifest)> = made.cells.iter().filter(|(cell, _)| cell.place == place).collect();
             let mut scored = score_place(place, settings, &cells, lpips.as_ref(), progress, stop)?;
+            let mut turned = false;
             for (straight, _) in made.straight.iter().filter(|(cell, _)| cell.place == place) {
                 turns(*straight, settings, &mut scored, progress, stop)?;
+                turned = true;
+            }
+            if turned {
+                scored.truth.onset = true_turn(place, settings, progress, stop)?;
             }
             Ok(scored)
         })
@@ -78,6 +85,18 @@ fn turns(
     Ok(())
 }
 
+/// When the truth itself is seen to turn, by the same detector: what is later than that is late.
+fn true_turn(place: Place, settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Option<f64>> {
+    let Some(command) = turn::command(place.family)? else { return Ok(None) };
+    let straight = turn::straight_seconds(place.family, &settings.seconds)?;
+    let Some(seconds) = straight else { return Ok(None) };
+    let looks = WorldTime::parse(&seconds)?.whole_steps(RATE) + 1;
+    let all = WorldTime::parse(&settings.seconds)?.whole_steps(RATE) + 1;
+    let turned = truth::draw(place, false, all, settings, progress, stop)?;
+    let straight = truth::draw(place, true, looks, settings, progress, stop)?;
+    Ok(turn::onset(&turned, &straight, 1, command, stop)?.latency)
+}
+
 fn score_place(
     place: Place,
     settings: &Settings,
@@ -87,7 +106,7 @@ fn score_place(
     stop: &AtomicBool,
 ) -> Result<Scored> {
     let count = WorldTime::parse(&settings.seconds)?.whole_steps(RATE) + 1;
-    let folder = truth::draw(place, count, settings, progress, stop)?;
+    let folder = truth::draw(place, false, count, settings, progress, stop)?;
     let mut key = format!("{VERSION} {count} {}", lpips.is_some());
     for (_, manifest) in cells {
         // Times differ from run to run, files do not.
@@ -115,7 +134,7 @@ fn score_place(
     let truth = figures(&series[0], &series[0]);
     let branches = cells.iter().zip(&series[1..]);
     let branches = branches.map(|((cell, _), stream)| (cell.branch, figures(stream, &series[0]))).collect();
-    Ok(Scored { place, truth, branches, series, same_before_turn: true, file })
+    Ok(Scored { place, key, truth, branches, series, same_before_turn: true, file })
 }
 
 fn stream(cell: Cell, settings: &Settings) -> Stream {

@@ -13,7 +13,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::truth::frame;
 use crate::manifest::read_bounded;
-use crate::metrics::{Features, Lpips, psnr, ssim};
+use crate::metrics::{Features, Lpips, MS_SSIM_SIDE, ms_ssim, psnr, ssim};
 use crate::picture::decode;
 use crate::progress::Progress;
 
@@ -31,6 +31,8 @@ pub(super) enum Column {
     Psnr,
     /// Against the truth.
     Ssim,
+    /// Against the truth, where frames are large enough.
+    MsSsim,
     /// Against the truth.
     Lpips,
     /// LPIPS of the stream's own first frame against this frame's truth: what is left of the first view by now.
@@ -58,9 +60,10 @@ pub(super) enum Column {
 }
 
 impl Column {
-    const ALL: [(Self, &'static str); 14] = [
+    const ALL: [(Self, &'static str); 15] = [
         (Self::Psnr, "psnr_db"),
         (Self::Ssim, "ssim"),
+        (Self::MsSsim, "ms_ssim"),
         (Self::Lpips, "lpips"),
         (Self::HeldLpips, "held_lpips"),
         (Self::AdjacentLpips, "adjacent_lpips"),
@@ -224,6 +227,9 @@ impl Comparison<'_> {
     fn against_truth(&self, truth: &Seen, seen: &Seen, history: &History, row: &mut Row) -> Result<()> {
         row[Column::Psnr as usize] = Some(psnr(&truth.picture, &seen.picture)?);
         row[Column::Ssim as usize] = Some(ssim(&truth.picture, &seen.picture)?);
+        if truth.picture.width().min(truth.picture.height()) >= MS_SSIM_SIDE {
+            row[Column::MsSsim as usize] = Some(ms_ssim(&truth.picture, &seen.picture)?);
+        }
         row[Column::Lpips as usize] = truth.lpips(seen, self.lpips)?;
         row[Column::HeldLpips as usize] = truth.lpips(history.first.as_ref().unwrap_or(seen), self.lpips)?;
         Ok(())
@@ -336,6 +342,93 @@ mod tests {
         assert_eq!(places(Column::AnchorSsim), [0, 0, 1, 0, 1, 0, 1]);
         assert_eq!(places(Column::DecoderSsim), [0, 1, 0, 1, 0, 1, 0]);
         assert!(decoded.column(Column::DecoderPsnr).all(|v| v.is_none()));
+    }
+
+    /// Frames of a scene's walk as `shown` makes them of its true ones, for all to be measured beside them.
+    fn walked(folder: &Path, name: &str, shown: impl Fn(&[Picture], usize) -> Picture) -> Stream {
+        let scene = scenes::Scene::new(scenes::Family::Sword, 3);
+        let script =
+            cairn::world::ControlScript::parse("cairn-controls 1\n0..9 hold W\n0..9 mouse 90 0\n9 end\n").unwrap();
+        let options = scenes::ClipOptions { width: 112, height: 64, rate: RATE, ..Default::default() };
+        let mut clip = scenes::Clip::new(&scene, &script, options).unwrap();
+        let true_frames: Vec<Picture> = (0..9).map(|_| clip.frame().unwrap().picture).collect();
+        let folder = folder.join(name);
+        std::fs::create_dir_all(folder.join(FRAMES)).unwrap();
+        for number in 0..true_frames.len() {
+            let bytes = encode_png(&shown(&true_frames, number)).unwrap();
+            std::fs::write(frame(&folder, number as u64), bytes).unwrap();
+        }
+        Stream { name: name.into(), folder, step: 1 }
+    }
+
+    /// The traps of a mean change, with the network itself: who holds every second frame is praised by the mean and by nothing else.
+    #[test]
+    fn held_and_blended_frames_do_not_win() {
+        let folder = tempfile::tempdir().unwrap();
+        let truth = walked(folder.path(), "truth", |all, n| all[n].clone());
+        let streams = [
+            walked(folder.path(), "good", |all, n| all[n].clone()),
+            walked(folder.path(), "held", |all, n| all[n / 2 * 2].clone()),
+            walked(folder.path(), "blended", |all, n| {
+                let mut out = all[n].clone();
+                if n % 2 == 1 {
+                    let pair = all[n - 1].rgba().iter().zip(all[n + 1].rgba());
+                    out.rgba_mut().iter_mut().zip(pair).for_each(|(out, (a, b))| *out = a.midpoint(*b));
+                }
+                out
+            }),
+        ];
+        let lpips = crate::inputs::lpips(crate::metrics::Net::Alex, &Progress::quiet()).unwrap();
+        let comparison = Comparison { truth: &truth, streams: &streams, decoder: None, count: 9, lpips: Some(&lpips) };
+        let series = comparison.measure(&Progress::quiet(), &AtomicBool::new(false)).unwrap();
+        let figures = |n: usize| super::super::summary::figures(&series[n], &series[0]);
+        let [good, held, blended] = [1, 2, 3].map(figures);
+        assert!(held.adjacent_lpips < good.adjacent_lpips, "the trap: {held:?}");
+        assert_eq!((good.adjacent_error, good.anchor_error), (Some(0.0), Some(0.0)));
+        assert!(held.adjacent_error > blended.adjacent_error && blended.adjacent_error > Some(0.0), "{blended:?}");
+        assert_eq!(held.asymmetry, Some(f64::INFINITY));
+        assert!(good.asymmetry.unwrap() < 1.3, "{good:?}");
+        // At the anchors' own rate nobody gains anything.
+        assert_eq!((held.anchor_lpips, blended.anchor_lpips), (good.anchor_lpips, good.anchor_lpips));
+        assert!(good.odd_lpips < blended.odd_lpips && blended.odd_lpips < held.odd_lpips, "{blended:?} {held:?}");
+    }
+
+    /// Three frames of each stream are held, however long it is. In a process of its own, as the most that was ever used counts.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn memory_does_not_grow_with_the_length() {
+        const VARIABLE: &str = "CAIRN_STUDY_TEST_FRAMES";
+        const NAME: &str = "compare::series::tests::memory_does_not_grow_with_the_length";
+        if let Ok(count) = std::env::var(VARIABLE) {
+            let count: u64 = count.parse().unwrap();
+            let folder = tempfile::tempdir().unwrap();
+            let truth = stream(folder.path(), "truth", 1, |n| n as u32 % 5, 1);
+            // All looks see the same file, as a disk full of them would prove no more.
+            let big = Picture::new(480, 270).unwrap();
+            for n in 0..count {
+                std::fs::write(frame(&truth.folder, n), encode_png(&big).unwrap()).unwrap();
+            }
+            let streams = [truth.clone()];
+            let comparison = Comparison { truth: &truth, streams: &streams, decoder: None, count, lpips: None };
+            comparison.measure(&Progress::quiet(), &AtomicBool::new(false)).unwrap();
+            let status = std::fs::read_to_string("/proc/self/status").unwrap();
+            let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();
+            println!("most {}", most.trim().trim_end_matches(" kB"));
+            return;
+        }
+        let most = |count: u32| -> u64 {
+            let program = std::env::current_exe().unwrap();
+            let ran = std::process::Command::new(program)
+                .args(["--exact", NAME, "--nocapture", "--test-threads=1"])
+                .env(VARIABLE, count.to_string())
+                .output()
+                .unwrap();
+            let text = String::from_utf8_lossy(&ran.stdout).into_owned();
+            text.lines().find_map(|line| line.split_once("most ")?.1.parse().ok()).unwrap_or_else(|| panic!("{text}"))
+        };
+        let (few, many) = (most(4), most(44));
+        // A frame is 518 KB; kept, 40 more of two streams would be 41 MB.
+        assert!(many < few + 12_000, "{few} kB for 4 frames, {many} kB for 44");
     }
 
     #[test]

@@ -30,7 +30,12 @@ pub(super) struct Figures {
     /// Means against the truth.
     pub(super) psnr: Option<f64>,
     pub(super) ssim: Option<f64>,
+    pub(super) ms_ssim: Option<f64>,
     pub(super) lpips: Option<f64>,
+    /// LPIPS against the truth at odd looks alone, where a branch that generates shows what it generated.
+    pub(super) odd_lpips: Option<f64>,
+    /// Mean LPIPS against the truth of the last third of the walk less that of the first.
+    pub(super) divergence: Option<f64>,
     /// Means of generated frames against the decoder's own pictures.
     pub(super) decoder_psnr: Option<f64>,
     pub(super) decoder_ssim: Option<f64>,
@@ -75,7 +80,10 @@ pub(super) fn figures(stream: &Series, truth: &Series) -> Figures {
         asymmetry: asymmetry(stream),
         psnr: of(Column::Psnr),
         ssim: of(Column::Ssim),
+        ms_ssim: of(Column::MsSsim),
         lpips: of(Column::Lpips),
+        odd_lpips: mean(stream.column(Column::Lpips).skip(1).step_by(STRIDE as usize)),
+        divergence: divergence(stream),
         decoder_psnr: of(Column::DecoderPsnr),
         decoder_ssim: of(Column::DecoderSsim),
         decoder_lpips: of(Column::DecoderLpips),
@@ -86,6 +94,12 @@ pub(super) fn figures(stream: &Series, truth: &Series) -> Figures {
         // It takes a second walk to know.
         onset: None,
     }
+}
+
+fn divergence(stream: &Series) -> Option<f64> {
+    let third = stream.rows.len() / 3;
+    let of = |skipped| mean(stream.column(Column::Lpips).skip(skipped).take(third));
+    Some(of(stream.rows.len() - third)? - of(0)?)
 }
 
 fn asymmetry(stream: &Series) -> Option<f64> {
@@ -207,6 +221,14 @@ mod tests {
         assert!((drifted.warmth_drift.unwrap() - 10.0).abs() < 1e-9);
         assert!((drifted.brightness_drift.unwrap() - 2.126).abs() < 1e-9);
         assert_eq!(figures(&truth, &truth).warmth_drift, Some(0.0));
+    }
+
+    #[test]
+    fn what_grows_and_what_is_generated_are_told_apart() {
+        let truth = stream(61, |_| 0.1, |_| 0.0);
+        let found = figures(&stream(61, |_| 0.1, |n| n as f64 / 100.0 + if n % 2 == 1 { 0.5 } else { 0.0 }), &truth);
+        assert!((found.divergence.unwrap() - 0.41).abs() < 0.03, "{:?}", found.divergence);
+        assert!((found.odd_lpips.unwrap() - 0.8).abs() < 1e-9, "{:?}", found.odd_lpips);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::plan::{Place, Settings};
 use super::series::RATE;
+use super::turn;
 use crate::manifest::{MANIFEST_VERSION, read_manifest, sha256, to_json};
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::output::{FRAMES, MANIFEST};
@@ -18,6 +19,8 @@ use crate::reconstruct::script_of;
 
 /// The folder of the truth in that of its place.
 pub(super) const FOLDER: &str = "truth";
+/// That of the same walk without the mouse.
+const STRAIGHT: &str = "truth-straight";
 /// What its manifest says that it is.
 const JOB: &str = "truth";
 
@@ -48,20 +51,21 @@ pub(super) fn frame(folder: &Path, number: u64) -> PathBuf {
     folder.join(FRAMES).join(format!("{number:06}.png"))
 }
 
-/// Draws `count` frames of a place, where they are not there.
+/// Draws `count` frames of a place, with `straight` of its walk without the mouse, where they are not there.
 ///
 /// # Errors
 /// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set.
 pub(super) fn draw(
     place: Place,
+    straight: bool,
     count: u64,
     settings: &Settings,
     progress: &Progress,
     stop: &AtomicBool,
 ) -> Result<PathBuf> {
-    let folder = place.folder(&settings.out).join(FOLDER);
+    let folder = place.folder(&settings.out).join(if straight { STRAIGHT } else { FOLDER });
     let path = folder.join(MANIFEST);
-    let script = script_of(place.family);
+    let script = if straight { turn::straight(place.family) } else { script_of(place.family).to_owned() };
     let wanted = |files| Manifest {
         manifest_version: MANIFEST_VERSION,
         job: JOB.into(),
@@ -81,7 +85,7 @@ pub(super) fn draw(
     progress.phase(&format!("drawing {place}"));
     progress.begin(count);
     let [width, height] = settings.size;
-    let (scene, script) = (Scene::new(place.family, place.seed), ControlScript::parse(script)?);
+    let (scene, script) = (Scene::new(place.family, place.seed), ControlScript::parse(&script)?);
     let options = ClipOptions { width, height, rate: RATE, ..ClipOptions::default() };
     let mut clip = Clip::new(&scene, &script, options)
         .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, format!("no walk has {RATE} frames a second")))?;

@@ -14,8 +14,6 @@ pub const ENCODER: &str = "rav1e 0.8.1";
 /// Whether the assembly kernels are in. They change the speed and not one byte of the video.
 pub const ASSEMBLY: bool = cfg!(feature = "asm");
 
-/// Quantiser index of AV1, 0 (best) to 255: visually clean at 1080p, about 4 Mbit/s for natural pictures.
-const QUANTISER: usize = 70;
 /// The smallest side rav1e takes.
 const MIN_SIDE: u32 = 16;
 
@@ -77,7 +75,7 @@ impl Av1Encoder {
             low_latency: true,
             min_key_frame_interval: rate.ceil().into(),
             max_key_frame_interval: rate.ceil().into(),
-            quantizer: QUANTISER,
+            quantizer: format.quantiser.into(),
             // By size and not by thread, so that the bytes do not depend on the machine.
             tiles: if u64::from(width) * u64::from(height) >= 640 * 360 { 4 } else { 1 },
             speed_settings: speed,

@@ -22,6 +22,7 @@ pub use disk::{Disk, GrowingFile, RealDisk, Store, describe_io, write_whole};
 pub use format::{FrameRate, VideoFormat};
 pub use from_yuv::{Chroma, FromYuv, Layout, Matrix};
 pub use mp4::Mp4Sink;
+pub(crate) use png::encode_jpeg;
 pub use png::{PngSink, encode_png, encode_small_png};
 pub use recorder::{Frame, Recorded, Recorder, Sink, Written};
 pub use y4m::Y4mSink;

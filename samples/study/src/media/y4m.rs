@@ -21,7 +21,7 @@ impl Y4mSink {
     /// `Io` when the file cannot be made.
     pub fn create(disk: &dyn Disk, path: &Path, format: &VideoFormat) -> Result<Self> {
         let mut file = GrowingFile::create(disk, path)?;
-        let VideoFormat { size: (width, height), rate, pixel_aspect: (across, down) } = *format;
+        let VideoFormat { size: (width, height), rate, pixel_aspect: (across, down), .. } = *format;
         let header = format!(
             "YUV4MPEG2 W{width} H{height} F{}:{} Ip A{across}:{down} C420mpeg2 XYSCSS=420MPEG2 XCOLORRANGE=LIMITED \
              XCOLORMATRIX=BT709\n",

@@ -4,18 +4,21 @@
 //! |---|---|---|
 //! | [`psnr`] | 0 to infinity dB, up | peak signal-to-noise ratio over R, G and B, peak 255 |
 //! | [`ssim`] | -1 to 1, up | structural similarity, Gaussian window of 11x11, mean of R, G and B |
+//! | [`ms_ssim`] | 0 to 1, up | the same at five scales, each half of the one before |
 //! | [`Lpips`] | 0 to about 1, down | LPIPS v0.1 with AlexNet or VGG16: how different people would find them |
 //!
 //! All of them read the three colour bytes as they are (display-referred sRGB) and leave alpha out. Both pictures must
 //! have the same size. Every function may be called from any thread; the number of threads does not change a result.
 
 mod lpips;
+mod ms_ssim;
 mod psnr;
 mod ssim;
 
 use cairn::{Error, ErrorKind, Picture, Result};
 
 pub use lpips::{Features, Lpips, Net};
+pub use ms_ssim::{MS_SSIM_SIDE, ms_ssim};
 pub use psnr::{mean_squared_error, psnr};
 pub use ssim::{WINDOW as SSIM_WINDOW, ssim, ssim_rgb};
 

@@ -48,6 +48,11 @@ pub fn ssim(truth: &Picture, picture: &Picture) -> Result<f64> {
 /// # Errors
 /// As [`ssim`].
 pub fn ssim_rgb(truth: &Picture, picture: &Picture) -> Result<[f64; 3]> {
+    Ok(means_of(truth, picture, false)?.map(|means| means.similarity))
+}
+
+/// As [`ssim_rgb`], with contrast where `has_contrast`.
+pub(super) fn means_of(truth: &Picture, picture: &Picture, has_contrast: bool) -> Result<[Means; 3]> {
     same_size(truth, picture)?;
     let (width, height) = (truth.width() as usize, truth.height() as usize);
     if width < WINDOW || height < WINDOW {
@@ -60,71 +65,126 @@ pub fn ssim_rgb(truth: &Picture, picture: &Picture) -> Result<[f64; 3]> {
         .field("size")
         .remedy(format!("Use pictures of at least {WINDOW} x {WINDOW} pixels")));
     }
+    let fill = |y: usize, channel: usize, row: &mut Maps<i32>| {
+        let pixels = y * width..(y + 1) * width;
+        products(&truth.pixels()[pixels.clone()], &picture.pixels()[pixels], channel, row);
+    };
+    Ok(means([width, height], has_contrast, &fill))
+}
+
+/// What is averaged over all places of the window.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Means {
+    /// Structural similarity.
+    pub(super) similarity: f64,
+    /// Its part without the means of the two pictures: contrast and structure. Nothing where it was not asked for.
+    pub(super) contrast: f64,
+}
+
+/// What is averaged over the window, for each pixel of a row: a, b, a^2 + b^2 and ab.
+pub(super) type Maps<T> = [Vec<T>; 4];
+
+/// A number of a map: of bytes they are whole, and sums of two exact in half of the room.
+pub(super) trait Level: Copy + Default + Send {
+    /// Averages eleven rows down their columns.
+    fn down(rows: [&Maps<Self>; WINDOW], out: &mut Maps<f64>);
+}
+
+impl Level for i32 {
+    fn down(rows: [&Maps<Self>; WINDOW], out: &mut Maps<f64>) {
+        down_whole(rows, out);
+    }
+}
+
+impl Level for f64 {
+    fn down(rows: [&Maps<Self>; WINDOW], out: &mut Maps<f64>) {
+        down_fractions(rows, out);
+    }
+}
+
+/// The means of three channels of `size`, of which `fill` gives the maps of a row; with contrast where `has_contrast`.
+pub(super) fn means<T: Level>(
+    [width, height]: [usize; 2],
+    has_contrast: bool,
+    fill: &(dyn Fn(usize, usize, &mut Maps<T>) + Sync),
+) -> [Means; 3] {
     let (columns, rows) = (width - (WINDOW - 1), height - (WINDOW - 1));
     let bands = rows.div_ceil(BAND);
     // Sums of whole rows are added in their order, so that bands and threads do not show in the result.
-    let sums: Vec<Vec<f64>> = (0..3 * bands)
+    let sums: Vec<Vec<Means>> = (0..3 * bands)
         .into_par_iter()
         .map_init(
             || Scratch::new(width),
             |scratch, task| {
                 let (channel, first) = (task / bands, task % bands * BAND);
                 let rows = first..(first + BAND).min(rows);
-                band(truth, picture, channel, rows, scratch)
+                band(&|y, row| fill(y, channel, row), rows, has_contrast, scratch)
             },
         )
         .collect();
-    let mut mean = [0.0; 3];
-    for (channel, sums) in mean.iter_mut().zip(sums.chunks_exact(bands)) {
-        *channel = sums.iter().flatten().sum::<f64>() / (columns as f64 * rows as f64);
+    let mut all = [Means::default(); 3];
+    for (channel, sums) in all.iter_mut().zip(sums.chunks_exact(bands)) {
+        let mean = |of: fn(&Means) -> f64| sums.iter().flatten().map(of).sum::<f64>() / (columns as f64 * rows as f64);
+        *channel = Means { similarity: mean(|m| m.similarity), contrast: mean(|m| m.contrast) };
     }
-    Ok(mean)
+    all
 }
-
-/// What is averaged over the window: a, b, a^2 + b^2 and ab.
-const MAPS: usize = 4;
 
 /// Rows of one channel on their way.
-struct Scratch {
-    /// The maps of the row that is being filtered.
-    row: [Vec<f64>; MAPS],
-    /// The last [`WINDOW`] rows, filtered along the row; row `y` is at `y % WINDOW`.
-    ring: [[Vec<f64>; MAPS]; WINDOW],
+struct Scratch<T> {
+    /// The maps of the last [`WINDOW`] rows; row `y` is at `y % WINDOW`.
+    ring: [Maps<T>; WINDOW],
+    /// Those rows averaged.
+    averaged: Maps<f64>,
     /// One row of results.
     similarity: Vec<f64>,
+    /// The same of contrast and structure.
+    contrast: Vec<f64>,
 }
 
-impl Scratch {
+impl<T: Level> Scratch<T> {
     fn new(width: usize) -> Self {
         let columns = width - (WINDOW - 1);
-        let row = || std::array::from_fn(|_| vec![0.0; width]);
-        let filtered = || std::array::from_fn(|_| vec![0.0; columns]);
-        Self { row: row(), ring: std::array::from_fn(|_| filtered()), similarity: vec![0.0; columns] }
+        Self {
+            ring: std::array::from_fn(|_| std::array::from_fn(|_| vec![T::default(); width])),
+            averaged: std::array::from_fn(|_| vec![0.0; width]),
+            similarity: vec![0.0; columns],
+            contrast: vec![0.0; columns],
+        }
     }
 }
 
-/// The sum of each row of results in `rows`.
-fn band(a: &Picture, b: &Picture, channel: usize, rows: std::ops::Range<usize>, scratch: &mut Scratch) -> Vec<f64> {
-    let width = a.width() as usize;
-    let Scratch { row, ring, similarity } = scratch;
+/// The sums of each row of results in `rows`.
+fn band<T: Level>(
+    fill: &dyn Fn(usize, &mut Maps<T>),
+    rows: std::ops::Range<usize>,
+    has_contrast: bool,
+    scratch: &mut Scratch<T>,
+) -> Vec<Means> {
+    let Scratch { ring, averaged, similarity, contrast } = scratch;
     let mut sums = Vec::with_capacity(rows.len());
     for y in rows.start..rows.end + WINDOW - 1 {
-        let pixels = y * width..(y + 1) * width;
-        products(&a.pixels()[pixels.clone()], &b.pixels()[pixels], channel, row);
-        along_rows(row, &mut ring[y % WINDOW]);
+        fill(y, &mut ring[y % WINDOW]);
         if y + 1 >= rows.start + WINDOW {
-            let newest = std::array::from_fn(|k| &ring[(y + 1 + k) % WINDOW]);
-            down_columns(newest, similarity);
-            sums.push(sum(similarity));
+            T::down(std::array::from_fn(|k| &ring[(y + 1 + k) % WINDOW]), averaged);
+            let mut means = Means::default();
+            if has_contrast {
+                across_with_contrast(averaged, similarity, contrast);
+                means.contrast = sum(contrast);
+            } else {
+                across(averaged, similarity);
+            }
+            means.similarity = sum(similarity);
+            sums.push(means);
         }
     }
     sums
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn products(a: &[[u8; 4]], b: &[[u8; 4]], channel: usize, out: &mut [Vec<f64>; MAPS]) {
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
+fn products(a: &[[u8; 4]], b: &[[u8; 4]], channel: usize, out: &mut Maps<i32>) {
     let shift = 8 * channel as u32;
-    let value = |px: &[u8; 4]| (u32::from_le_bytes(*px) >> shift & 255) as i32 as f64;
+    let value = |px: &[u8; 4]| (u32::from_le_bytes(*px) >> shift & 255) as i32;
     let n = a.len();
     let [out_a, out_b, squares, product] = out.each_mut().map(|out| &mut out[..n]);
     let b = &b[..n];
@@ -137,47 +197,70 @@ fn products(a: &[[u8; 4]], b: &[[u8; 4]], channel: usize, out: &mut [Vec<f64>; M
     }
 }
 
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn along_rows(row: &[Vec<f64>; MAPS], out: &mut [Vec<f64>; MAPS]) {
-    for (row, out) in row.iter().zip(out) {
-        let n = out.len();
-        weigh(std::array::from_fn(|k| &row[k..k + n]), out);
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
+fn down_whole(rows: [&Maps<i32>; WINDOW], out: &mut Maps<f64>) {
+    for (map, out) in out.iter_mut().enumerate() {
+        weigh(rows.map(|row| &row[map][..]), out, |a, b| f64::from(a + b), f64::from);
     }
 }
 
-/// Sums eleven rows with the weights of the window.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
+fn down_fractions(rows: [&Maps<f64>; WINDOW], out: &mut Maps<f64>) {
+    for (map, out) in out.iter_mut().enumerate() {
+        weigh(rows.map(|row| &row[map][..]), out, |a, b| a + b, |a| a);
+    }
+}
+
+/// Sums eleven rows with the weights of the window: the two of a weight first.
 #[inline(always)]
-fn weigh(rows: [&[f64]; WINDOW], out: &mut [f64]) {
+fn weigh<T: Copy>(rows: [&[T]; WINDOW], out: &mut [f64], pair: impl Fn(T, T) -> f64, one: impl Fn(T) -> f64) {
     let n = out.len();
     let rows = rows.map(|row| &row[..n]);
     for x in 0..n {
-        let mut sum = TAPS[5] * rows[5][x];
+        let mut sum = TAPS[5] * one(rows[5][x]);
         for k in 0..5 {
-            sum += TAPS[k] * (rows[k][x] + rows[10 - k][x]);
+            sum += TAPS[k] * pair(rows[k][x], rows[10 - k][x]);
         }
         out[x] = sum;
     }
 }
 
-/// Averages the maps of eleven rows down their columns, and makes the similarity of each place of it.
-#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
-fn down_columns(rows: [&[Vec<f64>; MAPS]; WINDOW], out: &mut [f64]) {
+/// The similarity of each place of the window, whose rows are averaged already.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
+fn across(maps: &Maps<f64>, out: &mut [f64]) {
+    places::<false>(maps, out, &mut []);
+}
+
+/// The same, with its contrast and structure.
+#[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
+fn across_with_contrast(maps: &Maps<f64>, out: &mut [f64], contrast: &mut [f64]) {
+    places::<true>(maps, out, contrast);
+}
+
+#[inline(always)]
+fn places<const CONTRAST: bool>(maps: &Maps<f64>, out: &mut [f64], contrast: &mut [f64]) {
     const PIECE: usize = 64;
     let n = out.len();
     let mut start = 0;
     while start < n {
         let end = (start + PIECE).min(n);
-        let mut maps = [[0.0f64; PIECE]; MAPS];
-        for (map, out) in maps.iter_mut().enumerate() {
-            weigh(rows.map(|row| &row[map][start..end]), &mut out[..end - start]);
+        let length = end - start;
+        let mut averages = [[0.0f64; PIECE]; 4];
+        for (map, out) in maps.iter().zip(&mut averages) {
+            weigh(std::array::from_fn(|k| &map[start + k..end + k]), &mut out[..length], |a, b| a + b, |a| a);
         }
-        for (x, out) in out[start..end].iter_mut().enumerate() {
-            let [a, b, squares, product] = [maps[0][x], maps[1][x], maps[2][x], maps[3][x]];
+        let [a, b, squares, product] = averages.each_ref().map(|average| &average[..length]);
+        let out = &mut out[start..end];
+        for x in 0..length {
+            let (a, b, squares, product) = (a[x], b[x], squares[x], product[x]);
             let covariance = product - a * b;
             let variances = squares - (a * a + b * b);
             let above = (2.0 * a * b + C1) * (2.0 * covariance + C2);
             let below = (a * a + b * b + C1) * (variances + C2);
-            *out = above / below;
+            out[x] = above / below;
+            if CONTRAST {
+                contrast[start + x] = (2.0 * covariance + C2) / (variances + C2);
+            }
         }
         start = end;
     }

@@ -40,6 +40,25 @@ pub fn pairs() -> Vec<Pair> {
     ]
 }
 
+/// Pairs that are large enough for five scales, most of them of odd sizes.
+pub fn large_pairs() -> Vec<Pair> {
+    let [forest, _] = walk(Family::Forest, (301, 203));
+    let [sword, sword_next] = walk(Family::Sword, (256, 176));
+    let [desert, desert_next] = walk(Family::Desert, (355, 241));
+    let [snow, _] = walk(Family::Snow, (161, 163));
+    let pair = |name, truth: &Picture, candidate: Picture| Pair { name, truth: truth.clone(), candidate };
+    vec![
+        pair("large forest blurred", &forest, blurred(&forest)),
+        pair("large forest as JPEG of quality 25", &forest, jpeg(&forest, 25)),
+        pair("large sword, the next frame", &sword, sword_next.clone()),
+        pair("large sword shifted by a pixel and a half", &sword, shifted(&sword, 1.5, 0.0)),
+        pair("large desert with much noise", &desert, noisy(&desert, 40.0)),
+        pair("large desert, the next frame in the lower half", &desert, torn(&desert, &desert_next)),
+        pair("large snow with a gamma of 1.4", &snow, changed(&snow, |v| 255.0 * (v / 255.0).powf(1.4))),
+        pair("large snow upside down in brightness", &snow, changed(&snow, |v| 255.0 - v)),
+    ]
+}
+
 /// Two frames of a walk, a fifteenth of a second apart.
 fn walk(family: Family, (width, height): (u32, u32)) -> [Picture; 2] {
     let scene = Scene::new(family, 2);

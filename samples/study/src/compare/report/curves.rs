@@ -17,6 +17,13 @@ const SMOOTH: usize = RATE as usize / 2;
 /// Of Okabe and Ito: told apart by nearly everybody.
 const COLOURS: [&str; 6] = ["#888888", "#0072b2", "#d55e00", "#e69f00", "#cc79a7", "#009e73"];
 
+/// The start of a drawing of that height. The page has it inside; alone it must say what it is.
+fn opening(height: f64) -> String {
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" role=\"img\">"
+    )
+}
+
 /// The curves of one column, a line for each stream that has it; empty where none has.
 pub(super) fn curves(series: &[Series], column: Column) -> String {
     let lines: Vec<(usize, Vec<(f64, f64)>)> = series
@@ -41,7 +48,7 @@ pub(super) fn curves(series: &[Series], column: Column) -> String {
     let (end, top) = (end.max(1e-9), if top > 0.0 { top } else { 1.0 });
     let x = |time: f64| LEFT + time / end * (WIDTH - LEFT - RIGHT);
     let y = |value: f64| HEIGHT - BOTTOM - value / top * (HEIGHT - TOP - BOTTOM);
-    let mut svg = format!("<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" role=\"img\">");
+    let mut svg = opening(HEIGHT);
     for quarter in 0..=4 {
         let share = f64::from(quarter) / 4.0;
         let (at, over) = (y(top * share), x(end * share));
@@ -81,7 +88,7 @@ pub(super) fn curves(series: &[Series], column: Column) -> String {
 pub(super) fn bars(values: &[(&str, f64)], unit: &str) -> String {
     let most = values.iter().map(|(_, value)| *value).filter(|v| v.is_finite()).fold(0.0, f64::max).max(1e-12);
     let height = 24 * values.len();
-    let mut svg = format!("<svg viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" role=\"img\">");
+    let mut svg = opening(height as f64);
     for (row, (name, value)) in values.iter().enumerate() {
         let (y, width) = (24 * row, value.max(0.0) / most * (WIDTH - 280.0));
         let _ = write!(

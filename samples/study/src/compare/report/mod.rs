@@ -1,51 +1,85 @@
 //! The report: blocks, shown as Markdown, which is also what the program prints, and as one HTML page.
+//!
+//! Tables and figures have the paper's numbers and stand in its order.
 
 mod claims;
 mod costs;
 mod curves;
+mod evidence;
 mod measured;
 mod page;
 mod paper;
-mod sheet;
+mod pipeline;
 mod table;
+
+use std::path::PathBuf;
 
 use cairn::Result;
 use cairn::bundle::Bundle;
+use cairn::world::WorldTime;
+use scenes::Family;
 
 use super::branch::Branch;
 use super::budget::Budget;
 use super::make::Made;
-use super::plan::Settings;
+use super::panels::{self, Shown};
+use super::plan::{Place, Settings};
 use super::score::Scored;
-use super::series::Column;
-pub(super) use sheet::sheet;
+use super::series::{Column, RATE};
+use crate::media::encode_jpeg;
 use table::Table;
 
 /// The longest line of a paragraph.
 const LINE: usize = 120;
+const TITLE: &str = "Fewer and better anchors, or more frames";
+/// Of the walk, the moments that the paper shows of its sword: 2.5, 9 and 11 seconds of 15.
+const MOMENTS: [f64; 3] = [1.0 / 6.0, 3.0 / 5.0, 11.0 / 15.0];
+/// Width of a tile of a figure.
+const TILE: u32 = 400;
 
 /// A part of the report.
 enum Block {
+    /// With the word that links to it lead.
     Heading(String),
     Text(String),
     Table(Table),
-    /// A picture.
-    Picture {
-        /// Where it lies from the report.
-        path: String,
+    /// A picture or a drawing of a file of its own, beside the report.
+    Figure {
+        file: Asset,
         /// What it shows.
         words: String,
-        /// The file.
-        png: Vec<u8>,
     },
-    /// Curves or bars; the page alone shows them.
-    Curves {
-        /// What they show.
+    /// A video, of which the page alone has the player.
+    Player {
         words: String,
-        /// The drawing.
-        svg: String,
+        video: Vec<u8>,
     },
 }
+
+/// A file beside the report, which the page has inside.
+#[derive(Clone)]
+pub(super) struct Asset {
+    /// Where it lies from the report.
+    pub(super) path: String,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Asset {
+    fn jpeg(name: &str, picture: &cairn::Picture) -> Result<Self> {
+        Ok(Self { path: format!("{FIGURES}/{name}.jpg"), bytes: encode_jpeg(picture)? })
+    }
+
+    fn svg(name: &str, svg: String) -> Self {
+        Self { path: format!("{FIGURES}/{name}.svg"), bytes: svg.into_bytes() }
+    }
+
+    fn is_svg(&self) -> bool {
+        self.path.ends_with(".svg")
+    }
+}
+
+/// The folder of those files.
+pub(super) const FIGURES: &str = "figures";
 
 impl Block {
     fn heading(words: impl Into<String>) -> Self {
@@ -56,74 +90,102 @@ impl Block {
         Self::Text(words.into())
     }
 
+    fn figure(file: Asset, words: impl Into<String>) -> Self {
+        Self::Figure { file, words: words.into() }
+    }
+
     fn markdown(&self) -> String {
         match self {
             Self::Heading(words) => format!("\n## {words}\n"),
             Self::Text(words) => format!("\n{}", wrapped(words)),
             Self::Table(table) => format!("\n{}", table.markdown()),
-            Self::Picture { path, words, .. } => format!("\n![{words}]({path})\n"),
-            Self::Curves { .. } => String::new(),
+            Self::Figure { file, words } => format!("\n![{words}]({})\n\n{}", file.path, wrapped(words)),
+            Self::Player { words, .. } => format!("\n{}", wrapped(&format!("{words} It plays in report.html."))),
         }
     }
 }
 
-/// The name of a place's contact sheet in its folder.
-pub(super) const SHEET: &str = "sheet.png";
-
-/// The report in both forms.
+/// The report in both forms, and the files beside it.
 pub(super) struct Report {
     pub(super) markdown: String,
     pub(super) html: String,
+    pub(super) assets: Vec<Asset>,
 }
 
-/// Everything that was found; `sheets` are the contact sheets of the places, as PNG files.
+/// Everything that was found.
+pub(super) struct Found<'a> {
+    pub(super) settings: &'a Settings,
+    pub(super) bundle: &'a Bundle,
+    pub(super) made: &'a Made,
+    /// Of all cells.
+    pub(super) budgets: &'a [Budget],
+    pub(super) scored: &'a [Scored],
+    /// Of all places: where the side-by-side video lies.
+    pub(super) videos: &'a [PathBuf],
+}
+
+impl Found<'_> {
+    /// The weights mean nothing.
+    fn is_random(&self) -> bool {
+        self.bundle.manifest().provenance.get("weights").is_some_and(|weights| weights.starts_with("random"))
+    }
+
+    fn seconds(&self) -> Result<f64> {
+        Ok(WorldTime::parse(&self.settings.seconds)?.seconds())
+    }
+}
+
+/// Writes the report.
 ///
 /// # Errors
-/// `InvalidArgument` for settings that were never checked.
-pub(super) fn report(
-    settings: &Settings,
-    bundle: &Bundle,
-    made: &Made,
-    budgets: &[Budget],
-    scored: &[Scored],
-    sheets: Vec<Vec<u8>>,
-) -> Result<Report> {
-    let random = bundle.manifest().provenance.get("weights").is_some_and(|weights| weights.starts_with("random"));
-    let mut blocks = head(settings, bundle, made, random);
+/// `InvalidArgument` for settings that were never checked; `Io` for a frame that is not there.
+pub(super) fn report(found: &Found<'_>) -> Result<Report> {
+    let Found { settings, made, budgets, scored, .. } = *found;
+    let mut blocks = head(found);
     blocks.push(Block::heading("What the paper claims"));
-    let verdicts = claims::verdicts(settings, scored, random)?;
-    blocks.push(Block::Table(Table::new(3, &["claim", "scenes", "here"], verdicts)));
+    blocks.push(Block::Table(Table::verdicts(&["claim", "scenes", "here"], claims::verdicts(found)?)));
     blocks.push(Block::text(
         "A scene counts for a claim where the 95 % interval of its places lies on one side, or, with one place, by its sign \
          alone. Another world, other pictures and another frame generator than the paper's: what holds here supports the \
          paper's strategy, and neither confirms nor refutes its figures.",
     ));
-    blocks.extend(measured::all(settings, scored));
+    blocks.push(Block::heading("Figure 1: from controls to frames"));
+    blocks.push(Block::figure(
+        Asset::svg("figure-1", pipeline::drawing(settings)),
+        "Above, the coherence-first branch: fewer latents, more passes and context for each, and every second frame generated \
+         between two anchors. Below, the baseline: what the decoder makes is what is shown. Both have the same seed picture, \
+         controls and noise.",
+    ));
     blocks.extend(costs::operating_points(settings));
-    blocks.extend(costs::machine(made));
+    blocks.extend(costs::machine(found));
     blocks.extend(costs::costs(made, budgets));
-    blocks.push(Block::heading("Places (Figures 3 to 6 and S1)"));
-    for (scored, png) in scored.iter().zip(sheets) {
-        let place = scored.place;
-        let path = format!("{}-{}/{SHEET}", place.family, place.seed);
-        blocks.push(Block::Picture { path, words: format!("{place}: truth and branches"), png });
-        for (column, what) in [
-            (Column::Lpips, "LPIPS to the truth, lower is nearer"),
-            (Column::AdjacentLpips, "LPIPS from frame to frame; the truth's own is the mark"),
-        ] {
-            let svg = curves::curves(&scored.series, column);
-            if !svg.is_empty() {
-                blocks.push(Block::Curves { words: format!("{place}: {what}"), svg });
-            }
-        }
+    blocks.extend(seeds(found)?);
+    blocks.extend(evidence::table(settings, scored));
+    for (place, figure) in figures(found) {
+        blocks.extend(pair(place, figure, found)?);
     }
-    let markdown: String = blocks.iter().map(Block::markdown).collect();
-    Ok(Report { markdown: format!("# {TITLE}\n{markdown}"), html: page::page(TITLE, &blocks) })
+    blocks.extend(measured::all(settings, scored));
+    blocks.push(Block::heading("Every place"));
+    blocks.push(Block::text(
+        "All streams of a place in step, a contact sheet of six moments, and how each stream goes over time: means of half a \
+         second. The figures of every frame are in series.csv.",
+    ));
+    for (scored, video) in scored.iter().zip(found.videos) {
+        blocks.extend(of_place(scored, video, settings)?);
+    }
+    let assets = blocks.iter().filter_map(|block| match block {
+        Block::Figure { file, .. } => Some(file.clone()),
+        _ => None,
+    });
+    Ok(Report {
+        markdown: format!("# {TITLE}\n{}", blocks.iter().map(Block::markdown).collect::<String>()),
+        html: page::page(TITLE, &blocks),
+        assets: assets.collect(),
+    })
 }
 
-const TITLE: &str = "Fewer and better anchors, or more frames";
-
-fn head(settings: &Settings, bundle: &Bundle, made: &Made, random: bool) -> Vec<Block> {
+fn head(found: &Found<'_>) -> Vec<Block> {
+    let Found { settings, made, bundle, .. } = found;
     let scenes: Vec<&str> = settings.scenes.iter().map(|family| family.name()).collect();
     let [width, height] = settings.size;
     let places = if settings.places == 1 { "one place".to_owned() } else { format!("{} places", settings.places) };
@@ -136,10 +198,103 @@ fn head(settings: &Settings, bundle: &Bundle, made: &Made, random: bool) -> Vec<
         made.cells.len() + made.straight.len(),
         made.kept
     ))];
-    if random {
+    blocks.push(Block::text(
+        "The experiment of \"Fewer, Better Frames\", table by table and figure by figure, with the paper's published numbers \
+         beside ours and with what the paper could not have: the renderer's own pictures of the same walks. What each figure \
+         is, is told in docs/study.md.",
+    ));
+    if found.is_random() {
         blocks.push(Block::text("**This world has random weights: its pictures mean nothing.**"));
     }
     blocks
+}
+
+/// The paper's Figure 2.
+fn seeds(found: &Found<'_>) -> Result<Vec<Block>> {
+    let places: Vec<Place> = found.settings.scenes.iter().filter_map(|&family| first(found, family)).collect();
+    let file = Asset::jpeg("figure-2", &panels::seeds(&places, found.settings)?)?;
+    Ok(vec![
+        Block::heading("Figure 2: seed pictures"),
+        Block::figure(
+            file,
+            "Where the walks start, drawn by the scenes' renderer. All branches of a place share the picture, the control \
+             script and the seed of the noise.",
+        ),
+    ])
+}
+
+fn first(found: &Found<'_>, family: Family) -> Option<Place> {
+    found.settings.places().find(|place| place.family == family)
+}
+
+/// A figure of the paper that sets two branches side by side.
+struct Pair {
+    number: &'static str,
+    of: [Branch; 2],
+    words: &'static str,
+}
+
+/// Figures 3 to 6 and S1, as far as their scenes were run.
+fn figures<'a>(found: &'a Found<'_>) -> impl Iterator<Item = (Place, Pair)> + 'a {
+    const MAIN: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
+    let all = [
+        (Family::Forest, "3", MAIN, "the paper's clearest result: path, trunks and layers of fog."),
+        (Family::Sword, "4", MAIN, "a held item in front of a place that moves."),
+        (Family::Desert, "5", MAIN, "large shapes with little between them."),
+        (
+            Family::Sword,
+            "6",
+            [Branch::Coherence, Branch::Heavy],
+            "a probe outside the main comparison: more context and passes.",
+        ),
+        (Family::Snow, "S1", MAIN, "bright and without texture, hard for both."),
+    ];
+    all.into_iter().filter_map(|(family, number, of, words)| Some((first(found, family)?, Pair { number, of, words })))
+}
+
+fn pair(place: Place, Pair { number, of, words }: Pair, found: &Found<'_>) -> Result<Vec<Block>> {
+    let whole = found.seconds()? * f64::from(RATE);
+    // Odd looks would show generated frames beside decoded ones.
+    let looks = MOMENTS.map(|share| (whole * share) as u64 & !1);
+    let columns = [Shown::Branch(of[0]), Shown::Branch(of[1]), Shown::Truth];
+    let picture = panels::grid(place, &columns, &looks, TILE, found.settings)?;
+    let file = Asset::jpeg(&format!("figure-{}", number.to_lowercase()), &picture)?;
+    let [left, right] = of.map(Branch::name);
+    Ok(vec![
+        Block::heading(format!("Figure {number}: {place}, {left} and {right}")),
+        Block::figure(
+            file,
+            format!("Left {left}, middle {right}, right what the renderer draws of the same walk: {words}"),
+        ),
+    ])
+}
+
+fn of_place(scored: &Scored, video: &std::path::Path, settings: &Settings) -> Result<Vec<Block>> {
+    let place = scored.place;
+    let name = format!("{}-{}", place.family, place.seed);
+    let count = scored.series.first().map_or(1, |series| series.rows.len() as u64);
+    let sheet = Asset::jpeg(&format!("sheet-{name}"), &panels::sheet(place, count, settings)?)?;
+    let mut blocks = vec![
+        Block::Player {
+            words: format!(
+                "{place}: truth and all branches in step, {RATE} frames a second; {name}/{} by itself.",
+                super::video::VIDEO
+            ),
+            video: crate::manifest::read_bounded(video, u64::from(u32::MAX))?,
+        },
+        Block::figure(sheet, format!("{place}: truth and all branches at six moments.")),
+    ];
+    for (column, file, what) in [
+        (Column::Lpips, "truth", "LPIPS to the truth; lower is nearer."),
+        (Column::AdjacentLpips, "change", "LPIPS from frame to frame; the truth's own is the mark."),
+        (Column::Ssim, "ssim", "SSIM to the truth; higher is nearer."),
+    ] {
+        let svg = curves::curves(&scored.series, column);
+        if !svg.is_empty() {
+            blocks.push(Block::figure(Asset::svg(&format!("{file}-{name}"), svg), format!("{place}: {what}")));
+        }
+    }
+    Ok(blocks)
 }
 
 /// A paragraph in lines of at most [`LINE`] characters.

@@ -6,12 +6,19 @@ pub(super) struct Table {
     pub(super) rows: Vec<Vec<String>>,
     /// Columns of words; those behind them hold numbers, which stand to the right.
     pub(super) words: usize,
+    /// The last column holds verdicts, which the page colours.
+    pub(super) judges: bool,
 }
 
 impl Table {
     /// A table whose first `words` columns are words.
     pub(super) fn new(words: usize, head: &[&str], rows: Vec<Vec<String>>) -> Self {
-        Self { head: head.iter().map(|&cell| cell.to_owned()).collect(), rows, words }
+        Self { head: head.iter().map(|&cell| cell.to_owned()).collect(), rows, words, judges: false }
+    }
+
+    /// A table of words whose last column holds verdicts.
+    pub(super) fn verdicts(head: &[&str], rows: Vec<Vec<String>>) -> Self {
+        Self { judges: true, ..Self::new(head.len(), head, rows) }
     }
 
     /// As Markdown, with columns as wide as their longest cell.

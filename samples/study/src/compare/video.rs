@@ -1,0 +1,104 @@
+//! One video of a place with all of its streams side by side, in step.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use cairn::{Error, ErrorKind, Picture, Result};
+use serde::{Deserialize, Serialize};
+
+use super::panels::SideBySide;
+use super::plan::{Place, Settings};
+use super::series::RATE;
+use crate::manifest::{MANIFEST_VERSION, digest_file, read_manifest, to_json};
+use crate::media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, write_whole};
+use crate::progress::Progress;
+
+/// The video, in the folder of its place.
+pub(super) const VIDEO: &str = "side-by-side.mp4";
+const MANIFEST: &str = "side-by-side.json";
+const JOB: &str = "side-by-side";
+/// What names the way of drawing: raised when it changes.
+const LAYOUT: u32 = 2;
+
+/// What a video was made from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Manifest {
+    manifest_version: u32,
+    /// `side-by-side`.
+    job: String,
+    layout: u32,
+    /// Of all streams, as their figures have it.
+    streams: String,
+    frames: u64,
+    size: [u32; 2],
+    /// Of the file.
+    sha256: String,
+}
+
+/// Makes the video of a place, where it is not there; `streams` names the frames that it shows.
+///
+/// # Errors
+/// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set; what the encoder refuses.
+pub(super) fn video(
+    place: Place,
+    streams: &str,
+    frames: u64,
+    settings: &Settings,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> Result<PathBuf> {
+    let folder = place.folder(&settings.out);
+    let (path, about) = (folder.join(VIDEO), folder.join(MANIFEST));
+    let panels = SideBySide::new(place, settings);
+    let (width, height) = panels.size();
+    let wanted = |sha256: String| Manifest {
+        manifest_version: MANIFEST_VERSION,
+        job: JOB.into(),
+        layout: LAYOUT,
+        streams: streams.to_owned(),
+        frames,
+        size: [width, height],
+        sha256,
+    };
+    if about.exists() {
+        let found = match read_manifest::<Manifest>(&about, "a side-by-side video", "study compare") {
+            Ok(found) => Some(found),
+            Err(error) if error.kind() == ErrorKind::InvalidArgument => None,
+            Err(error) => return Err(error),
+        };
+        let there = path.exists().then(|| digest_file(&path)).transpose()?;
+        if let (Some(found), Some((_, sha256))) = (found, there)
+            && found == wanted(sha256)
+        {
+            return Ok(path);
+        }
+    }
+    progress.phase(&format!("encoding {place}"));
+    progress.begin(frames);
+    let format = VideoFormat {
+        quantiser: VideoFormat::SMALL,
+        ..VideoFormat::new((width, height), FrameRate::new(RATE.into(), 1)?)
+    };
+    let sink = Mp4Sink::create(&RealDisk, &path, &format, 0)?;
+    let recorder = Recorder::start(vec![Box::new(sink)], (width, height))?;
+    let drawn = (0..frames).try_for_each(|number| {
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+        }
+        let mut picture = recorder.spent().map_or_else(|| Picture::new(width, height), Ok)?;
+        panels.draw(number, &mut picture)?;
+        progress.frames(number + 1);
+        // Why it takes no more is told when it is finished.
+        recorder.push(picture);
+        Ok(())
+    });
+    progress.end();
+    let recorded = recorder.finish()?;
+    drawn?;
+    if let Some(failure) = recorded.failure {
+        return Err(failure);
+    }
+    let (_, sha256) = digest_file(&path)?;
+    write_whole(&RealDisk, &about, &to_json(&wanted(sha256))?)?;
+    Ok(path)
+}
