@@ -115,9 +115,9 @@ mod tests {
 
     #[test]
     fn equal_pictures_have_one_and_opposite_ones_nothing() {
-        let a = picture(163, 161, |x, y| (x * 7 ^ y * 3) as u8);
+        let a = picture(163, 161, |x, y| ((x * 7) ^ (y * 3)) as u8);
         assert_eq!(ms_ssim(&a, &a).unwrap(), 1.0);
-        let opposite = picture(163, 161, |x, y| 255 - (x * 7 ^ y * 3) as u8);
+        let opposite = picture(163, 161, |x, y| 255 - ((x * 7) ^ (y * 3)) as u8);
         assert_eq!(ms_ssim(&a, &opposite).unwrap(), 0.0, "no root of a negative number");
     }
 
