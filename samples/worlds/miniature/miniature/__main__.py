@@ -15,6 +15,8 @@ Trains the miniature world from nothing, with fixed seeds. Every command goes on
 runs them one after the other. A command that has done its work ends with status 0, one that --minutes ended before that with 3.
 """
 UNFINISHED = 3
+# The world inside the library.
+SHIPPED = Path(__file__).resolve().parents[2] / "miniature.cairn"
 # Walks that are drawn side by side.
 DRAWN_AT_ONCE = 3
 
@@ -29,8 +31,9 @@ def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     top = argparse.ArgumentParser(prog="python -m miniature", description=HELP)
     top.add_argument("--folder", type=Path, default=default_folder(), help="states and clips (%(default)s)")
-    top.add_argument("--preset", choices=["cpu", "gpu", "smoke"], default="cpu", help="sizes (cpu)")
+    top.add_argument("--preset", choices=["cpu", "gpu", "further", "smoke"], default="cpu", help="sizes and steps (cpu)")
     top.add_argument("--renderer", type=Path, help="the scenes program (`scenes` in the folder unless given)")
+    top.add_argument("--bundle", type=Path, default=SHIPPED, help="the world that `begin` takes (%(default)s)")
     top.add_argument("--minutes", type=float, default=float("inf"), help="stop training after so many minutes, to go on later")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (_, what) in COMMANDS.items():
@@ -49,6 +52,7 @@ class Job:
 
         self.folder: Path = options.folder
         self.renderer: Path = options.renderer or options.folder / "scenes"
+        self.bundle: Path = options.bundle
         self.minutes: float = options.minutes
         self.preset = PRESETS[options.preset]
         self.geometry = self.preset.geometry
@@ -67,7 +71,7 @@ def draw_clips(job: Job) -> bool:
     from . import clips
     from .shapes import CLIP_SECONDS
 
-    for number in range(job.preset.autoencoder.clips):
+    for number in job.preset.clips:
         clips.render(job.renderer, job.folder / "clips", number, CLIP_SECONDS, job.geometry.decoded)
     return True
 
@@ -114,7 +118,7 @@ def encode_walks(job: Job) -> bool:
         if not path.is_file():
             latents.encode_clip(encoder, clip, path)
     def draw(walk: int) -> tuple[clips.Clip, Path] | None:
-        number = job.preset.autoencoder.clips + walk
+        number = job.preset.clips.stop + walk
         family, seed = clips.clip_name(number)
         path = folder / f"{family}-{seed}.npz"
         if path.is_file():
@@ -144,7 +148,7 @@ def train_world(job: Job) -> bool:
     wanted = job.preset.autoencoder.clips + plan.count
     if len(walks.walks) < wanted:
         job.say(f"{len(walks.walks)} of {wanted} clips and walks are there: the weights will be others than with all")
-    state = train_world.train(job.world, job.geometry, plan, walks, job.minutes, job.say, job.preset.autoencoder.clips)
+    state = train_world.train(job.world, job.geometry, plan, walks, job.minutes, job.say, job.preset.clips)
     return int(state.step) >= plan.steps
 
 
@@ -164,6 +168,18 @@ def build_bundle(job: Job) -> bool:
     arguments = ["checkpoint", str(job.folder / "checkpoint"), "--out", str(job.folder / "bundle"), "--replace", "--quiet"]
     arguments += ["--rounding", "none", "--name", "Miniature", "--licence", "MIT OR Apache-2.0"]
     return cli.main(arguments) == 0
+
+
+def begin(job: Job) -> bool:
+    """States of a bundle's weights, where there are none."""
+    from . import begin
+
+    for state in (job.autoencoder, job.world):
+        if state.is_file():
+            raise SystemExit(f"error: {state} is there already. Name another folder with --folder, or remove it.")
+    begin.states(job.bundle, job.geometry, job.autoencoder, job.world)
+    job.say(f"begun with the weights of {job.bundle.name}")
+    return True
 
 
 def cut(job: Job) -> bool:
@@ -197,8 +213,9 @@ COMMANDS = {
     "checkpoint": (write_checkpoint, "write both networks in Waypoint-1.5's released layout"),
     "bundle": (build_bundle, "make the bundle of the checkpoint, with cairn.build"),
 }
-# What moves a training to another machine; no part of `all`.
+# What brings a training from elsewhere, or moves it; no part of `all`.
 MOVING = {
+    "begin": (begin, "take the weights of a bundle, to train them further with --preset further"),
     "pieces": (cut, "cut the training states into pieces below 15 MiB"),
     "join": (put_together, "put the training states together of such pieces"),
 }

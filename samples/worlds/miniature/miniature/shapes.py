@@ -59,6 +59,9 @@ class Stage:
     windows: tuple[int, ...] = (128,)  # global windows g to train for
     together: int = 1  # windows computed side by side: on a CPU one, whose activations stay in its caches
     few_step: bool = False  # frames as the schedules' few steps lead to them, not as truth and noise mixed
+    # How much the squared error of a channel's mean over the picture counts beside that of single numbers. A rollout's brightness hangs
+    # on these means and what is wrong in them adds up, but they are 1 in 128 of the error of single numbers: too little to be learnt.
+    whole: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,7 @@ class WorldPlan:
     rate: float
     decay: float
     stages: tuple[Stage, ...]
+    muon_rate: float = 3e-3
 
     @property
     def count(self) -> int:
@@ -118,6 +122,13 @@ class Preset:
     geometry: Geometry
     autoencoder: AutoencoderPlan
     world: WorldPlan
+    # Number of the first clip: a training that goes on from a bundle draws places that the bundle has not seen.
+    first: int = 0
+
+    @property
+    def clips(self) -> range:
+        """Numbers of the autoencoder's clips; those of the walks follow."""
+        return range(self.first, self.first + self.autoencoder.clips)
 
 
 # The windows that the released model and its studies are run at.
@@ -166,6 +177,23 @@ PRESETS = {
                 Stage(steps=300, frames=64, batch=1, noisy=2, few_step=True),
             ),
         ),
+    ),
+    # From the bundle that is there (`begin`): new places, and what a long rollout hangs on.
+    "further": Preset(
+        WORLD,
+        AutoencoderPlan(clips=0, steps=0, batch=4, latents=3, crop=(128, 128), rate=1.5e-3),
+        WorldPlan(
+            walks=(Walks(40, 18.0),),
+            rate=0.75e-3,
+            muon_rate=1.5e-3,
+            decay=0.05,
+            stages=(
+                Stage(steps=150, frames=64, batch=1, noisy=2, few_step=True, whole=32.0),
+                Stage(steps=100, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True, whole=32.0),
+                Stage(steps=250, frames=64, batch=1, noisy=2, few_step=True, whole=32.0),
+            ),
+        ),
+        first=300,
     ),
     "smoke": Preset(
         SMOKE,

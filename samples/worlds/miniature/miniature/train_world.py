@@ -43,6 +43,8 @@ EVEN = 0.4
 BELL = (0.8, 1.2)
 # Passes of the finer of the two schedules that a few-step stage trains for; the other is the stock one.
 REFINED = 10
+# How often a frame is one of the finer schedule's: what the world is judged by, and what the stock one's training does not give.
+REFINED_SHARE = 0.75
 # How often the past of a window is the network's own in a few-step stage, and how often, of those, it made that over a past of its own too.
 OWN_PAST = 0.6
 OWN_TWICE = 0.5
@@ -62,10 +64,11 @@ def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Arr
     the clean frames that this step points to.
     """
     of_each = [schedules.passes(g.schedule), schedules.passes(schedules.refined(g.schedule, REFINED))]
-    # Both schedules are equally likely, and all passes of one.
-    chances = np.concatenate([np.full(len(passes), 1 / len(passes)) for passes in of_each])
+    # All passes of one schedule are equally likely.
+    shares = (1 - REFINED_SHARE, REFINED_SHARE)
+    chances = np.concatenate([np.full(len(passes), share / len(passes)) for share, passes in zip(shares, of_each)])
     pairs = jnp.asarray(np.concatenate(of_each), jnp.float32)
-    chosen = pairs[jax.random.choice(key, len(pairs), noise.shape[:2], p=jnp.asarray(chances / chances.sum(), jnp.float32))]
+    chosen = pairs[jax.random.choice(key, len(pairs), noise.shape[:2], p=jnp.asarray(chances, jnp.float32))]
     before, sigma = chosen[..., 0], chosen[..., 1]
     s = before[..., None, None, None]
     x = jnp.concatenate([kept[None], (1 - s) * clean + s * noise])
@@ -140,12 +143,15 @@ def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, others: Ar
     x = jnp.concatenate([kept[None], noisy])
     told = jnp.concatenate([jnp.zeros((1, F)), sigma])
     v = transformer.velocity(p, g, x, told, driven, window)[1:, 1:]
-    error = jnp.mean(jnp.square(v - truth[:, 1:]), (2, 3, 4))
+    off = v - truth[:, 1:]
+    error = jnp.mean(jnp.square(off), (2, 3, 4))
+    whole_error = jnp.mean(jnp.square(jnp.mean(off, (2, 3))), 2)
     # The same error, as that of the clean latent which the velocity points to.
     clean_error = jnp.mean(error * jnp.square(sigma[:, 1:]))
     # What is left to mend at a low level is small, and divided by it large: the level is the middle between both errors.
-    mean = jnp.mean(error * sigma[:, 1:] if stage.few_step else error)
-    return mean, {"loss": mean, "latent_error": clean_error}
+    weight = sigma[:, 1:] if stage.few_step else jnp.ones_like(sigma[:, 1:])
+    mean, whole = jnp.mean(error * weight), jnp.mean(whole_error * weight)
+    return mean + stage.whole * whole, {"loss": mean, "latent_error": clean_error, "whole": whole}
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2), donate_argnums=4)
@@ -166,7 +172,7 @@ def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.St
 
     items = latents, others, controls, jax.random.split(key, len(latents))
     items = jax.tree.map(lambda x: x.reshape(parts, together, *x.shape[1:]), items)
-    nothing = jax.tree.map(jnp.zeros_like, state.parameters), {"loss": jnp.zeros(()), "latent_error": jnp.zeros(())}
+    nothing = jax.tree.map(jnp.zeros_like, state.parameters), dict.fromkeys(("loss", "latent_error", "whole"), jnp.zeros(()))
     (gradient, figures), _ = jax.lax.scan(add, nothing, items)
     state, norm = optimiser.update(settings, state, gradient)
     return state, {**figures, "gradient": norm}
@@ -183,16 +189,17 @@ def batch(rng: np.random.Generator, walks: Walks, stage: Stage) -> tuple[np.ndar
     return np.stack([w[0] for w in windows]), np.stack([w[0] for w in others]), np.stack([w[1] for w in windows])
 
 
-def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float, say=print, clips: int = 0) -> optimiser.State:
-    """Trains from the state at `path`, or from nothing, and leaves the state there. Of `walks`, the first `clips` numbers are the
-    autoencoder's clips, which are walks of the plan's first stage too.
+def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float, say=print, clips: range = range(0)) -> optimiser.State:
+    """Trains from the state at `path`, or from nothing, and leaves the state there. Of `walks`, the numbers `clips` are the
+    autoencoder's clips, which are walks of the plan's first stage too; the plan's own follow.
     """
 
     @cache
     def first(count: int) -> Walks:
-        return walks.among({"{}-{}".format(*clip_name(number)) for number in range(clips + count)})
+        return walks.among({"{}-{}".format(*clip_name(number)) for number in range(clips.start, clips.stop + count)})
 
-    settings = optimiser.Settings(rate=plan.rate, steps=plan.steps, warm_up=min(200, plan.steps // 4), decay=plan.decay)
+    rates = {"rate": plan.rate, "muon_rate": plan.muon_rate, "decay": plan.decay}
+    settings = optimiser.Settings(**rates, steps=plan.steps, warm_up=min(200, plan.steps // 4))
 
     def one_step(state: optimiser.State, n: int):
         stage = plan.stage(n)

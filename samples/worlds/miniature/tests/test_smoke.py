@@ -48,3 +48,13 @@ def test_one_command_trains_a_world_from_nothing_in_chunks(renderer, tmp_path):
     latents = [world.step(world.noise(np.random.default_rng(1))) for _ in range(3)]
     assert np.isfinite(latents).all()
     assert all(np.isfinite(value).all() for value in store.mean_parameters(tmp_path / "world.npz").values())
+
+    # What it made is begun with anew, in another folder: the numbers are the bundle's.
+    ended = run("--folder", tmp_path / "again", "--bundle", tmp_path / "bundle", "begin")
+    assert ended.returncode == 0
+    for state in ("world.npz", "autoencoder.npz"):
+        before, after = (store.mean_parameters(folder / state) for folder in (tmp_path, tmp_path / "again"))
+        assert before.keys() == after.keys()
+        assert all(np.array_equal(before[name].astype(np.float16), after[name].astype(np.float16)) for name in before)
+    refused = subprocess.run([*command, "begin"], env=variables, capture_output=True, text=True, encoding="utf-8", check=False)
+    assert refused.returncode == 1 and "there already" in refused.stderr

@@ -42,7 +42,7 @@ def test_held_out_seeds_are_refused():
         with pytest.raises(held_out.HeldOutSeed, match=str(seed)):
             held_out.require_trainable(seed)
     for preset in PRESETS.values():
-        used = {clips.clip_name(n)[1] for n in range(preset.autoencoder.clips + preset.world.count)}
+        used = {clips.clip_name(n)[1] for n in range(preset.clips.start, preset.clips.stop + preset.world.count)}
         assert not used & held_out.held_out_seeds()
 
 
