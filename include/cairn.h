@@ -1739,6 +1739,37 @@ typedef struct cairn_rollout_statistics {
     uint64_t read_bytes;
     /** The part of copied_bytes that went into the ring. */
     uint64_t ring_bytes;
+    /**
+     * Passes of the transformer whose time on a Direct3D 12 device is known by its own clock; 0 on others, as all below. What else
+     * the queue ran meanwhile is in their times.
+     */
+    uint64_t device_passes;
+    /** Nanoseconds of them on the device, all together. */
+    uint64_t device_passes_ns;
+    /** Nanoseconds of the longest. */
+    uint64_t device_pass_longest_ns;
+    /** Passes of the decoder whose time on the device is known. */
+    uint64_t device_decodes;
+    /** Nanoseconds of them on the device, all together. */
+    uint64_t device_decodes_ns;
+    /** Nanoseconds of the longest. */
+    uint64_t device_decode_longest_ns;
+    /** Copies into the ring whose time on the device is known. */
+    uint64_t device_commits;
+    /** Nanoseconds of them on the device, all together. */
+    uint64_t device_commits_ns;
+    /**
+     * Nanoseconds of wall time inside ONNX Runtime, which makes the device's command lists and gives them to the queue.
+     */
+    uint64_t runtime_ns;
+    /** Nanoseconds of wall time of waiting for the device. */
+    uint64_t waited_ns;
+    /** How often it waited because of cairn_d3d12_options.longest_submission_us. */
+    uint64_t yields;
+    /** Passes with buffers of their own that run by capture: see cairn_d3d12_options.captured_passes. */
+    uint32_t captured_passes;
+    /** Those that do not, or have not shown yet that their bits are the same. */
+    uint32_t other_passes;
 } cairn_rollout_statistics;
 
 /** What a presenter has done since it was made. */
@@ -1832,6 +1863,9 @@ CAIRN_API cairn_result cairn_presenter_get_statistics(
 
 /* ---- 15. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
 
+/** A flag of cairn_d3d12_options: ONNX Runtime's deterministic kernels only, and no captured passes. */
+#define CAIRN_D3D12_DETERMINISTIC 1
+
 /** Direct3D 12's own, declared so that its header is not needed. */
 typedef struct ID3D12CommandQueue ID3D12CommandQueue;
 
@@ -1846,6 +1880,26 @@ typedef struct ID3D12GraphicsCommandList ID3D12GraphicsCommandList;
 
 /** Direct3D 12's own, declared so that its header is not needed. */
 typedef struct ID3D12Resource ID3D12Resource;
+
+/** How worlds run on a Direct3D 12 device. All zero: as a new device has it. */
+typedef struct cairn_d3d12_options {
+    /** sizeof(cairn_d3d12_options) */
+    uint32_t struct_size;
+    /** CAIRN_D3D12_DETERMINISTIC, or 0. */
+    uint32_t flags;
+    /**
+     * Passes of each of a world's graphs that ONNX Runtime may capture, at most: it keeps their commands, and such a pass takes the
+     * processor next to nothing. A rollout has two at most to a graph, and those of rollouts that are gone are kept as long as the world.
+     * Captured passes are used where they give the same bits as others, which the first runs of each show. 0 for none.
+     */
+    uint32_t captured_passes;
+    /**
+     * Microseconds of work, by the device's own clock, that a rollout may have on the queue for anchors at a time, so that the engine's
+     * frames get their turn in between: before a pass that would make it more, the rollout waits for what is there. A pass is never
+     * divided: cairn_rollout_statistics has the longest, and how often was waited. 0 for no limit.
+     */
+    uint32_t longest_submission_us;
+} cairn_d3d12_options;
 
 /**
  * Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library
@@ -1878,6 +1932,17 @@ CAIRN_API cairn_result cairn_device_create_d3d12(
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_device_create_adapter(uint64_t luid, cairn_device **device);
+
+/**
+ * Says how a device runs worlds that are loaded, and rollouts that are made, from now on.
+ *
+ * Ownership: options are read during the call; nothing is handed over, on success or on failure.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED, also
+ * for a CPU device.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_set_d3d12(const cairn_device *device, const cairn_d3d12_options *options);
 
 /**
  * Gives what a device runs on.

@@ -256,6 +256,7 @@ using anchor_info = sized<cairn_anchor_info>;
 using rollout_options = sized<cairn_rollout_options>;
 using rollout_info = sized<cairn_rollout_info>;
 using rollout_statistics = sized<cairn_rollout_statistics>;
+using d3d12_options = sized<cairn_d3d12_options>;
 using step_info = sized<cairn_step_info>;
 using guidance_data = sized<cairn_guidance_data>;
 using guidance_info = sized<cairn_guidance_info>;
@@ -500,6 +501,12 @@ public:
     static result<device> of_adapter(std::uint64_t luid)
     {
         return detail::made<device>([&](cairn_device **to) { return cairn_device_create_adapter(luid, to); });
+    }
+
+    /** How it runs worlds and rollouts that come from now on: cairn_device_set_d3d12. */
+    result<void> set(const d3d12_options &options) const
+    {
+        return detail::done(cairn_device_set_d3d12(get(), &options));
     }
 
     /** What it runs on: cairn_device_get_d3d12. */

@@ -130,6 +130,7 @@ extern "C" {
 #define CAIRN_LD_EXPERIMENTAL(X) \
     X(cairn_result, cairn_device_create_d3d12, (struct ID3D12Device *d3d12, struct ID3D12CommandQueue *queue, struct ID3D12CommandQueue *anchors, cairn_device **device)) \
     X(cairn_result, cairn_device_create_adapter, (uint64_t luid, cairn_device **device)) \
+    X(cairn_result, cairn_device_set_d3d12, (const cairn_device *device, const cairn_d3d12_options *options)) \
     X(cairn_result, cairn_device_get_d3d12, (const cairn_device *device, struct ID3D12Device **d3d12, struct ID3D12CommandQueue **queue)) \
     X(cairn_result, cairn_rollout_append_d3d12, (cairn_rollout *rollout, struct ID3D12Resource *picture, uint32_t state, cairn_step_info *info)) \
     X(cairn_result, cairn_anchor_get_d3d12, (const cairn_anchor *anchor, uint32_t index, struct ID3D12Resource **texture, struct ID3D12Fence **fence, uint64_t *value)) \

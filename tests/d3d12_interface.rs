@@ -6,8 +6,8 @@ use std::ptr::{null, null_mut};
 
 use cairn::abi::anchor::cairn_anchor_destroy;
 use cairn::abi::d3d12::{
-    cairn_anchor_get_d3d12, cairn_device_create_adapter, cairn_device_create_d3d12, cairn_device_get_d3d12,
-    cairn_rollout_append_d3d12,
+    cairn_anchor_get_d3d12, cairn_d3d12_options, cairn_device_create_adapter, cairn_device_create_d3d12,
+    cairn_device_get_d3d12, cairn_device_set_d3d12, cairn_rollout_append_d3d12,
 };
 use cairn::abi::device::{CAIRN_DEVICE_D3D12, cairn_device_destroy, cairn_device_get_info, cairn_device_info};
 use cairn::abi::images::cairn_picture;
@@ -16,6 +16,7 @@ use cairn::abi::results::{CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK, cairn_result};
 use cairn::abi::rollout::{
     cairn_rollout_append, cairn_rollout_create, cairn_rollout_destroy, cairn_rollout_get_anchor,
 };
+use cairn::abi::statistics::{cairn_rollout_get_statistics, cairn_rollout_statistics};
 use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_options};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Fence, ID3D12Resource};
 use cairn::gpu::windows::core::Interface;
@@ -115,6 +116,13 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
     let world = made(|to| unsafe { cairn_world_load(device, &options, to) });
     let seed = common::picture(40, 30, 1);
     let (texture, _) = texture_of(&gpu, &seed).expect("a texture");
+    let mut options: cairn_d3d12_options = prepared(|options: &mut cairn_d3d12_options| &mut options.struct_size);
+    options.flags = 2;
+    // SAFETY: a live handle and options of their size.
+    assert_eq!(unsafe { cairn_device_set_d3d12(device, &options) }, CAIRN_ERROR_INVALID_ARGUMENT);
+    (options.flags, options.captured_passes, options.longest_submission_us) = (0, 16, 1);
+    // SAFETY: as above.
+    assert_eq!(unsafe { cairn_device_set_d3d12(device, &options) }, CAIRN_OK);
     let mut shown = Vec::new();
     for from_texture in [true, false] {
         // SAFETY: a live handle and a place for the handle.
@@ -130,6 +138,14 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
             unsafe { cairn_rollout_append(rollout, &picture, null_mut()) }
         };
         assert_eq!(appended, CAIRN_OK);
+        let mut did: cairn_rollout_statistics = prepared(|did: &mut cairn_rollout_statistics| &mut did.struct_size);
+        // SAFETY: a live handle and a struct of its size.
+        assert_eq!(unsafe { cairn_rollout_get_statistics(rollout, &mut did) }, CAIRN_OK);
+        // The world was loaded before passes could be captured, and its device's clock ran.
+        let passes = [did.device_passes, did.device_decodes, did.cache_passes, did.captured_passes.into()];
+        assert_eq!(passes, [1, did.decode_passes, 1, 0], "{did:?}");
+        assert!(did.device_passes_ns > 0 && did.device_decode_longest_ns > 0 && did.runtime_ns > 0, "{did:?}");
+        assert!(did.waited_ns > 0 && did.yields > 0 && did.other_passes > 0, "{did:?}");
         // SAFETY: a live handle and a place for the handle.
         let anchor = made(|to| unsafe { cairn_rollout_get_anchor(rollout, to) });
         let (mut picture, mut fence, mut value) = (null_mut(), null_mut(), 0);

@@ -9,7 +9,7 @@ use super::handles::{enter, enter_alone, insert};
 use super::presenter::{cairn_frame, cairn_presenter, to_header};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
-use super::structs::{Out, check_out};
+use super::structs::{Out, check_out, describe, read};
 use super::worker::Job;
 
 #[cfg_attr(windows, path = "d3d12/windows.rs")]
@@ -51,8 +51,25 @@ pub(super) struct DeviceFigures {
     pub(super) lists: DeviceTimes,
 }
 
+/// What a rollout has taken on the device, and how its passes run there.
+#[derive(Default, Clone, Copy)]
+pub(super) struct RolloutFigures {
+    pub(super) passes: DeviceTimes,
+    pub(super) decodes: DeviceTimes,
+    pub(super) commits: DeviceTimes,
+    /// Inside ONNX Runtime.
+    pub(super) inside: Duration,
+    /// Waiting for the device.
+    pub(super) waited: Duration,
+    pub(super) yields: u64,
+    /// Passes that run by capture.
+    pub(super) captured: usize,
+    /// Those that do not.
+    pub(super) others: usize,
+}
+
 /// How often, and how long.
-#[derive(Default)]
+#[derive(Default, Clone, Copy)]
 pub(super) struct DeviceTimes {
     pub(super) count: u64,
     pub(super) total: Duration,
@@ -109,6 +126,52 @@ pub unsafe extern "C" fn cairn_device_create_adapter(luid: u64, device: *mut *mu
         let handle = insert::<cairn_device>(behind::on_adapter(luid)?)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { device.write(handle) };
+        Ok(CAIRN_OK)
+    })
+}
+
+/// A flag of cairn_d3d12_options: ONNX Runtime's deterministic kernels only, and no captured passes.
+pub const CAIRN_D3D12_DETERMINISTIC: u32 = 1;
+
+/// How worlds run on a Direct3D 12 device. All zero: as a new device has it.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_d3d12_options {
+    /// sizeof(cairn_d3d12_options)
+    pub struct_size: u32,
+    /// CAIRN_D3D12_DETERMINISTIC, or 0.
+    pub flags: u32,
+    /// Passes of each of a world's graphs that ONNX Runtime may capture, at most: it keeps their commands, and such a pass takes the
+    /// processor next to nothing. A rollout has two at most to a graph, and those of rollouts that are gone are kept as long as the world.
+    /// Captured passes are used where they give the same bits as others, which the first runs of each show. 0 for none.
+    pub captured_passes: u32,
+    /// Microseconds of work, by the device's own clock, that a rollout may have on the queue for anchors at a time, so that the engine's
+    /// frames get their turn in between: before a pass that would make it more, the rollout waits for what is there. A pass is never
+    /// divided: cairn_rollout_statistics has the longest, and how often was waited. 0 for no limit.
+    pub longest_submission_us: u32,
+}
+describe!(cairn_d3d12_options, [], { struct_size, flags, captured_passes, longest_submission_us });
+
+/// Says how a device runs worlds that are loaded, and rollouts that are made, from now on.
+///
+/// Ownership: options are read during the call; nothing is handed over, on success or on failure.
+/// Threads: any thread, at any time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED, also
+/// for a CPU device.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_device_set_d3d12(
+    device: *const cairn_device,
+    options: *const cairn_d3d12_options,
+) -> cairn_result {
+    call("cairn_device_set_d3d12", || {
+        let device = enter(device)?;
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { read(options, "options") }?;
+        if options.flags & !CAIRN_D3D12_DETERMINISTIC != 0 {
+            return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
+        }
+        behind::set_options(&device, &options)?;
         Ok(CAIRN_OK)
     })
 }

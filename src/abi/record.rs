@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use super::structs::Struct;
 use super::{
-    anchor::*, controls::*, device::*, guidance::*, images::*, logging::*, presenter::*, requirements::*, results::*,
-    rollout::*, statistics::*, steps::*, version::*, world::*,
+    anchor::*, controls::*, d3d12::*, device::*, guidance::*, images::*, logging::*, presenter::*, requirements::*,
+    results::*, rollout::*, statistics::*, steps::*, version::*, world::*,
 };
 
 /// Constants and structs, in the words of `abi.txt`.
@@ -47,7 +47,7 @@ fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
         CAIRN_PRESENTER_HOLD_LATE CAIRN_PRESENTER_CATCH_UP CAIRN_PRESENTER_NO_DECODED CAIRN_PRESENTER_LETTERBOX
         CAIRN_COLOUR_SRGB CAIRN_COLOUR_LINEAR CAIRN_COLOUR_SCRGB CAIRN_COLOUR_HDR10
         CAIRN_FRAME_ANCHOR CAIRN_FRAME_DECODED CAIRN_FRAME_GENERATED CAIRN_FRAME_EXTRAPOLATED CAIRN_FRAME_HELD
-        CAIRN_FRAME_CUT CAIRN_FRAME_REPEATED
+        CAIRN_FRAME_CUT CAIRN_FRAME_REPEATED CAIRN_D3D12_DETERMINISTIC
     ]
 }
 
@@ -73,6 +73,7 @@ fn structs(text: &mut String) {
     one::<cairn_frame>(text);
     one::<cairn_presenter_statistics>(text);
     one::<cairn_rollout_statistics>(text);
+    one::<cairn_d3d12_options>(text);
 }
 
 fn one<T: Struct>(text: &mut String) {

@@ -47,10 +47,39 @@ pub struct cairn_rollout_statistics {
     pub read_bytes: u64,
     /// The part of copied_bytes that went into the ring.
     pub ring_bytes: u64,
+    /// Passes of the transformer whose time on a Direct3D 12 device is known by its own clock; 0 on others, as all below. What else
+    /// the queue ran meanwhile is in their times.
+    pub device_passes: u64,
+    /// Nanoseconds of them on the device, all together.
+    pub device_passes_ns: u64,
+    /// Nanoseconds of the longest.
+    pub device_pass_longest_ns: u64,
+    /// Passes of the decoder whose time on the device is known.
+    pub device_decodes: u64,
+    /// Nanoseconds of them on the device, all together.
+    pub device_decodes_ns: u64,
+    /// Nanoseconds of the longest.
+    pub device_decode_longest_ns: u64,
+    /// Copies into the ring whose time on the device is known.
+    pub device_commits: u64,
+    /// Nanoseconds of them on the device, all together.
+    pub device_commits_ns: u64,
+    /// Nanoseconds of wall time inside ONNX Runtime, which makes the device's command lists and gives them to the queue.
+    pub runtime_ns: u64,
+    /// Nanoseconds of wall time of waiting for the device.
+    pub waited_ns: u64,
+    /// How often it waited because of cairn_d3d12_options.longest_submission_us.
+    pub yields: u64,
+    /// Passes with buffers of their own that run by capture: see cairn_d3d12_options.captured_passes.
+    pub captured_passes: u32,
+    /// Those that do not, or have not shown yet that their bits are the same.
+    pub other_passes: u32,
 }
-describe!(cairn_rollout_statistics, [], {
+describe!(cairn_rollout_statistics, [120], {
     struct_size, queue_depth, latents, denoise_passes, cache_passes, decode_passes, encode_ns, denoise_ns, cache_ns,
-    commit_ns, decode_ns, resize_ns, uploaded_bytes, copied_bytes, read_bytes, ring_bytes,
+    commit_ns, decode_ns, resize_ns, uploaded_bytes, copied_bytes, read_bytes, ring_bytes, device_passes, device_passes_ns,
+    device_pass_longest_ns, device_decodes, device_decodes_ns, device_decode_longest_ns, device_commits, device_commits_ns,
+    runtime_ns, waited_ns, yields, captured_passes, other_passes,
 });
 
 /// Says what a rollout has done so far. Does not wait for a step that is running.
@@ -68,7 +97,7 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
         let running = enter(rollout)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
-        let (figures, depth) = running.statistics();
+        let (figures, device, depth) = running.statistics();
         let (stages, bytes) = (figures.stages, figures.bytes);
         statistics.write(&cairn_rollout_statistics {
             struct_size: 0,
@@ -87,6 +116,19 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
             copied_bytes: bytes.copied,
             read_bytes: bytes.read,
             ring_bytes: figures.ring_bytes,
+            device_passes: device.passes.count,
+            device_passes_ns: in_ns(device.passes.total),
+            device_pass_longest_ns: in_ns(device.passes.longest),
+            device_decodes: device.decodes.count,
+            device_decodes_ns: in_ns(device.decodes.total),
+            device_decode_longest_ns: in_ns(device.decodes.longest),
+            device_commits: device.commits.count,
+            device_commits_ns: in_ns(device.commits.total),
+            runtime_ns: in_ns(device.inside),
+            waited_ns: in_ns(device.waited),
+            yields: device.yields,
+            captured_passes: u32::try_from(device.captured).unwrap_or(u32::MAX),
+            other_passes: u32::try_from(device.others).unwrap_or(u32::MAX),
         });
         Ok(CAIRN_OK)
     })

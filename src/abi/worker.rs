@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
 use super::boundary::guard;
+use super::d3d12::{RolloutFigures, behind};
 use super::handles::Object;
 use super::results::{
     CAIRN_ERROR_BUSY, CAIRN_ERROR_CANCELLED, CAIRN_ERROR_INTERNAL, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED,
@@ -35,7 +36,7 @@ struct Shared {
     /// A step on the worker ended by a fault of the library.
     broken: AtomicBool,
     /// As of the end of the last step, so that asking does not wait for one.
-    statistics: Mutex<Statistics>,
+    statistics: Mutex<(Statistics, RolloutFigures)>,
 }
 
 /// The rollout itself.
@@ -139,7 +140,7 @@ impl Running {
     pub(super) fn run(&self, job: &Job) -> Outcome<StepInfo> {
         let mut core = self.alone()?;
         let result = core.run(job);
-        *self.shared.statistics.lock() = core.rollout.statistics();
+        *self.shared.statistics.lock() = core.figures();
         result
     }
 
@@ -228,9 +229,10 @@ impl Running {
     }
 
     /// Figures as of the last step's end, and steps that wait or run.
-    pub(super) fn statistics(&self) -> (Statistics, usize) {
+    pub(super) fn statistics(&self) -> (Statistics, RolloutFigures, usize) {
         let depth = self.shared.queue.lock().depth();
-        (*self.shared.statistics.lock(), depth)
+        let (figures, device) = *self.shared.statistics.lock();
+        (figures, device, depth)
     }
 
     fn start(&self) -> Outcome<()> {
@@ -266,6 +268,11 @@ impl Core {
         Ok(info)
     }
 
+    /// What it has done, and what that took on the device.
+    fn figures(&mut self) -> (Statistics, RolloutFigures) {
+        (self.rollout.statistics(), behind::rollout_figures(&mut self.rollout))
+    }
+
     /// Notes that the past is another one.
     pub(super) fn restored(&mut self) {
         self.cut = true;
@@ -295,7 +302,7 @@ impl Shared {
                 // A step whose anchor found no room would be made, and yet fail.
                 let mut anchor = KeptAnchor::room(&mut core.rollout)?;
                 let info = core.run(&job)?;
-                *self.statistics.lock() = core.rollout.statistics();
+                *self.statistics.lock() = core.figures();
                 let cut = core.cut;
                 anchor.copy(&mut core.rollout, cut)?;
                 Ok(Done { info, anchor: Arc::new(anchor) })

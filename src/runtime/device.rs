@@ -32,6 +32,12 @@ pub(super) trait Backend: Send + Sync {
     fn gpu(&self) -> Option<&crate::gpu::Gpu> {
         None
     }
+
+    /// How DirectML is used, where it is.
+    #[cfg(windows)]
+    fn directml_options(&self) -> Option<&parking_lot::Mutex<super::DirectMlOptions>> {
+        None
+    }
 }
 
 /// Memory of a graphics device, in bytes.
@@ -82,6 +88,26 @@ impl Device {
     #[cfg(windows)]
     pub fn gpu(&self) -> Option<&crate::gpu::Gpu> {
         self.0.gpu()
+    }
+
+    /// How it uses DirectML, where it does.
+    #[cfg(windows)]
+    pub fn directml_options(&self) -> Option<super::DirectMlOptions> {
+        self.0.directml_options().map(|options| options.lock().clone())
+    }
+
+    /// Has it use DirectML otherwise: for worlds that are loaded and rollouts that are made from now on.
+    ///
+    /// # Errors
+    /// `Unsupported` on a device that is no Direct3D 12 one.
+    #[cfg(windows)]
+    pub fn set_directml_options(&self, options: super::DirectMlOptions) -> Result<()> {
+        let ours = self.0.directml_options().ok_or_else(|| {
+            let cause = format!("{} does not use DirectML", self.describe());
+            crate::Error::new(crate::ErrorKind::Unsupported, cause).remedy("Set them on a Direct3D 12 device")
+        })?;
+        *ours.lock() = options;
+        Ok(())
     }
 
     /// Whether it is a graphics device: a Direct3D 12 one.

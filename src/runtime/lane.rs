@@ -167,6 +167,8 @@ pub struct Elsewhere {
     pub inside: std::time::Duration,
     /// Waiting for the device.
     pub waited: std::time::Duration,
+    /// How often it waited so that other queues' work gets its turn before more is given to this one.
+    pub yields: u64,
 }
 
 /// What a lane times on its device.

@@ -13,7 +13,7 @@ enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESEN
 /* The structs that the library reads. */
 #define READ_STRUCTS(X)                                                                                               \
     X(cairn_cpu_options) X(cairn_world_options) X(cairn_rollout_options) X(cairn_picture) X(cairn_target)             \
-    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options)
+    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)
 #define NUMBERED(name) NUMBER_OF_##name,
 enum { READ_STRUCTS(NUMBERED) READ_STRUCT_COUNT };
 
@@ -174,6 +174,7 @@ struct row {
     C2(cairn_rollout_get_statistics, SHARED(ROLLOUT), FILLED(cairn_rollout_statistics))                               \
     C4(cairn_device_create_d3d12, GIVEN, GIVEN, GIVEN_OR_NULL, RESULT(cairn_device *))                                \
     C2(cairn_device_create_adapter, NUMBER(1), RESULT(cairn_device *))                                                \
+    C2(cairn_device_set_d3d12, SHARED(DEVICE), READ(cairn_d3d12_options))                                             \
     C3(cairn_device_get_d3d12, SHARED(DEVICE), RESULT(void *), RESULT(void *))                                        \
     C4(cairn_rollout_append_d3d12, ALONE(ROLLOUT), GIVEN, NUMBER(0), FILLED_OR_NULL(cairn_step_info))                 \
     C5(cairn_anchor_get_d3d12, SHARED(ANCHOR), CHOICE(0, 0), RESULT(void *), RESULT(void *), RESULT(uint64_t))        \
@@ -295,6 +296,7 @@ static const struct field fields[] = {
     FIELD(cairn_presenter_options, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_presenter_options, white_nits, CHOICE_FIELD, 10000),
     FIELD(cairn_presenter_options, reserved_too, CHOICE_FIELD, 0),
+    FIELD(cairn_d3d12_options, flags, FLAGS_FIELD, 1),
 };
 enum { FIELDS = sizeof fields / sizeof fields[0] };
 

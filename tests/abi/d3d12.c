@@ -20,6 +20,14 @@ static void every_door_says_that_it_is_not_there(void)
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_adapter(0, NULL));
     ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_device_get_d3d12(cpu, &d3d12, &queue));
     ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_device_get_d3d12(NULL, &d3d12, &queue));
+    cairn_d3d12_options options = {.struct_size = sizeof options, .captured_passes = 16, .longest_submission_us = 4000};
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, cairn_device_set_d3d12(cpu, &options));
+    ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_device_set_d3d12(NULL, &options));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_set_d3d12(cpu, NULL));
+    options.flags = 2;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_set_d3d12(cpu, &options));
+    options = (cairn_d3d12_options){.struct_size = sizeof options - 1};
+    ANSWERS(CAIRN_ERROR_STRUCT_SIZE, cairn_device_set_d3d12(cpu, &options));
 
     unsigned char pixel[4] = {0};
     cairn_picture picture = {.struct_size = sizeof picture, .width = 1, .height = 1, .pixels = pixel, .size = 4};

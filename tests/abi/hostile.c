@@ -222,7 +222,7 @@ static const struct sized sized[] = {
     {"cairn_world_memory", NULL, sizeof(cairn_world_memory), _Alignof(cairn_world_memory), 1, 0},
     {"cairn_rollout_options", in_rollout_options, sizeof(cairn_rollout_options), _Alignof(cairn_rollout_options), 1, 0},
     {"cairn_rollout_info", NULL, sizeof(cairn_rollout_info), _Alignof(cairn_rollout_info), 1, 0},
-    {"cairn_rollout_statistics", NULL, sizeof(cairn_rollout_statistics), _Alignof(cairn_rollout_statistics), 1, 0},
+    {"cairn_rollout_statistics", NULL, sizeof(cairn_rollout_statistics), _Alignof(cairn_rollout_statistics), 1, 120},
     {"cairn_controls", in_step, sizeof(cairn_controls), _Alignof(cairn_controls), 1, 0},
     {"submit", in_submit, sizeof(cairn_controls), _Alignof(cairn_controls), 1, 0},
     {"recorder_step", in_recorder_step, sizeof(cairn_controls), _Alignof(cairn_controls), 1, 0},

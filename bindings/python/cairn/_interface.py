@@ -115,6 +115,8 @@ FRAME_HELD = 5
 FRAME_CUT = 1
 FRAME_REPEATED = 2
 
+D3D12_DETERMINISTIC = 1
+
 
 class Sized(Structure):
     """A struct that begins with its size, which is set when it is made; what is not given is zero."""
@@ -341,6 +343,28 @@ class RolloutStatistics(Sized):
         ("copied_bytes", c_uint64),
         ("read_bytes", c_uint64),
         ("ring_bytes", c_uint64),
+        ("device_passes", c_uint64),
+        ("device_passes_ns", c_uint64),
+        ("device_pass_longest_ns", c_uint64),
+        ("device_decodes", c_uint64),
+        ("device_decodes_ns", c_uint64),
+        ("device_decode_longest_ns", c_uint64),
+        ("device_commits", c_uint64),
+        ("device_commits_ns", c_uint64),
+        ("runtime_ns", c_uint64),
+        ("waited_ns", c_uint64),
+        ("yields", c_uint64),
+        ("captured_passes", c_uint32),
+        ("other_passes", c_uint32),
+    ]
+
+
+class D3d12Options(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("flags", c_uint32),
+        ("captured_passes", c_uint32),
+        ("longest_submission_us", c_uint32),
     ]
 
 

@@ -140,6 +140,19 @@ class RolloutStatistics:
     copied_bytes: int
     read_bytes: int
     ring_bytes: int
+    device_passes: int
+    device_passes_ns: int
+    device_pass_longest_ns: int
+    device_decodes: int
+    device_decodes_ns: int
+    device_decode_longest_ns: int
+    device_commits: int
+    device_commits_ns: int
+    runtime_ns: int
+    waited_ns: int
+    yields: int
+    captured_passes: int
+    other_passes: int
 
 
 class Rollout(Object):

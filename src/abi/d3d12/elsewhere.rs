@@ -7,11 +7,14 @@ use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
 };
 use super::super::results::{Failure, Outcome};
-use super::{DeviceFigures, Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
+use super::{
+    DeviceFigures, Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, RolloutFigures, To,
+    cairn_d3d12_options,
+};
 use crate::Picture;
 use crate::present::presenter::{Presenter, Shown};
 use crate::runtime::Device;
-use crate::world::KeptAnchor;
+use crate::world::{KeptAnchor, Rollout};
 
 /// # Safety
 /// Nothing is asked for.
@@ -29,6 +32,14 @@ pub(in crate::abi) fn on_adapter(_: u64) -> Outcome<Device> {
 
 pub(in crate::abi) fn parts(_: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
     None
+}
+
+pub(in crate::abi) fn set_options(_: &Device, _: &cairn_d3d12_options) -> Outcome<()> {
+    Err(Failure::no_d3d12())
+}
+
+pub(in crate::abi) fn rollout_figures(_: &mut Rollout) -> RolloutFigures {
+    RolloutFigures::default()
 }
 
 /// # Safety

@@ -2,6 +2,7 @@
 
 use std::ffi::c_void;
 use std::path::Path;
+use std::time::Duration;
 
 use windows::Win32::Graphics::Direct3D12 as direct3d;
 use windows::core::{IUnknown, Interface};
@@ -11,7 +12,10 @@ use super::super::presenter::{Asked, CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE};
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
-use super::{DeviceFigures, DeviceTimes, Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, To};
+use super::{
+    CAIRN_D3D12_DETERMINISTIC, DeviceFigures, DeviceTimes, Guard, Guarded, ID3D12CommandQueue, ID3D12Device,
+    ID3D12Resource, RolloutFigures, To, cairn_d3d12_options,
+};
 use crate::ffx::{self, Needed};
 use crate::framegen::shader::ShaderGenerator;
 use crate::gpu::compute::{Frames, Spent};
@@ -19,7 +23,7 @@ use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, read_texture};
 use crate::present::device::DeviceDrawer;
 use crate::present::presenter::{Presenter, Shown};
 use crate::runtime::{Device, DirectMlOptions, Ort};
-use crate::world::KeptAnchor;
+use crate::world::{KeptAnchor, Rollout};
 use crate::{Error, ErrorKind, Picture};
 
 /// A device of an engine's objects.
@@ -56,6 +60,35 @@ fn running(gpu: &Gpu) -> Outcome<Device> {
 pub(in crate::abi) fn parts(device: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
     let gpu = device.gpu()?;
     Some((gpu.device().clone().into_raw().cast(), gpu.frames().d3d12().clone().into_raw().cast()))
+}
+
+/// Has worlds run otherwise from now on.
+pub(in crate::abi) fn set_options(device: &Device, options: &cairn_d3d12_options) -> Outcome<()> {
+    let longest = Some(options.longest_submission_us).filter(|microseconds| *microseconds > 0);
+    let options = DirectMlOptions {
+        deterministic: options.flags & CAIRN_D3D12_DETERMINISTIC != 0,
+        captured_passes: options.captured_passes as usize,
+        longest_submission: longest.map(|microseconds| Duration::from_micros(microseconds.into())),
+        ..DirectMlOptions::default()
+    };
+    Ok(device.set_directml_options(options)?)
+}
+
+/// What a rollout has taken on the device; nothing on one that is no Direct3D 12 one.
+pub(in crate::abi) fn rollout_figures(rollout: &mut Rollout) -> RolloutFigures {
+    let Some((took, captured)) = rollout.device_times().zip(rollout.captured()) else {
+        return RolloutFigures::default();
+    };
+    RolloutFigures {
+        passes: times(took.passes),
+        decodes: times(took.decode),
+        commits: times(took.commit),
+        inside: took.elsewhere.inside,
+        waited: took.elsewhere.waited,
+        yields: took.elsewhere.yields,
+        captured: captured.used,
+        others: captured.unproven + captured.unused,
+    }
 }
 
 /// What a texture holds that is in `state`.
@@ -240,10 +273,6 @@ impl Recording {
 
     /// What frames have taken on the device.
     pub(in crate::abi) fn figures(&mut self) -> DeviceFigures {
-        let times = |spent: Spent| {
-            let Spent { frames: count, total, longest, last } = spent;
-            DeviceTimes { count, total, longest, last }
-        };
         let uploaded = self.lists.as_ref().map_or(0, Frames::under_way);
         let Some(drawer) = &mut self.drawer else {
             return DeviceFigures { under_way: uploaded as u32, ..DeviceFigures::default() };
@@ -269,6 +298,11 @@ impl Recording {
             (None, None) => (Some("shader".to_owned()), self.without_fsr.clone()),
         })
     }
+}
+
+fn times(spent: Spent) -> DeviceTimes {
+    let Spent { frames: count, total, longest, last } = spent;
+    DeviceTimes { count, total, longest, last }
 }
 
 /// A moment as an engine waits for it, with a reference.

@@ -19,6 +19,7 @@ use super::kept::KeptList;
 use super::recorder::Recorder;
 use super::snapshot::Snapshot;
 use super::times::Kind;
+use super::way::Way;
 use crate::bundle::Precision;
 use crate::gpu::compute::{Frames, Resting};
 use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, Resize, Shared, Spent, buffer};
@@ -74,6 +75,7 @@ pub(super) struct DirectMlLane {
     inside: Duration,
     /// Nanoseconds of waiting for the device.
     waited: AtomicU64,
+    pub(super) way: Way,
 }
 
 pub(super) struct Buffer {
@@ -119,7 +121,7 @@ pub(super) struct Bound {
 }
 
 impl DirectMlLane {
-    pub(super) fn new(gpu: &Gpu, kernels: &Arc<Kernels>) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, kernels: &Arc<Kernels>, longest: Option<Duration>) -> Result<Self> {
         // Not every driver refuses to make things on a device that is gone.
         if let Some(gone) = gpu.removed() {
             return Err(gone);
@@ -154,6 +156,7 @@ impl DirectMlLane {
             read,
             inside,
             waited,
+            way: Way::new(longest),
         })
     }
 
@@ -170,6 +173,7 @@ impl DirectMlLane {
     }
 
     fn run_timed(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
+        self.make_way(self.bindings[id.0].kind)?;
         let begun = self.recorder.get_mut().start(self.bindings[id.0].kind)?;
         let ran = self.run_with(id, options);
         match ran {
@@ -212,6 +216,7 @@ impl DirectMlLane {
         let reached = moment.wait();
         let nanoseconds = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         self.waited.fetch_add(nanoseconds, Ordering::Relaxed);
+        self.way.is_clear();
         reached
     }
 
@@ -367,7 +372,7 @@ impl Lane for DirectMlLane {
 
     fn elsewhere(&self) -> Option<Elsewhere> {
         let waited = Duration::from_nanos(self.waited.load(Ordering::Relaxed));
-        Some(Elsewhere { inside: self.inside, waited })
+        Some(Elsewhere { inside: self.inside, waited, yields: self.way.yields() })
     }
 
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {

@@ -9,14 +9,17 @@ mod library;
 mod recorder;
 mod snapshot;
 mod times;
+mod way;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use ort::AsPointer;
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
+use parking_lot::Mutex;
 use windows::Win32::AI::MachineLearning::DirectML::IDMLDevice;
 use windows::core::Interface;
 
@@ -45,6 +48,10 @@ pub struct DirectMlOptions {
     /// [`Rollout::captured`](crate::world::Rollout::captured) tells. 0, the default, turns it off; 16 are enough for eight
     /// rollouts.
     pub captured_passes: usize,
+    /// How much work a rollout may have on the queue for anchors at a time, by the device's own clock, so that an engine's frames get
+    /// their turn in between: before a pass that would make it more, the rollout waits for what is there. A pass is never divided:
+    /// [`DeviceTimes`](crate::world::DeviceTimes) has the longest, and how often was waited. None, the default, sets no limit.
+    pub longest_submission: Option<Duration>,
     /// Lets ONNX Runtime write down which node ran where and for how long: a file of JSON for each session, which is whole when
     /// the session is gone. Its path begins with this one; the session's number, date and time follow. Costs time in every pass,
     /// and no pass is captured.
@@ -70,7 +77,7 @@ pub(super) struct DirectMlBackend {
     device: IDMLDevice,
     kernels: Arc<lane::Kernels>,
     name: String,
-    options: DirectMlOptions,
+    options: Mutex<DirectMlOptions>,
 }
 
 // SAFETY: IDMLDevice may be used from any thread by DirectML's contract; the bindings do not know it.
@@ -84,11 +91,16 @@ impl DirectMlBackend {
         let device = library.device(gpu)?;
         let name = gpu.adapter_name().unwrap_or_else(|| format!("adapter {:#x}", gpu.luid()));
         let kernels = lane::Kernels::new(gpu)?;
-        Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, kernels, name, options })
+        Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, kernels, name, options: Mutex::new(options) })
     }
 
     /// The options every session shares.
-    fn session(&self, dimensions: &[(&str, usize)], is_captured: bool) -> ort::Result<SessionBuilder> {
+    fn session(
+        &self,
+        options: &DirectMlOptions,
+        dimensions: &[(&str, usize)],
+        is_captured: bool,
+    ) -> ort::Result<SessionBuilder> {
         let mut builder = Session::builder(self.ort.environment())?
             .with_optimization_level(GraphOptimizationLevel::Level3)?
             // What the provider asks for: it runs nodes in order, and its memory is its own.
@@ -96,12 +108,12 @@ impl DirectMlBackend {
             .with_memory_pattern(false)?
             // A node that fell to the processor would drag its tensors there and back in every pass.
             .with_config_entry("session.disable_cpu_ep_fallback", "1")?
-            .with_deterministic_compute(self.options.deterministic)?;
+            .with_deterministic_compute(options.deterministic)?;
         if is_captured {
             let (name, value) = capture::ALLOWED;
             builder = builder.with_config_entry(name, value)?;
         }
-        if let Some(path) = &self.options.profile {
+        if let Some(path) = &options.profile {
             // ONNX Runtime adds the time in whole seconds: sessions of one second would write over each other.
             static SESSIONS: AtomicUsize = AtomicUsize::new(0);
             let mut path = path.clone().into_os_string();
@@ -125,7 +137,7 @@ impl DirectMlBackend {
 
 impl Backend for DirectMlBackend {
     fn describe(&self) -> String {
-        let deterministic = if self.options.deterministic { ", deterministic" } else { "" };
+        let deterministic = if self.options.lock().deterministic { ", deterministic" } else { "" };
         format!("ONNX Runtime {} DirectML on {}{deterministic}", self.ort.version(), self.name)
     }
 
@@ -148,11 +160,12 @@ impl Backend for DirectMlBackend {
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
+        let options = self.options.lock().clone();
         let commit = |is_captured| {
-            let builder = make("prepare a session", || self.session(dimensions, is_captured));
+            let builder = make("prepare a session", || self.session(&options, dimensions, is_captured));
             builder.and_then(|builder| Graph::commit(builder, what, model, inputs.clone(), outputs.clone()))
         };
-        let graph = match self.options.captures() {
+        let graph = match options.captures() {
             Err(why) => commit(false).map(|graph| graph.with_captures(Captures::refused(why))),
             Ok(count) => match commit(true) {
                 Ok(graph) => Ok(graph.with_captures(Captures::up_to(count))),
@@ -166,11 +179,15 @@ impl Backend for DirectMlBackend {
     }
 
     fn lane(&self) -> Result<Box<dyn Lane>> {
-        Ok(Box::new(lane::DirectMlLane::new(&self.gpu, &self.kernels)?))
+        Ok(Box::new(lane::DirectMlLane::new(&self.gpu, &self.kernels, self.options.lock().longest_submission)?))
     }
 
     fn gpu(&self) -> Option<&Gpu> {
         Some(&self.gpu)
+    }
+
+    fn directml_options(&self) -> Option<&Mutex<DirectMlOptions>> {
+        Some(&self.options)
     }
 }
 
