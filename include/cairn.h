@@ -1387,6 +1387,13 @@ typedef struct cairn_presenter_options {
     uint32_t white_nits;
     /** 0 */
     uint32_t reserved_too;
+    /**
+     * AMD FidelityFX upscaling, for frames for Direct3D 12 that are larger than anchors: CAIRN_PREFER_AUTO and so on. It makes anchors
+     * larger before frames are generated between them. Without it each frame is resized in space. Needs the library's own shaders.
+     */
+    uint32_t upscaler;
+    /** 0 */
+    uint32_t reserved_also;
 } cairn_presenter_options;
 
 /** A frame of a presenter. */
@@ -1838,6 +1845,12 @@ typedef struct cairn_presenter_statistics {
     uint32_t made_to_anchor;
     /** How often that has changed. */
     uint32_t budget_changes;
+    /**
+     * What brings frames to their size: "spatial", AMD's upscaler with its version as in "fsr 4.0.3", or empty where they have the anchors'.
+     */
+    char upscaler[32];
+    /** Why AMD's upscaler does not, for people; UTF-8. */
+    char upscaling[160];
 } cairn_presenter_statistics;
 
 /**

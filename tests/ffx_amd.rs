@@ -386,3 +386,67 @@ fn three_frames_between_two_come_from_two_of_their_generators() {
     }
     assert!(gpu.removed().is_none());
 }
+
+#[test]
+#[ignore = "needs amd-dlls"]
+fn interface_letterbox_and_lens_change_all_three_frames() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let options = TextureOptions {
+        choice: Choice::Prefer(Family::Analytic),
+        self_test: false,
+        ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
+    };
+    let textures = Textures::new(&gpu, size);
+    let [first, last, world] = [(); 3].map(|()| Textures::new(&gpu, size).output);
+    let lens = Textures::new(&gpu, size).motion;
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    // A lens that puts all of it a fortieth of the picture to the left.
+    let [by, still] = [-0.025, 0.0].map(|v| half::f16::from_f32(v).to_le_bytes());
+    textures.fill(&lens, |_, _| [by[0], by[1], still[0], still[1]]);
+    let rect = Rect { left: 0, top: 40, width: size.width.cast_signed(), height: size.height.cast_signed() - 80 };
+    let sign = [255, 0, 255, 255];
+    // The three frames between the third and the fourth.
+    let made = |has_sign: bool, has_world: bool, shot: Shot, has_lens: bool| {
+        let mut generator = FourfoldGenerator::new(&gpu, api, &options).expect("two generators");
+        for number in 1_u8..=4 {
+            let moved = moved(STEP * f32::from(number));
+            textures.fill(&world, &moved);
+            textures.fill(&textures.color, |x, y| if has_sign && in_sign(x, y) { sign } else { moved(x, y) });
+            let pictures = Pictures {
+                hudless: has_world.then(|| world.resting()),
+                distortion: has_lens.then(|| lens.resting()),
+                ..textures.pictures()
+            };
+            let quarters = [first.resting(), last.resting()];
+            generator.generate(&pictures, quarters, &shot).expect("generated").wait().expect("it has run");
+        }
+        [&first, &textures.output, &last].map(|found| textures.pixels(found))
+    };
+    let shot = Shot::of(size);
+    let plain = made(false, false, shot, false);
+    let without = made(true, false, shot, false);
+    let with = made(true, true, shot, false);
+    let barred = made(false, false, Shot { rect, ..shot }, false);
+    let bent = made(false, false, shot, true);
+    let now = moved(STEP * 4.0);
+    let bars = |_: u32, y: u32| y < 40 || y >= size.height - 40;
+    for (at, quarter) in (1_u8..=3).enumerate() {
+        let [stands, smears] = [&with, &without].map(|frames| off(&frames[at], in_sign, |_, _| sign));
+        let [framed, unframed] = [&barred, &plain].map(|frames| off(&frames[at], bars, &now));
+        println!(
+            "{quarter} of 4: the sign is {stands} off with the world alone, {smears} without; the bars {framed} off the frame with a \
+             letterbox, {unframed} without; a lens changes it: {}",
+            plain[at] != bent[at]
+        );
+        assert!(stands <= smears, "{quarter} of 4: {stands}, {smears}");
+        assert!(with[at] != without[at], "{quarter} of 4: the world alone is used");
+        assert!(framed < unframed, "{quarter} of 4: {framed}, {unframed}");
+        assert!(plain[at] != bent[at], "{quarter} of 4: the lens is used");
+    }
+    assert!(gpu.removed().is_none());
+}

@@ -17,7 +17,7 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
 use cairn::gpu::{Gpu, Target};
 use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
-use cairn::present::device::DeviceDrawer;
+use cairn::present::device::{DeviceDrawer, ScaledBy};
 use cairn::present::pacing::Interval;
 use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, Shown, ShownSource};
 use cairn::world::KeptAnchor;
@@ -27,6 +27,8 @@ use half::f16;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "ffx/enlarged.rs"]
+mod enlarged;
 #[path = "ffx/in_memory.rs"]
 mod in_memory;
 #[path = "ffx/stage.rs"]
@@ -36,6 +38,7 @@ mod stage;
 #[allow(dead_code, reason = "each test program uses its part")]
 mod textures;
 use engine::Engine;
+use enlarged::{LARGE, with_upscaler};
 use stage::{ANALYTIC, ML, Stage};
 use textures::{Recording, Wanted};
 
@@ -47,16 +50,24 @@ const STEP: i32 = 16;
 const INTERVAL: u64 = 100_000_000;
 /// The part of the picture into which nothing comes from outside.
 const INNER: std::ops::Range<u32> = 32..96;
+/// AMD's upscaler, as its library names it.
+const UPSCALER: &str = "offers 0xf600000001000003 4.0.3";
 /// What textures rest in.
 const REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
 
 /// The picture moved to the right by so many pixels.
 fn moved(by: i32) -> Picture {
+    drawn(SIZE, by)
+}
+
+/// The same in another size; by pixels of its own.
+fn drawn(size: (u32, u32), by: i32) -> Picture {
     let wave = |phase: f32| (128.0 + 90.0 * phase.sin()) as u8;
-    let mut picture = Picture::new(SIZE.0, SIZE.1).expect("a picture");
+    let mut picture = Picture::new(size.0, size.1).expect("a picture");
+    let scale = [size.0 as f32 / SIZE.0 as f32, size.1 as f32 / SIZE.1 as f32];
     for (pixel, place) in picture.pixels_mut().iter_mut().zip(0..) {
-        let (x, y) = ((place % SIZE.0).cast_signed() - by, place / SIZE.0);
-        let (x, y) = (x as f32, y as f32);
+        let (x, y) = (place % size.0, place / size.0);
+        let (x, y) = ((x as f32 + 0.5) / scale[0] - 0.5 - by as f32, (y as f32 + 0.5) / scale[1] - 0.5);
         *pixel = [wave(x * 0.11), wave(y * 0.13 + x * 0.05), wave(x * 0.07 - y * 0.09), 255];
     }
     picture
@@ -64,8 +75,14 @@ fn moved(by: i32) -> Picture {
 
 /// The largest difference of a channel in the inner part.
 fn off(found: &[u8], wanted: &Picture) -> u8 {
+    let (width, height) = wanted.size();
+    let inside = |place: u32| {
+        let (x, y) = (place % width * SIZE.0 / width, place / width);
+        // What is larger is of the nearest pixels at its edge.
+        INNER.contains(&x) && (4..height - 4).contains(&y)
+    };
     let pixels = found.as_chunks::<4>().0.iter().zip(wanted.pixels()).zip(0..);
-    let inner = pixels.filter(|(_, place)| INNER.contains(&(place % SIZE.0))).map(|(pair, _)| pair);
+    let inner = pixels.filter(|(_, place)| inside(*place)).map(|(pair, _)| pair);
     inner.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b))).max().unwrap_or(u8::MAX)
 }
 
@@ -79,6 +96,11 @@ struct Stream {
 
 impl Stream {
     fn new(multiplier: u32) -> Self {
+        Self::of_size(multiplier, None)
+    }
+
+    /// With frames of another size.
+    fn of_size(multiplier: u32, size: Option<(u32, u32)>) -> Self {
         let engine = engine::engine();
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("the engine's device");
         let options = PresenterOptions {
@@ -88,7 +110,7 @@ impl Stream {
             catch_up: false,
             extrapolate: true,
             decoded: true,
-            size: None,
+            size,
             letterbox: false,
             capacity: 8,
             motion: MotionSource::PictureFlow,
@@ -126,7 +148,8 @@ impl Stream {
     /// The frame `t` after the anchor before the last, in a list of an engine's or of ours; its pixels, where the list is run.
     fn draw(&mut self, t: f64, own: bool, runs: bool) -> (Shown, Option<Vec<u8>>) {
         let now = (self.anchors - 1) * INTERVAL + (t * INTERVAL as f64) as u64;
-        let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&self.engine.device);
+        let size = self.presenter.size().expect("anchors have come");
+        let texture = Wanted { size, ..Wanted::default() }.make(&self.engine.device);
         let target = Target { texture: texture.clone(), before: REST, after: REST };
         let shown = if own {
             let made = self.presenter.submit(now, &mut self.drawer, &target).expect("it is made");
@@ -286,9 +309,15 @@ fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> Result<*mut T, cai
 
 /// A presenter of two anchors, four frames to an anchor.
 fn host_s(fsr: u32, shader: u32) -> Result<*mut cairn_presenter, cairn_result> {
+    host_of((0, 0), [fsr, shader, CAIRN_PREFER_AUTO])
+}
+
+/// The same with frames of a size, and preferences for generators and upscaler.
+fn host_of(size: (u32, u32), [fsr, shader, upscaler]: [u32; 3]) -> Result<*mut cairn_presenter, cairn_result> {
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.multiplier, options.interval_ns, options.motion) = (4, INTERVAL, 0);
-    (options.fsr, options.shader) = (fsr, shader);
+    (options.fsr, options.shader, options.upscaler) = (fsr, shader, upscaler);
+    (options.width, options.height) = size;
     // SAFETY: options of their size and a place for the handle.
     let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) })?;
     for number in 0..2 {
@@ -310,6 +339,12 @@ fn host_s(fsr: u32, shader: u32) -> Result<*mut cairn_presenter, cairn_result> {
 
 /// The generator of the last frame, and why it is not another one.
 fn used(presenter: *mut cairn_presenter) -> (String, String) {
+    let [generator, preference, ..] = said(presenter);
+    (generator, preference)
+}
+
+/// The same, and what brings frames to their size, and why AMD's upscaler does not.
+fn said(presenter: *mut cairn_presenter) -> [String; 4] {
     let mut done: cairn_presenter_statistics = prepared(|done: &mut cairn_presenter_statistics| &mut done.struct_size);
     // SAFETY: a live handle, and a place for the figures.
     assert_eq!(unsafe { cairn_presenter_get_statistics(presenter, &mut done) }, CAIRN_OK);
@@ -317,12 +352,23 @@ fn used(presenter: *mut cairn_presenter) -> (String, String) {
         let bytes: Vec<u8> = text.iter().take_while(|c| **c != 0).map(|c| c.cast_unsigned()).collect();
         String::from_utf8_lossy(&bytes).into_owned()
     };
-    (text(&done.generator), text(&done.preference))
+    [text(&done.generator), text(&done.preference), text(&done.upscaler), text(&done.upscaling)]
 }
 
 /// Records the frame at `now`.
 fn record(engine: &Engine, device: *mut cairn_device, presenter: *mut cairn_presenter, now: u64) -> cairn_result {
-    let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
+    record_of(SIZE, engine, device, presenter, now)
+}
+
+/// The same in another size.
+fn record_of(
+    size: (u32, u32),
+    engine: &Engine,
+    device: *mut cairn_device,
+    presenter: *mut cairn_presenter,
+    now: u64,
+) -> cairn_result {
+    let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
     let recording = Recording::on(&engine.device, &engine.direct);
     let (list, target) = (recording.list().as_raw().cast(), texture.as_raw().cast());
     // SAFETY: live handles and objects.
@@ -364,6 +410,25 @@ fn a_host_prefers_requires_or_never_uses_it_and_learns_who_made_a_frame() {
             // SAFETY: a live handle; the queue was waited for.
             assert_eq!(unsafe { cairn_presenter_destroy(presenter) }, CAIRN_OK);
         }
+        // Frames that are larger are AMD's upscaler's, or resized in space.
+        let both = with_upscaler(&[]);
+        named(&both.0);
+        for (size, upscaler, by, why) in [
+            (LARGE, auto, "fsr 4.0.3", ""),
+            (LARGE, require, "fsr 4.0.3", ""),
+            (LARGE, never, "spatial", "not to be used"),
+            ((64, 48), auto, "spatial", "makes anchors larger"),
+            (SIZE, auto, "", ""),
+        ] {
+            let presenter = host_of(size, [auto, auto, upscaler]).expect("a presenter");
+            assert_eq!(record_of(size, &engine, device, presenter, half), CAIRN_OK);
+            let [generator, _, scaled, reason] = said(presenter);
+            assert!(generator == fsr && scaled == by && reason.contains(why), "{generator}, {scaled}: {reason}");
+            assert_eq!(why.is_empty(), reason.is_empty(), "{reason}");
+            // SAFETY: a live handle; the queue was waited for.
+            assert_eq!(unsafe { cairn_presenter_destroy(presenter) }, CAIRN_OK);
+        }
+        assert_eq!(both.judgement(), [""; 0]);
         // Where the libraries are not there it is said, unless they are required.
         named(&std::env::temp_dir().join("cairn-ffx-there-is-none"));
         let presenter = host_s(auto, auto).expect("a presenter");
@@ -372,6 +437,11 @@ fn a_host_prefers_requires_or_never_uses_it_and_learns_who_made_a_frame() {
         assert!(name == "shader" && reason.contains("were not found"), "{name}: {reason}");
         let required = host_s(require, auto).expect("a presenter");
         assert_eq!(record(&engine, device, required, half), CAIRN_ERROR_RUNTIME_MISSING);
+        let upscaled = host_of(LARGE, [never, auto, require]).expect("a presenter");
+        assert_eq!(record_of(LARGE, &engine, device, upscaled, half), CAIRN_ERROR_RUNTIME_MISSING);
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_presenter_destroy(upscaled) }, CAIRN_OK);
+        assert_eq!(host_of(LARGE, [never, never, require]), Err(CAIRN_ERROR_UNSUPPORTED));
         // It makes nothing in memory, and is nothing without shaders.
         let mut pixels = vec![0_u8; (4 * SIZE.0 * SIZE.1) as usize];
         let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);

@@ -33,7 +33,7 @@ pub(super) fn colours(space: u32, white_nits: u32) -> Outcome<Colours> {
 /// The generator that the preferences lead to, and why others are not used.
 pub(super) fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<dyn FrameGenerator>>, String)> {
     let preferences = [("fsr", options.fsr), ("shader", options.shader), ("cpu", options.cpu)];
-    for (name, preference) in preferences {
+    for (name, preference) in preferences.into_iter().chain([("upscaler", options.upscaler)]) {
         if preference > CAIRN_PREFER_NEVER {
             let why = format!("{preference} is no preference");
             return Err(Failure::argument(&format!("options.{name}"), why));
@@ -52,9 +52,18 @@ pub(super) fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<d
             return Err(missing().field(format!("options.{name}")));
         }
     }
-    if options.fsr == CAIRN_PREFER_REQUIRE && options.shader == CAIRN_PREFER_NEVER {
-        let why = "fsr makes the frames half way between two anchors, and needs shaders for all others";
-        return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why).field("options.shader").remedy("Let shaders be used"));
+    if options.upscaler == CAIRN_PREFER_REQUIRE && !HAS_SHADERS {
+        return Err(missing().field("options.upscaler"));
+    }
+    for (preference, why) in [
+        (options.fsr, "fsr makes the frames half way between two anchors, and needs shaders for all others"),
+        (options.upscaler, "what AMD's upscaler makes larger shaders generate frames of"),
+    ] {
+        if preference == CAIRN_PREFER_REQUIRE && options.shader == CAIRN_PREFER_NEVER {
+            return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why)
+                .field("options.shader")
+                .remedy("Let shaders be used"));
+        }
     }
     let wanted: Vec<_> = preferences[..2].iter().filter(|(_, p)| *p == CAIRN_PREFER_AUTO).map(|(n, _)| *n).collect();
     let reason = if wanted.is_empty() || options.cpu == CAIRN_PREFER_REQUIRE {
@@ -64,7 +73,7 @@ pub(super) fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<d
     };
     let generator: Option<Box<dyn FrameGenerator>> = match (options.cpu, options.shader) {
         (CAIRN_PREFER_NEVER, _) | (_, CAIRN_PREFER_REQUIRE) => None,
-        _ if options.fsr == CAIRN_PREFER_REQUIRE => None,
+        _ if [options.fsr, options.upscaler].contains(&CAIRN_PREFER_REQUIRE) => None,
         _ => Some(Box::new(CpuGenerator::new())),
     };
     Ok((generator, reason))

@@ -83,6 +83,8 @@ pub(super) struct Presenting {
     /// How AMD's generator is preferred, and that of shaders.
     fsr: u32,
     shader: u32,
+    /// How AMD's upscaler is.
+    upscaler: u32,
     /// The generator on the processor; empty where it is not used.
     generator: &'static str,
     /// Why a preference was not met.
@@ -108,8 +110,8 @@ impl Presenting {
         if !device.is_gpu() {
             return Err(Failure::no_d3d12());
         }
-        let Self { presenter, colours, fsr, shader, .. } = self;
-        let asked = Asked { presenter, colours: *colours, fsr: *fsr, shader: *shader };
+        let Self { presenter, colours, fsr, shader, upscaler, .. } = self;
+        let asked = Asked { presenter, colours: *colours, fsr: *fsr, shader: *shader, upscaler: *upscaler };
         // SAFETY: the caller's promise.
         unsafe { self.recording.lock().record(&asked, device, now, to) }
     }
@@ -117,6 +119,15 @@ impl Presenting {
     /// Waits until all frames have run, and lets go of their targets.
     pub(super) fn release(&self) -> Outcome<()> {
         self.recording.lock().release()
+    }
+
+    /// What brought frames to their size last, and why AMD's upscaler did not.
+    pub(super) fn scaled_by(&self) -> (String, String) {
+        if let Some(said) = self.recording.lock().scaled_by() {
+            return said;
+        }
+        let scales = self.presenter.size().zip(self.presenter.anchor_size()).is_some_and(|(size, of)| size != of);
+        (if scales { "spatial" } else { "" }.to_owned(), String::new())
     }
 
     /// The generator of the frame that was made last, and why no other is used.
@@ -134,6 +145,7 @@ pub(super) struct Asked<'a> {
     pub(super) colours: Colours,
     pub(super) fsr: u32,
     pub(super) shader: u32,
+    pub(super) upscaler: u32,
 }
 
 /// How anchors are shown. All zero: two frames to an anchor, one interval after they come.
@@ -174,10 +186,15 @@ pub struct cairn_presenter_options {
     pub white_nits: u32,
     /// 0
     pub reserved_too: u32,
+    /// AMD FidelityFX upscaling, for frames for Direct3D 12 that are larger than anchors: CAIRN_PREFER_AUTO and so on. It makes anchors
+    /// larger before frames are generated between them. Without it each frame is resized in space. Needs the library's own shaders.
+    pub upscaler: u32,
+    /// 0
+    pub reserved_also: u32,
 }
-describe!(cairn_presenter_options, [64], {
+describe!(cairn_presenter_options, [64, 72], {
     struct_size, multiplier, width, height, interval_ns, delay_ns, flags, capacity, motion, colour_space, fsr, shader, cpu,
-    reserved, white_nits, reserved_too,
+    reserved, white_nits, reserved_too, upscaler, reserved_also,
 });
 
 /// A frame of a presenter.
@@ -307,9 +324,9 @@ pub unsafe extern "C" fn cairn_presenter_draw(
         let presenting = enter_alone(presenter)?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
-        let required = [("fsr", presenting.fsr), ("shader", presenting.shader)];
+        let required = [("fsr", presenting.fsr), ("shader", presenting.shader), ("upscaler", presenting.upscaler)];
         if let Some((name, _)) = required.into_iter().find(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE) {
-            let why = format!("the {name} generator, which options.{name} requires, makes no frames in memory");
+            let why = format!("what options.{name} requires makes no frames in memory");
             return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why)
                 .remedy("Record frames for Direct3D 12, or do not require it"));
         }
@@ -453,7 +470,11 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
     if options.flags & !known != 0 {
         return refuse("flags", format!("{:#x} has an unknown bit", options.flags));
     }
-    for (field, value) in [("reserved", options.reserved), ("reserved_too", options.reserved_too)] {
+    for (field, value) in [
+        ("reserved", options.reserved),
+        ("reserved_too", options.reserved_too),
+        ("reserved_also", options.reserved_also),
+    ] {
         if value != 0 {
             return refuse(field, "it must be 0".into());
         }
@@ -491,6 +512,7 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
         colours,
         fsr: options.fsr,
         shader: options.shader,
+        upscaler: options.upscaler,
         generator: name,
         preference,
         recording: Mutex::default(),

@@ -196,12 +196,16 @@ pub struct cairn_presenter_statistics {
     pub made_to_anchor: u32,
     /// How often that has changed.
     pub budget_changes: u32,
+    /// What brings frames to their size: "spatial", AMD's upscaler with its version as in "fsr 4.0.3", or empty where they have the anchors'.
+    pub upscaler: [c_char; 32],
+    /// Why AMD's upscaler does not, for people; UTF-8.
+    pub upscaling: [c_char; 160],
 }
-describe!(cairn_presenter_statistics, [304], {
+describe!(cairn_presenter_statistics, [304, 376], {
     struct_size, reserved, anchors, late_anchors, slipped_ns, shown_anchors, shown_decoded, shown_generated,
     shown_extrapolated, shown_held, repeated, cuts, guidance_ns, generate_ns, resize_ns, generator, preference, waiting,
     under_way, device_frames, device_frames_ns, device_frame_longest_ns, device_frame_last_ns, device_lists, device_lists_ns,
-    device_list_longest_ns, made_to_anchor, budget_changes,
+    device_list_longest_ns, made_to_anchor, budget_changes, upscaler, upscaling,
 });
 
 /// Says what a presenter has done, and with what.
@@ -221,6 +225,7 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
         // First, as it may find out more.
         let (generator, preference) = presenting.used();
+        let (upscaler, upscaling) = presenting.scaled_by();
         let done = presenting.presenter.statistics();
         let device = presenting.recording.lock().figures();
         statistics.write(&cairn_presenter_statistics {
@@ -252,6 +257,8 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
             device_list_longest_ns: in_ns(device.lists.longest),
             made_to_anchor: done.made_to_anchor,
             budget_changes: u32::try_from(done.budget_changes).unwrap_or(u32::MAX),
+            upscaler: fixed_text(&upscaler),
+            upscaling: fixed_text(&upscaling),
         });
         Ok(CAIRN_OK)
     })

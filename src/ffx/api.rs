@@ -4,6 +4,8 @@ use std::ffi::{CStr, c_void};
 use std::fmt;
 use std::ptr::{null, null_mut};
 
+#[cfg(windows)]
+use super::Header;
 use super::bindings::{
     Configure, CreateContext, DestroyContext, Dispatch, EffectId, Query, RawContext, ReturnCode, StructId,
 };
@@ -122,6 +124,18 @@ impl Api {
         // SAFETY: as the caller promises.
         let code = asked(|| unsafe { (self.dispatch)(&mut context, head) });
         done("ffxDispatch", code, chain)
+    }
+}
+
+#[cfg(windows)]
+impl Api {
+    /// Hands a struct that the library made on to `ffxDispatch`.
+    ///
+    /// # Safety
+    /// A live context of this library's; the struct is one that the library has just handed over to be dispatched.
+    pub(super) unsafe fn forward(&self, mut context: RawContext, head: *const Header) -> ReturnCode {
+        // SAFETY: as the caller promises.
+        asked(|| unsafe { (self.dispatch)(&mut context, head) })
     }
 }
 

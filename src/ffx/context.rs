@@ -8,7 +8,7 @@ use super::bindings::{
     ConfigureGlobalDebug, ConfigureGlobalDebug1, CreateBackendDx12, Creates, OverrideVersion, QueryProviderVersion,
     RawContext, ReturnCode,
 };
-use super::provider::{Choice, Dialect, Version, choose, listed, unavailable, versions};
+use super::provider::{Choice, Dialect, Version, called, choose, listed, unavailable, versions_of};
 use super::{Api, Chain, Described, Effect, Extends, message};
 use crate::{Error, ErrorKind, Result};
 
@@ -61,10 +61,11 @@ impl<Head: Creates> Context<Head> {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
         // SAFETY: the caller's promise about the device.
-        let offered = unsafe { versions(api, effect, device) }?;
+        let offered = unsafe { versions_of(api, Head::ID, device) }?;
         let wanted = choose(&offered, choice)?;
         if let (Choice::Prefer(family), None) = (choice, wanted) {
-            log::warn!(target: "cairn::ffx", "no provider of {effect} is {family:?}; there is {}", listed(&offered));
+            let what = called(Head::ID);
+            log::warn!(target: "cairn::ffx", "no provider of {what} is {family:?}; there is {}", listed(&offered));
         }
         let expected = wanted.unwrap_or(&offered[0]).clone();
         let chain = |dialect| {
@@ -99,7 +100,7 @@ impl<Head: Creates> Context<Head> {
             return Err(unavailable(family, &format!("{} in its place", context.provider.version)));
         }
         context.provider.offered = offered;
-        log::info!(target: "cairn::ffx", "{effect}: {}", context.provider.version);
+        log::info!(target: "cairn::ffx", "{}: {}", called(Head::ID), context.provider.version);
         Ok(context)
     }
 
@@ -147,6 +148,18 @@ impl<Head: Creates> Context<Head> {
     /// A link that it was made with, behind [`Self::made_with`].
     pub fn made_with_link<T: Extends<Head>>(&self) -> Option<&T> {
         self.chain.link()
+    }
+
+    /// What the library calls it.
+    #[cfg(windows)]
+    pub(super) fn raw(&self) -> RawContext {
+        self.raw
+    }
+
+    /// Whose it is.
+    #[cfg(windows)]
+    pub(super) fn api(&self) -> &Api {
+        &self.api
     }
 
     /// Sets what the chain says.

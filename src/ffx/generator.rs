@@ -217,26 +217,13 @@ impl Generator {
     /// The list is open and of the generator's device, and so are the resources, which are what they are said to be; they and the
     /// generator live until the list has run.
     pub unsafe fn record(&mut self, frame: &Frame) -> Result<()> {
-        let had_distortion = self.settings.link::<ConfigureDistortion>().is_some();
-        if let Some((field, why)) = fault(frame, self.context.made_with(), self.hudless_format(), had_distortion) {
+        if let Some((field, why)) = fault_of_pictures(frame, self.context.made_with()) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
         let Shot { rect, transfer, luminance, .. } = frame.shot;
-        let reset = frame.shot.reset || !self.follows;
-        let id = self.last + 1;
-        self.follows = false;
-        *self.settings.head_mut() = ConfigureFrameGeneration {
-            enabled: true,
-            allow_async: self.context.made_with().flags.contains(CreateFlags::ASYNC_WORKLOAD),
-            hudless: frame.hudless,
-            flags: FrameFlags::NO_SWAPCHAIN,
-            rect,
-            frame_id: id,
-            ..Default::default()
-        };
-        if !frame.distortion.resource.is_null() {
-            self.settings.set(ConfigureDistortion { field: frame.distortion, ..Default::default() });
-        }
+        let without = ConfigureFrameGeneration { flags: FrameFlags::NO_SWAPCHAIN, ..Default::default() };
+        // SAFETY: the caller's promise.
+        let (id, reset) = unsafe { self.begin(frame, without) }?;
         *self.dispatch.head_mut() = DispatchFrameGeneration {
             command_list: frame.command_list,
             present_color: frame.color,
@@ -250,11 +237,77 @@ impl Generator {
             ..Default::default()
         };
         // SAFETY: the caller's promise about the list and the resources; the context is our own.
+        unsafe { self.context.dispatch(&mut self.dispatch) }?;
+        (self.last, self.follows) = (id, true);
+        Ok(())
+    }
+
+    /// Records the first two of a frame's calls, the other one of which AMD's swapchain has made once the frame is presented; the
+    /// frame's id, and whether it starts anew. Color, output, transfer and luminance are not looked at.
+    ///
+    /// # Errors
+    /// As of [`record`](Self::record).
+    ///
+    /// # Safety
+    /// As of [`record`](Self::record), and the swapchain and the callback's context live until another is told.
+    #[cfg(windows)]
+    pub(super) unsafe fn prepare(&mut self, frame: &Frame, told: ConfigureFrameGeneration) -> Result<(u64, bool)> {
+        // SAFETY: the caller's promise.
+        let begun = unsafe { self.begin(frame, told) }?;
+        (self.last, self.follows) = (begun.0, true);
+        Ok(begun)
+    }
+
+    /// Turns generation off for a swapchain of AMD's, which then has no frame of this generator's under way.
+    ///
+    /// # Errors
+    /// What the library answers.
+    ///
+    /// # Safety
+    /// A live swapchain of AMD's.
+    #[cfg(windows)]
+    pub(super) unsafe fn turn_off(&mut self, swapchain: *mut c_void) -> Result<()> {
+        self.follows = false;
+        *self.settings.head_mut() =
+            ConfigureFrameGeneration { swapchain, frame_id: self.last + 1, ..Default::default() };
+        // SAFETY: the caller's promise; the context is our own.
+        unsafe { self.context.configure(&mut self.settings) }
+    }
+
+    /// Its context.
+    #[cfg(windows)]
+    pub(super) fn context(&self) -> &Context<CreateFrameGeneration> {
+        &self.context
+    }
+
+    /// Settings, with those of `told` that are not the frame's, then motion and depth.
+    unsafe fn begin(&mut self, frame: &Frame, told: ConfigureFrameGeneration) -> Result<(u64, bool)> {
+        let had_distortion = self.settings.link::<ConfigureDistortion>().is_some();
+        let is_presented = !told.flags.contains(FrameFlags::NO_SWAPCHAIN);
+        let (made, hudless) = (self.context.made_with(), self.hudless_format());
+        if let Some((field, why)) = fault(frame, made, hudless, had_distortion, is_presented) {
+            return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+        }
+        let reset = frame.shot.reset || !self.follows;
+        let id = self.last + 1;
+        self.follows = false;
+        *self.settings.head_mut() = ConfigureFrameGeneration {
+            enabled: true,
+            allow_async: made.flags.contains(CreateFlags::ASYNC_WORKLOAD),
+            hudless: frame.hudless,
+            rect: frame.shot.rect,
+            frame_id: id,
+            ..told
+        };
+        if !frame.distortion.resource.is_null() {
+            self.settings.set(ConfigureDistortion { field: frame.distortion, ..Default::default() });
+        }
+        // SAFETY: the caller's promise about the list and the resources; the context is our own.
         unsafe {
             self.context.configure(&mut self.settings)?;
             match &mut self.prepare {
                 Prepare::Apart(chain) => {
-                    *chain.head_mut() = apart(frame, id);
+                    *chain.head_mut() = DispatchPrepare { flags: told.flags, ..apart(frame, id) };
                     if let Some(link) = chain.link_mut::<DispatchCamera>() {
                         let Camera { position, up, right, forward, .. } = frame.shot.camera;
                         *link = DispatchCamera { position, up, right, forward, ..Default::default() };
@@ -262,14 +315,12 @@ impl Generator {
                     self.context.dispatch(chain)?;
                 }
                 Prepare::InOne(chain) => {
-                    *chain.head_mut() = in_one(frame, id, reset);
+                    *chain.head_mut() = DispatchPrepareV2 { flags: told.flags, ..in_one(frame, id, reset) };
                     self.context.dispatch(chain)?;
                 }
             }
-            self.context.dispatch(&mut self.dispatch)?;
         }
-        (self.last, self.follows) = (id, true);
-        Ok(())
+        Ok((id, reset))
     }
 
     /// Lets the next frame start anew, as [`Shot::reset`] does.
@@ -300,7 +351,6 @@ impl Generator {
 fn apart(frame: &Frame, frame_id: u64) -> DispatchPrepare {
     DispatchPrepare {
         frame_id,
-        flags: FrameFlags::NO_SWAPCHAIN,
         command_list: frame.command_list,
         render_size: frame.shot.render_size,
         jitter: frame.shot.jitter,
@@ -319,7 +369,6 @@ fn apart(frame: &Frame, frame_id: u64) -> DispatchPrepare {
 fn in_one(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
     DispatchPrepareV2 {
         frame_id,
-        flags: FrameFlags::NO_SWAPCHAIN,
         command_list: frame.command_list,
         render_size: frame.shot.render_size,
         jitter: frame.shot.jitter,
@@ -340,12 +389,26 @@ fn in_one(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
     }
 }
 
-/// What is wrong with a frame for a generator that was made so: the field, and why.
+/// What is wrong with the frame itself, and with where the generated one is to go.
+fn fault_of_pictures(frame: &Frame, made: &CreateFrameGeneration) -> Option<(&'static str, &'static str)> {
+    for (field, resource) in [("color", &frame.color), ("output", &frame.output)] {
+        if let Some(why) = resource.fault(made.display_size) {
+            return Some((field, why));
+        }
+        if resource.description.format != made.back_buffer_format {
+            return Some((field, "its format is not the one that the generator was made for"));
+        }
+    }
+    (frame.color.resource == frame.output.resource).then_some(("output", "it is the frame itself"))
+}
+
+/// What is wrong with a frame for a generator that was made so: the field, and why. One that `is_presented` says less of itself.
 fn fault(
     frame: &Frame,
     made: &CreateFrameGeneration,
     hudless: SurfaceFormat,
     had_distortion: bool,
+    is_presented: bool,
 ) -> Option<(&'static str, &'static str)> {
     if frame.command_list.is_null() {
         return Some(("command_list", "it is null"));
@@ -358,12 +421,7 @@ fn fault(
         return Some(("render_size", "it is larger than what the generator was made for"));
     }
     let motion = if made.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) { shown } else { render };
-    for (field, resource, size) in [
-        ("color", &frame.color, shown),
-        ("output", &frame.output, shown),
-        ("depth", &frame.depth, render),
-        ("motion", &frame.motion, motion),
-    ] {
+    for (field, resource, size) in [("depth", &frame.depth, render), ("motion", &frame.motion, motion)] {
         if let Some(why) = resource.fault(size) {
             return Some((field, why));
         }
@@ -381,14 +439,6 @@ fn fault(
     if !frame.hudless.resource.is_null() && frame.hudless.description.format != hudless {
         return Some(("hudless", "its format is not the one that the generator was made for"));
     }
-    for (field, resource) in [("color", &frame.color), ("output", &frame.output)] {
-        if resource.description.format != made.back_buffer_format {
-            return Some((field, "its format is not the one that the generator was made for"));
-        }
-    }
-    if frame.color.resource == frame.output.resource {
-        return Some(("output", "it is the frame itself"));
-    }
     let numbers = [
         ("jitter", frame.shot.jitter),
         ("motion_scale", frame.shot.motion_scale),
@@ -405,6 +455,7 @@ fn fault(
     }
     let is_hdr = made.flags.contains(CreateFlags::HIGH_DYNAMIC_RANGE);
     match frame.shot.transfer {
+        _ if is_presented => {}
         TransferFunction::SRGB => {}
         TransferFunction::PQ | TransferFunction::SCRGB if is_hdr => {
             let [darkest, brightest] = frame.shot.luminance;

@@ -27,6 +27,8 @@ mod resource;
 #[cfg(windows)]
 mod self_test;
 #[cfg(windows)]
+mod swapchain;
+#[cfg(windows)]
 mod texture_upscaler;
 #[cfg(windows)]
 mod textures;
@@ -47,6 +49,10 @@ pub use memory::{Reports, memory_needed};
 pub use provider::{Choice, Dialect, Family, Version, choose, versions};
 #[cfg(windows)]
 pub use requirements::{Needed, Requirement, requirements};
+#[cfg(windows)]
+pub use swapchain::{
+    Interface, Paced, PacedPictures, Pacing, Swapchain, SwapchainMemory, SwapchainOptions, swapchain_memory_needed,
+};
 #[cfg(windows)]
 pub use texture_upscaler::{TextureUpscaler, UpscalePictures};
 #[cfg(windows)]

@@ -5,7 +5,7 @@ use std::fmt;
 use std::ptr::{null, null_mut};
 use std::str::FromStr;
 
-use super::bindings::QueryVersions;
+use super::bindings::{EffectId, QueryVersions, StructId};
 use super::{Api, Chain, Effect};
 use crate::{Error, ErrorKind, Result};
 
@@ -123,12 +123,21 @@ const MOST: usize = 256;
 /// # Safety
 /// `device` is an `ID3D12Device`, or null.
 pub unsafe fn versions(api: &Api, effect: Effect, device: *mut c_void) -> Result<Vec<Version>> {
+    // SAFETY: the caller's promise.
+    unsafe { versions_of(api, effect.create(), device) }
+}
+
+/// The same of what makes contexts with the struct `create`.
+///
+/// # Safety
+/// As of [`versions`].
+pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_void) -> Result<Vec<Version>> {
     let mut room = 8;
     let (ids, names) = loop {
         let (mut ids, mut names) = (vec![0; room], vec![null::<c_char>(); room]);
         let mut count = room as u64;
         let mut query = Chain::new(QueryVersions {
-            create: effect.create(),
+            create,
             device,
             count: &mut count,
             ids: ids.as_mut_ptr(),
@@ -157,12 +166,21 @@ pub unsafe fn versions(api: &Api, effect: Effect, device: *mut c_void) -> Result
     if found.is_empty() {
         return Err(Error::new(
             ErrorKind::Unsupported,
-            format!("AMD's libraries have no provider of {effect} for this device"),
+            format!("AMD's libraries have no provider of {} for this device", called(create)),
         )
         .remedy("Put the effect's own library beside the loader, or use another adapter or a newer driver"));
     }
     found.sort_by_key(|version| std::cmp::Reverse((version.number(), version.id & 0x7fff_ffff)));
     Ok(found)
+}
+
+/// What contexts made with a struct are for.
+pub(super) fn called(create: StructId) -> String {
+    match Effect::of(create) {
+        Some(_) if create.effect() == EffectId::SWAPCHAIN => "paced swap chains".to_owned(),
+        Some(effect) => effect.to_string(),
+        None => format!("{create:?}"),
+    }
 }
 
 /// The one of `offered`, the newest first, that is asked for by its id; None to leave it to the library.

@@ -69,7 +69,7 @@ impl DeviceGenerator {
             // First, as there may not be room for both.
             self.made = None;
             let gpu = &self.gpu;
-            let fsr = self.amd.map(|(api, choice)| FsrGenerator::new(gpu, &api, choice, size)).transpose()?;
+            let fsr = self.amd.map(|(api, choice)| FsrGenerator::new(gpu, &api, choice, size, size)).transpose()?;
             self.made = Some(Made {
                 size,
                 shader: ShaderGenerator::new(gpu, size)?,
@@ -85,19 +85,15 @@ impl DeviceGenerator {
     /// Brings all of it to the device.
     fn bring(&self, pictures: &[&Picture], guidance: &Guidance, previous: Option<&DepthMap>) -> Result<Brought> {
         let pictures = pictures.iter().map(|picture| Ok(texture_of(&self.gpu, picture)?.0)).collect::<Result<_>>()?;
-        let (motion, depth) = (guidance.motion(), guidance.depth());
-        let vectors = bytemuck::must_cast_slice::<[half::f16; 2], u8>(motion.vectors());
-        let of_depth = |map: &DepthMap| {
-            let bytes = bytemuck::must_cast_slice::<f32, u8>(map.depth());
-            upload(&self.gpu, bytes, (map.columns(), map.rows()), DXGI_FORMAT_R32_FLOAT)
-        };
+        let [motion, depth] = textures_of(&self.gpu, guidance)?;
+        let previous = previous.map(|map| Ok::<_, Error>((of_depth(&self.gpu, map)?, map.tile())));
         Ok(Brought {
             pictures,
-            motion: upload(&self.gpu, vectors, (motion.columns(), motion.rows()), DXGI_FORMAT_R16G16_FLOAT)?,
-            depth: of_depth(depth)?,
-            tiles: [motion.tile(), depth.tile()],
-            depth_is_even: depth.even().is_some(),
-            previous_depth: previous.map(|map| Ok::<_, Error>((of_depth(map)?, map.tile()))).transpose()?,
+            motion,
+            depth,
+            tiles: [guidance.motion().tile(), guidance.depth().tile()],
+            depth_is_even: guidance.depth().even().is_some(),
+            previous_depth: previous.transpose()?,
         })
     }
 }
@@ -209,6 +205,19 @@ fn resting(resource: &ID3D12Resource) -> Resting<'_> {
 
 fn copy(from: &Picture, to: &mut Picture) {
     to.pixels_mut().copy_from_slice(from.pixels());
+}
+
+/// Motion and depth in textures, in the state COMMON.
+pub(crate) fn textures_of(gpu: &Gpu, guidance: &Guidance) -> Result<[ID3D12Resource; 2]> {
+    let motion = guidance.motion();
+    let vectors = bytemuck::must_cast_slice::<[half::f16; 2], u8>(motion.vectors());
+    let motion = upload(gpu, vectors, (motion.columns(), motion.rows()), DXGI_FORMAT_R16G16_FLOAT)?;
+    Ok([motion, of_depth(gpu, guidance.depth())?])
+}
+
+fn of_depth(gpu: &Gpu, map: &DepthMap) -> Result<ID3D12Resource> {
+    let bytes = bytemuck::must_cast_slice::<f32, u8>(map.depth());
+    upload(gpu, bytes, (map.columns(), map.rows()), DXGI_FORMAT_R32_FLOAT)
 }
 
 /// A texture with these rows, each after the other.

@@ -1,11 +1,10 @@
 //! The generator of AMD's libraries: frames half way between two anchors, in textures of Direct3D 12. Windows only.
 
-use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATES, ID3D12Resource};
-use windows::Win32::Graphics::Dxgi::Common::{
-    DXGI_FORMAT, DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT,
-};
+use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
+use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8_UNORM, DXGI_FORMAT_R8G8B8A8_UNORM};
 
-use super::shader::{GuidanceTextures, TexturePair};
+use super::each_pixel::EachPixel;
+use super::shader::TexturePair;
 use crate::Result;
 use crate::ffx::bindings::{Dimensions, SurfaceFormat};
 use crate::ffx::{Api, Camera, Choice, Pictures, Shot, TextureGenerator, TextureOptions, Version};
@@ -13,14 +12,12 @@ use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
 use crate::gpu::{Gpu, Moment, written_texture};
 use crate::guidance::Projection;
 
-/// Descriptors of a list that spreads motion and depth.
-const ROOM: u32 = 4;
+/// Descriptors of a list that lays something over a frame.
+const ROOM: u32 = 3;
 /// Sides of a group of threads.
 const GROUP: u32 = 8;
 /// How far the far plane is told to be at most, in distances of the near one: for depth in single precision that is infinite.
 const FARTHEST: f32 = 1e8;
-const MOTION: DXGI_FORMAT = DXGI_FORMAT_R16G16_FLOAT;
-const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
 
 /// Generates frames of one size half way between anchors of RGBA8, on a device's queue for frames.
 ///
@@ -30,12 +27,10 @@ const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
 /// Threads: one at a time; may move between them.
 pub struct FsrGenerator {
     generator: TextureGenerator,
-    gpu: Gpu,
     size: (u32, u32),
-    spread: Kernel,
-    ring: Frames,
-    /// Motion and depth with one to a pixel; made for the first that have not.
-    each: Option<[ID3D12Resource; 2]>,
+    rendered: (u32, u32),
+    each: EachPixel,
+    overlay: Overlay,
     half: ID3D12Resource,
     /// The later anchor of the pair that it made a frame of last, which `half` is, and when that is there.
     last: Option<(Place, Moment)>,
@@ -56,21 +51,19 @@ pub struct PairFacts {
 }
 
 impl FsrGenerator {
-    /// Makes it ready for pictures of `size`. Only a provider that puts a picture of known motion where it belongs is taken.
+    /// Makes it ready for pictures of `size`, whose motion and depth are of the size `rendered`, the same or smaller. Only a provider that puts a picture of known motion where it belongs is taken.
     ///
     /// # Errors
     /// As of [`TextureGenerator::new`].
-    pub fn new(gpu: &Gpu, api: &Api, choice: Choice, size: (u32, u32)) -> Result<Self> {
-        let shown = dimensions(size);
-        let options = TextureOptions { choice, ..TextureOptions::new(shown, shown, SurfaceFormat::R8G8B8A8_UNORM) };
-        let shape = Shape { constants: 4, inputs: 2, outputs: 2 };
+    pub fn new(gpu: &Gpu, api: &Api, choice: Choice, size: (u32, u32), rendered: (u32, u32)) -> Result<Self> {
+        let (shown, at) = (dimensions(size), dimensions(rendered));
+        let options = TextureOptions { choice, ..TextureOptions::new(shown, at, SurfaceFormat::R8G8B8A8_UNORM) };
         Ok(Self {
             generator: TextureGenerator::new(gpu, api, &options)?,
-            gpu: gpu.clone(),
             size,
-            spread: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_spread.dxbc"), shape)?,
-            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
-            each: None,
+            rendered,
+            each: EachPixel::new(gpu, rendered)?,
+            overlay: Overlay::new(gpu, size)?,
             half: written_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON)?,
             last: None,
         })
@@ -81,7 +74,7 @@ impl FsrGenerator {
         &self.generator.provider().version
     }
 
-    /// The frame half way between the anchors of a pair, RGBA8 and in the state COMMON, and when it is there; until the next one is made.
+    /// The frame half way between the anchors of a pair, which has motion and depth of the size rendered at, RGBA8 and in the state COMMON, and when it is there; until the next one is made.
     ///
     /// # Errors
     /// As of [`TextureGenerator::generate`]. The next frame then starts anew.
@@ -95,12 +88,12 @@ impl FsrGenerator {
         }
         let before = number.checked_sub(1).map(|before| (stream, before));
         let goes_on = last.is_some_and(|(place, _)| Some(place) == before);
-        let (motion, depth) = self.each(&pair.guidance)?;
+        let (motion, depth) = self.each.of(&pair.guidance)?;
         let shot = |reset| Shot {
             reset,
             frame_time: facts.interval_ms,
             camera: camera(&facts.projection),
-            ..Shot::of(dimensions(self.size))
+            ..Shot::of(dimensions(self.rendered))
         };
         let pictures = |color| Pictures {
             color,
@@ -113,37 +106,13 @@ impl FsrGenerator {
         if !goes_on {
             self.generator.generate(&pictures(pair.previous), &shot(true))?;
         }
-        let moment = self.generator.generate(&pictures(pair.current), &shot(false))?;
+        let mut moment = self.generator.generate(&pictures(pair.current), &shot(false))?;
+        if let Some(hud) = &pair.guidance.hud {
+            let half = Resting { resource: &self.half, state: D3D12_RESOURCE_STATE_COMMON };
+            moment = self.overlay.lay(&pair.current, hud, &half)?;
+        }
         self.last = Some((facts.place, moment.clone()));
         Ok((self.half.clone(), moment))
-    }
-
-    /// Motion and depth with one to a pixel.
-    fn each(&mut self, guidance: &GuidanceTextures<'_>) -> Result<(Held, Held)> {
-        let hold = |resting: &Resting<'_>| Held { resource: resting.resource.clone(), state: resting.state };
-        if [guidance.motion_tile, guidance.depth_tile] == [1, 1] {
-            return Ok((hold(&guidance.motion), hold(&guidance.depth)));
-        }
-        let each = match &self.each {
-            Some(each) => each,
-            None => {
-                let made = |format| written_texture(&self.gpu, self.size, format, D3D12_RESOURCE_STATE_COMMON);
-                self.each.insert([made(MOTION)?, made(DEPTH)?])
-            }
-        };
-        let [motion, depth] = each.clone().map(|resource| Held { resource, state: D3D12_RESOURCE_STATE_COMMON });
-        let constants = [self.size.0, self.size.1, guidance.motion_tile, guidance.depth_tile];
-        let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
-        // SAFETY: live resources.
-        let formats = unsafe { [guidance.motion, guidance.depth].map(|from| from.resource.GetDesc().Format) };
-        let inputs = [View::Texture(guidance.motion, formats[0]), View::Texture(guidance.depth, formats[1])];
-        let outputs = [View::Texture(motion.resting(), MOTION), View::Texture(depth.resting(), DEPTH)];
-        let mut frame = self.ring.begin()?;
-        frame.stage(c"Cairn: motion and depth of each pixel");
-        frame.run(&self.spread, &constants, &inputs, &outputs, groups)?;
-        frame.end_stage();
-        frame.submit(self.gpu.frames())?;
-        Ok((motion, depth))
     }
 }
 
@@ -153,24 +122,44 @@ impl std::fmt::Debug for FsrGenerator {
     }
 }
 
-/// A texture and the state it rests in.
-struct Held {
-    resource: ID3D12Resource,
-    state: D3D12_RESOURCE_STATES,
+/// Lays what stands still over frames, in lists of its own.
+struct Overlay {
+    gpu: Gpu,
+    size: (u32, u32),
+    kernel: Kernel,
+    ring: Frames,
 }
 
-impl Held {
-    fn resting(&self) -> Resting<'_> {
-        Resting { resource: &self.resource, state: self.state }
+impl Overlay {
+    fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
+        let code = include_bytes!("../gpu/shaders/fsr_overlay.dxbc");
+        Ok(Self {
+            gpu: gpu.clone(),
+            size,
+            kernel: Kernel::new(gpu, code, Shape { constants: 2, inputs: 2, outputs: 1 })?,
+            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+        })
+    }
+
+    /// Lays what `mask` says of `anchor` over `frame`; the moment when it lies there.
+    fn lay(&mut self, anchor: &Resting<'_>, mask: &Resting<'_>, frame: &Resting<'_>) -> Result<Moment> {
+        let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
+        let inputs = [View::Texture(*anchor, DXGI_FORMAT_R8G8B8A8_UNORM), View::Texture(*mask, DXGI_FORMAT_R8_UNORM)];
+        let output = View::Texture(*frame, DXGI_FORMAT_R8G8B8A8_UNORM);
+        let mut list = self.ring.begin()?;
+        list.stage(c"Cairn: what lies over a generated frame");
+        list.run(&self.kernel, &[self.size.0, self.size.1], &inputs, &[output], groups)?;
+        list.end_stage();
+        list.submit(self.gpu.frames())
     }
 }
 
 /// A camera that looks ahead from the origin: where it really is nobody knows, and motion has it all.
-fn camera(projection: &Projection) -> Camera {
+pub(crate) fn camera(projection: &Projection) -> Camera {
     let near = projection.near();
     Camera { near, far: projection.far().min(near * FARTHEST), fov: projection.vertical_fov(), ..Camera::default() }
 }
 
-fn dimensions((width, height): (u32, u32)) -> Dimensions {
+pub(crate) fn dimensions((width, height): (u32, u32)) -> Dimensions {
     Dimensions { width, height }
 }

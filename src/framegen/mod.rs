@@ -4,6 +4,8 @@ pub mod cpu;
 #[cfg(windows)]
 pub mod device;
 #[cfg(windows)]
+pub(crate) mod each_pixel;
+#[cfg(windows)]
 pub mod fsr;
 mod pair;
 #[cfg(windows)]

@@ -5,6 +5,7 @@
 //! stated near plane, far plane and vertical field of view. Both live at render size.
 
 mod depth;
+mod larger;
 mod latent;
 mod motion;
 pub mod paper;

@@ -64,7 +64,7 @@ impl Drawer {
             self.generate(plan, epoch, options, times)?;
         }
         let made = match plan {
-            Plan::Copy { anchor, picture } => anchor.read(*picture)?,
+            Plan::Copy { current, picture, .. } => current.anchor.read(*picture)?,
             Plan::Between { .. } | Plan::Beyond { .. } => self.generated.as_ref().ok_or_else(nothing_made)?,
         };
         let wanted = options.size.unwrap_or(made.size());

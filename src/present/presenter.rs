@@ -117,11 +117,44 @@ pub(super) struct Overlay {
     pub(super) mask: Vec<u8>,
 }
 
+#[cfg(windows)]
+impl Overlay {
+    /// The mask over the same picture in another size: of each pixel the nearest.
+    pub(super) fn at(&self, size: (u32, u32)) -> Vec<u8> {
+        let nearest =
+            |at: u32, from: u32, to: u32| (u64::from(2 * at + 1) * u64::from(from) / (2 * u64::from(to))) as usize;
+        let columns: Vec<_> = (0..size.0).map(|x| nearest(x, self.size.0, size.0)).collect();
+        let mut made = Vec::with_capacity(columns.len() * size.1 as usize);
+        for y in 0..size.1 {
+            let row = &self.mask[nearest(y, self.size.1, size.1) * self.size.0 as usize..];
+            made.extend(columns.iter().map(|x| row[*x]));
+        }
+        made
+    }
+}
+
 /// How a frame comes about.
 pub(super) enum Plan {
-    Copy { anchor: Arc<KeptAnchor>, picture: usize },
-    Between { previous: Slot, current: Slot, index: u64, t: f32 },
-    Beyond { previous: Option<Slot>, last: Slot, index: u64, t: f32 },
+    /// One of the pictures of `current`, the anchor of that index, as it is.
+    #[cfg_attr(not(windows), expect(dead_code, reason = "a device is told what leads to it"))]
+    Copy {
+        previous: Option<Slot>,
+        current: Slot,
+        index: u64,
+        picture: usize,
+    },
+    Between {
+        previous: Slot,
+        current: Slot,
+        index: u64,
+        t: f32,
+    },
+    Beyond {
+        previous: Option<Slot>,
+        last: Slot,
+        index: u64,
+        t: f32,
+    },
 }
 
 /// What a drawn picture shows: the resets before it, the frame, and its size where that is not the anchors'.
@@ -256,7 +289,7 @@ impl Presenter {
 
     /// Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD: `mask` has a byte to a pixel of
     /// an anchor, `size.0` times `size.1` of them row by row, and 0 where there is nothing; `None`: nothing is known, and it is told from
-    /// colours that do not move. A [`reset`](Self::reset) forgets it. The `shader` generator heeds it, on a device; the `cpu` generator
+    /// colours that do not move. A [`reset`](Self::reset) forgets it. The generators on a device heed it; the `cpu` generator
     /// does not.
     ///
     /// # Errors
@@ -404,6 +437,18 @@ impl Presenter {
         self.stream.lock().pacer.as_mut().map_or(0, |pacer| pacer.waiting(now))
     }
 
+    /// Whether an anchor with so many pictures brings all frames of its interval.
+    fn brings_all(&self, pictures: usize) -> bool {
+        self.options.decoded && pictures > 1 && pictures == self.options.multiplier as usize
+    }
+
+    /// Whether frames between anchors are pictures that these bring, and not generated.
+    #[cfg(windows)]
+    pub(super) fn shows_decoded(&self) -> bool {
+        let stream = self.stream.lock();
+        stream.slots.back().is_some_and(|slot| self.brings_all(slot.anchor.count()))
+    }
+
     /// What to show and how it comes about.
     fn resolve(&self, stream: &Stream, due: Due, phases: Option<Phases>) -> Option<(Shown, Plan)> {
         let slot = |index: u64| {
@@ -421,30 +466,34 @@ impl Presenter {
             cut,
             repeated: false,
         };
-        let held = |slot: &Slot, cut| {
-            let number = slot.anchor.number();
-            let plan = Plan::Copy { anchor: slot.anchor.clone(), picture: slot.anchor.count() - 1 };
-            (shown(ShownSource::Held, number, number, 0.0, cut), plan)
+        let copy = |index: u64, picture: usize| {
+            let previous = index.checked_sub(1).and_then(slot).cloned();
+            Some(Plan::Copy { previous, current: slot(index)?.clone(), index, picture })
+        };
+        let held = |index: u64, cut| {
+            let anchor = &slot(index)?.anchor;
+            let number = anchor.number();
+            Some((shown(ShownSource::Held, number, number, 0.0, cut), copy(index, anchor.count() - 1)?))
         };
         match due.frame {
             // One that stands for a frame that is not made.
             DueFrame::Anchor(index) if !due.position.is_multiple_of(self.options.multiplier.into()) => {
-                Some(held(slot(index)?, false))
+                held(index, false)
             }
             DueFrame::Anchor(index) => {
-                let (of, plan) = held(slot(index)?, false);
+                let (of, plan) = held(index, false)?;
                 Some((Shown { source: ShownSource::Anchor, ..of }, plan))
             }
             DueFrame::Between { previous: index, step } => {
                 let (previous, current) = (slot(index)?, slot(index + 1)?);
                 let (t, numbers) = (t(step), (previous.anchor.number(), current.anchor.number()));
                 let pictures = current.anchor.count();
-                if self.options.decoded && pictures > 1 && pictures == self.options.multiplier as usize {
-                    let plan = Plan::Copy { anchor: current.anchor.clone(), picture: step as usize - 1 };
+                if self.brings_all(pictures) {
+                    let plan = copy(index + 1, step as usize - 1)?;
                     return Some((shown(ShownSource::Decoded, numbers.0, numbers.1, t, false), plan));
                 }
                 if current.cut || !generates(t) {
-                    return Some(held(if t < 0.5 { previous } else { current }, current.cut));
+                    return held(if t < 0.5 { index } else { index + 1 }, current.cut);
                 }
                 let (previous, current) = (previous.clone(), current.clone());
                 let plan = Plan::Between { previous, current, index: index + 1, t };
@@ -455,7 +504,7 @@ impl Presenter {
                 let previous = index.checked_sub(1).and_then(slot);
                 let motion = last.guidance.is_some() || previous.is_some();
                 if !self.options.extrapolate || last.cut || !motion || phases.is_none() {
-                    return Some(held(last, last.cut));
+                    return held(index, last.cut);
                 }
                 let (step, source) = match due.frame {
                     DueFrame::Beyond { step, .. } => (step, ShownSource::Extrapolated),

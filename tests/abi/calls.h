@@ -296,6 +296,8 @@ static const struct field fields[] = {
     FIELD(cairn_presenter_options, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_presenter_options, white_nits, CHOICE_FIELD, 10000),
     FIELD(cairn_presenter_options, reserved_too, CHOICE_FIELD, 0),
+    FIELD(cairn_presenter_options, upscaler, CHOICE_FIELD, 2),
+    FIELD(cairn_presenter_options, reserved_also, CHOICE_FIELD, 0),
     FIELD(cairn_d3d12_options, flags, FLAGS_FIELD, 1),
 };
 enum { FIELDS = sizeof fields / sizeof fields[0] };

@@ -3,7 +3,9 @@
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::device::DeviceGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
+use cairn::present::device::PictureUpscaler;
 
+use super::enlarged::enlarged;
 use super::*;
 
 /// Motion of a step in tiles, and depth.
@@ -74,5 +76,33 @@ fn pictures_in_memory_go_through_a_provider() {
         let cut = fsr.generate(&pair.with_cut(true), 0.5, &mut made).expect("an anchor");
         assert_eq!((cut.outcome, made == second), (Outcome::CutFallback, true));
     }
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn pictures_in_memory_are_made_larger() {
+    let stage = with_upscaler(&[]);
+    let library = stage.load().expect("loaded");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let api = library.api(Effect::Upscaling).expect("there");
+    let interval = 1000.0 / 15.0;
+    let mut upscaler = PictureUpscaler::new(&gpu, api, Choice::Any, SIZE, LARGE, interval).expect("an upscaler");
+    assert_eq!(upscaler.version().name, "4.0.3");
+    // Of one place twice: what goes on is mixed with the one before from where motion says that it was, and what does not is itself.
+    let mut made = Vec::new();
+    for (by, tile) in [(0, None), (STEP, Some(8)), (2 * STEP, Some(1)), (2 * STEP, None)] {
+        let guidance = tile.map(guidance);
+        let larger = upscaler.upscale(&moved(by), guidance.as_ref()).expect("upscaled");
+        let error = off(larger.rgba(), &drawn(LARGE, by));
+        assert!(larger.size() == LARGE && error <= 8, "{by}, {tile:?}: {error} off");
+        made.push(larger);
+    }
+    assert!(made[2] != made[3], "the one before counts where it is led to");
+    assert_eq!(enlarged(&stage), 4);
+    let refused = upscaler.upscale(&drawn(LARGE, 0), None).expect_err("of another size");
+    assert_eq!(refused.offending_field(), Some("picture"));
+    let refused = PictureUpscaler::new(&gpu, api, Choice::Any, LARGE, SIZE, interval).expect_err("smaller");
+    assert_eq!(refused.offending_field(), Some("size"));
+    drop(upscaler);
     assert_eq!(stage.judgement(), [""; 0]);
 }

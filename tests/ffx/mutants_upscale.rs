@@ -1,9 +1,9 @@
 //! Mutants of what larger frames are asked for with.
 
 use cairn::ffx::bindings::{
-    Coordinates, CreateUpscale, Dimensions, Resource, ResourceState, UpscaleCreateFlags, UpscaleFlags,
+    Coordinates, CreateUpscale, Dimensions, ReactiveFlags, Resource, ResourceState, UpscaleCreateFlags, UpscaleFlags,
 };
-use cairn::ffx::{Api, Choice, Part, UpscaleFrame, UpscaleShot, Upscaler};
+use cairn::ffx::{Api, Choice, Part, ReactiveMask, UpscaleFrame, UpscaleShot, Upscaler};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 
@@ -23,6 +23,8 @@ struct Scene {
     masks: [Kept; 2],
     exposure: Kept,
     shown: Textures,
+    /// A mask that is found.
+    found: Kept,
 }
 
 impl Scene {
@@ -49,8 +51,8 @@ impl Scene {
         });
         let one = Textures::new(&gpu, Dimensions { width: 1, height: 1 });
         one.fill(&one.depth, |_, _| 5.0_f32.to_le_bytes());
-        let shown = Textures::new(&gpu, SHOWN);
-        Self { gpu, rendered, masks, exposure: one.depth, shown }
+        let (shown, found) = (Textures::new(&gpu, SHOWN), Textures::new(&gpu, RENDERED).depth);
+        Self { gpu, rendered, masks, exposure: one.depth, shown, found }
     }
 
     fn upscaler(&self, api: &Api) -> cairn::Result<Upscaler> {
@@ -96,6 +98,30 @@ impl Scene {
         answer?;
         Ok(self.shown.generated())
     }
+
+    /// Where the past of the frame is not to be trusted, or what was answered.
+    fn mask(&self, upscaler: &mut Upscaler, mutant: Option<Mutant>) -> cairn::Result<Vec<[u8; 4]>> {
+        let mut answer = Ok(());
+        let output = &self.found;
+        run(&self.gpu, |list| {
+            let resource = |kept: &Kept| Resource::of(&kept.resource, ResourceState::UNORDERED_ACCESS);
+            let [opaque, color] = self.rendered.each_ref().map(|rendered| resource(&rendered.color));
+            let mask = ReactiveMask {
+                scale: 2.5,
+                // What is bright lies below it, and what is dark above.
+                threshold: 0.2,
+                value: 0.8,
+                flags: ReactiveFlags::TONEMAP | ReactiveFlags::THRESHOLD | ReactiveFlags::COMPONENTS_MAX,
+                ..ReactiveMask::of(RENDERED)
+            };
+            held().mutant = mutant;
+            // SAFETY: an open list of the upscaler's device, and textures that live until it has run.
+            answer = unsafe { upscaler.find_reactive(list.as_raw(), opaque, color, resource(output), &mask) };
+            held().mutant = None;
+        });
+        answer?;
+        Ok(self.rendered[0].pixels(output))
+    }
 }
 
 /// Tries all of them.
@@ -110,6 +136,12 @@ pub(crate) fn try_all(report: &mut Report) {
     let mut verdicts = 0;
     for (name, mutant) in table::of_upscaling().iter().flat_map(mutants) {
         let found = noticed(&stage, &truth, &mut verdicts, || scene.pair(&mut upscaler, Some(mutant)));
+        found.into_iter().for_each(|found| report.add(name.clone(), found));
+    }
+    let mask = scene.mask(&mut upscaler, None).expect("found");
+    assert!(mask.iter().any(|pixel| *pixel != mask[0]), "it says something");
+    for (name, mutant) in table::of_masks().iter().flat_map(mutants) {
+        let found = noticed(&stage, &mask, &mut verdicts, || scene.mask(&mut upscaler, Some(mutant)));
         found.into_iter().for_each(|found| report.add(name.clone(), found));
     }
     for (name, mutant) in table::of_making_upscalers().iter().flat_map(mutants) {

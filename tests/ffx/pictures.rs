@@ -125,3 +125,14 @@ impl Textures {
         bytes.as_chunks().0.to_vec()
     }
 }
+
+/// Records that one texture becomes another's copy.
+pub(crate) fn copy(list: &ID3D12GraphicsCommandList, from: &Kept, to: &Kept) {
+    let (source, destination) = (D3D12_RESOURCE_STATE_COPY_SOURCE, D3D12_RESOURCE_STATE_COPY_DEST);
+    becomes(list, from, from.state, source);
+    becomes(list, to, to.state, destination);
+    // SAFETY: an open list, and live textures of one size and format in the states of a copy.
+    unsafe { list.CopyResource(&to.resource, &from.resource) };
+    becomes(list, from, source, from.state);
+    becomes(list, to, destination, to.state);
+}

@@ -193,3 +193,14 @@ pub(crate) fn of_upscaling() -> Vec<Struct> {
          cameraFovAngleVertical:420:f32 viewSpaceToMetersFactor:424:f32 flags:428:u32",
     )]
 }
+
+/// What a mask is asked for with.
+pub(crate) fn of_masks() -> Vec<Struct> {
+    vec![read(
+        0x1_0006,
+        "DispatchUpscaleGenerateReactiveMask",
+        192,
+        "commandList:16:pointer colorOpaqueOnly:24:resource colorPreUpscale:72:resource outReactive:120:resource \
+         renderSize:168:size scale:176:f32 cutoffThreshold:180:f32 binaryValue:184:f32 flags:188:u32",
+    )]
+}

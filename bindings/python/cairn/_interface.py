@@ -414,6 +414,8 @@ class PresenterOptions(Sized):
         ("reserved", c_uint32),
         ("white_nits", c_uint32),
         ("reserved_too", c_uint32),
+        ("upscaler", c_uint32),
+        ("reserved_also", c_uint32),
     ]
 
 
@@ -461,6 +463,8 @@ class PresenterStatistics(Sized):
         ("device_list_longest_ns", c_uint64),
         ("made_to_anchor", c_uint32),
         ("budget_changes", c_uint32),
+        ("upscaler", c_char * 32),
+        ("upscaling", c_char * 160),
     ]
 
 

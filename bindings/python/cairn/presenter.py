@@ -167,7 +167,8 @@ class PresenterStatistics:
     """What a presenter has done since it was made. `generator` is the one that is used, such as "cpu"; `preference` says why one
     that might be better is not. `waiting` anchors wait for their time, and `under_way` frames for Direct3D 12 have not run;
     `device_frames` have, in `device_frames_ns` on the device, and so have `device_lists` that bring what frames are made of. Of the
-    frames of an anchor `made_to_anchor` are made where `set_budget` was called; `budget_changes` is how often that changed."""
+    frames of an anchor `made_to_anchor` are made where `set_budget` was called; `budget_changes` is how often that changed. `upscaler`
+    brings frames to their size, such as "spatial", and is empty where they have the anchors'; `upscaling` says why AMD's does not."""
 
     anchors: int
     late_anchors: int
@@ -195,6 +196,8 @@ class PresenterStatistics:
     device_list_longest_ns: int
     made_to_anchor: int
     budget_changes: int
+    upscaler: str
+    upscaling: str
 
 
 class Presenter(Object):
@@ -223,6 +226,7 @@ class Presenter(Object):
         fsr: Prefer = "auto",
         shader: Prefer = "auto",
         cpu: Prefer = "auto",
+        upscaler: Prefer = "auto",
     ) -> None:
         """`multiplier` is frames to an anchor: 1, 2, 3, 4 or 6. `size` is width and height of the frames; (0, 0) is the anchors'.
 
@@ -231,7 +235,7 @@ class Presenter(Object):
         frames sooner after a late one; `decoded=False` generates frames also where the anchor brings them. `capacity` is how
         many anchors may wait, 1 to 64; 0 is 4. `linear` writes linear light, into half floats only. `letterbox` keeps the
         anchors' shape in frames of another, with black around them; otherwise they are stretched. `fsr`, `shader` and `cpu`
-        say which generators are wanted.
+        say which generators are wanted, and `upscaler` whether AMD's is, for frames for Direct3D 12 that are larger than anchors.
 
         Raises `InvalidArgument`; `Unsupported` for a required generator that is not there; `OutOfMemory`.
         """
@@ -261,6 +265,7 @@ class Presenter(Object):
             fsr=_choose("fsr", fsr, _PREFERENCES),
             shader=_choose("shader", shader, _PREFERENCES),
             cpu=_choose("cpu", cpu, _PREFERENCES),
+            upscaler=_choose("upscaler", upscaler, _PREFERENCES),
         )
         self._wanted, self._anchors = (width, height), (0, 0)
         super().__init__(make("presenter_create", byref(options)))

@@ -104,8 +104,11 @@ def test_frames_change_their_size_and_keep_their_shape_where_they_shall():
         presenter.push(first, 0)
         presenter.push(second, SECOND)
         assert presenter.draw(SECOND)[1].shape == (96, 160, 4)
+        assert presenter.statistics.upscaler == ""
         presenter.resize((80, 80))
         _, framed = presenter.draw(SECOND)
+        done = presenter.statistics
+        assert (done.upscaler, done.upscaling) == ("spatial", "")
         assert framed.shape == (80, 80, 4)
         # 160 x 96 becomes 80 x 48: sixteen rows of black above it and below.
         assert (framed[:16, :, :3] == 0).all() and (framed[64:, :, :3] == 0).all() and (framed[..., 3] == 255).all()

@@ -69,6 +69,23 @@ impl GeneratorChoice {
 
     /// Refuses what this machine, or the way of presenting, cannot have: what can be known before anything is loaded.
     pub(crate) fn check(self, point: &OperatingPoint) -> Result<()> {
+        let half = 2 * point.latents_per_second;
+        self.check_for(match point.presentation {
+            Presentation::Generated { rate, .. } if rate != half => {
+                Some(format!("fsr makes frames half way between two anchors: {half} a second"))
+            }
+            _ => None,
+        })
+    }
+
+    /// The same where so many frames are made of each, one of them itself.
+    pub(crate) fn check_multiplier(self, multiplier: u32) -> Result<()> {
+        let why = "fsr makes frames half way between two others: two of each";
+        self.check_for((multiplier != 2).then(|| why.to_owned()))
+    }
+
+    /// Refuses what this machine cannot have, and `fsr` where there is something against it.
+    fn check_for(self, against_fsr: Option<String>) -> Result<()> {
         if !self.is_cpu() && !cfg!(windows) {
             return Err(Error::new(
                 ErrorKind::Unsupported,
@@ -77,40 +94,37 @@ impl GeneratorChoice {
             .field("--generator")
             .remedy("Use cpu"));
         }
-        let Presentation::Generated { rate, .. } = point.presentation else { return Ok(()) };
-        if self == Self::Fsr && rate != 2 * point.latents_per_second {
-            let why =
-                format!("fsr makes frames half way between two anchors: {} a second", 2 * point.latents_per_second);
-            return Err(Error::new(ErrorKind::Unsupported, why)
+        match against_fsr.filter(|_| self == Self::Fsr) {
+            Some(why) => Err(Error::new(ErrorKind::Unsupported, why)
                 .field("--generator")
-                .remedy("Present at that rate, or use shader or cpu"));
+                .remedy("Have that many frames made, or use shader or cpu")),
+            None => Ok(()),
         }
-        Ok(())
     }
 
-    /// The generator, on the device that the world runs on where that is one of Direct3D 12, else on the best.
+    /// The generator for frames that lie `interval_ms` apart, on the device that a world runs on where that is one of Direct3D 12, else
+    /// on the best.
     #[cfg(windows)]
-    pub(crate) fn make(self, world: &Device, latents_per_second: u32) -> Result<Box<dyn FrameGenerator>> {
+    pub(crate) fn make(self, world: Option<&Device>, interval_ms: f32) -> Result<Box<dyn FrameGenerator>> {
         use cairn::ffx::{Choice, Effect, Library, LoadOptions};
         use cairn::framegen::device::DeviceGenerator;
         use cairn::gpu::Gpu;
 
-        let gpu = || world.gpu().map_or_else(|| Gpu::on_adapter(None), |gpu| Ok(gpu.clone()));
+        let gpu = || world.and_then(Device::gpu).map_or_else(|| Gpu::on_adapter(None), |gpu| Ok(gpu.clone()));
         Ok(match self {
             Self::Cpu => Box::new(CpuGenerator::new()),
             Self::Shader => Box::new(DeviceGenerator::of_shaders(&gpu()?)),
             Self::Fsr => {
                 let library = Library::load(&LoadOptions::from_environment())?;
-                let interval = 1000.0 / latents_per_second as f32;
                 let api = library.api(Effect::FrameGeneration)?;
-                Box::new(DeviceGenerator::of_amd(&gpu()?, api, Choice::Any, interval))
+                Box::new(DeviceGenerator::of_amd(&gpu()?, api, Choice::Any, interval_ms))
             }
         })
     }
 
     /// The generator; others than the processor's were refused before.
     #[cfg(not(windows))]
-    pub(crate) fn make(self, _world: &Device, _latents_per_second: u32) -> Result<Box<dyn FrameGenerator>> {
+    pub(crate) fn make(self, _world: Option<&Device>, _interval_ms: f32) -> Result<Box<dyn FrameGenerator>> {
         Ok(Box::new(CpuGenerator::new()))
     }
 }
@@ -146,5 +160,9 @@ mod tests {
         let refused = GeneratorChoice::Fsr.check(&fourfold).unwrap_err();
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("--generator")));
         GeneratorChoice::Cpu.check(&fourfold).unwrap();
+        GeneratorChoice::Cpu.check_multiplier(4).unwrap();
+        let refused = GeneratorChoice::Fsr.check_multiplier(4).unwrap_err();
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("--generator")));
+        assert_eq!(GeneratorChoice::Fsr.check_multiplier(2).is_ok(), cfg!(windows));
     }
 }

@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 
 use cairn::{Error, ErrorKind, Result};
 
+use crate::generator::GeneratorChoice;
 use crate::media::{Disk, FrameRate, Recorder, VideoFormat, Written};
 use crate::progress::Progress;
 use pipeline::{Counts, Stages, Steps};
@@ -40,6 +41,8 @@ pub struct Interpolation<'a> {
     pub multiplier: u32,
     /// Frames per second of the input, instead of what it says itself.
     pub rate: Option<FrameRate>,
+    /// What makes frames between two.
+    pub generator: GeneratorChoice,
     /// `.mp4`, `.y4m`, or a folder for PNG pictures; none for an MP4 beside the input.
     pub out: Option<&'a Path>,
     /// Whether an earlier output may be replaced.
@@ -96,6 +99,7 @@ pub struct Report {
 pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
     let began = Instant::now();
     check(job.multiplier, job.rate, job.out)?;
+    job.generator.check_multiplier(job.multiplier)?;
     job.progress.phase("reading the input");
     let Input { size, rate, pixel_aspect, expected, notes, source, stopper } = source::open(job.input)?;
     let (rate, notes) = settled_rate(job, rate, notes)?;
@@ -104,12 +108,13 @@ pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
     target.check(job.input, job.overwrite)?;
 
     let format = VideoFormat { pixel_aspect, ..VideoFormat::new(size, new_rate) };
+    let generator = job.generator.make(None, rate.interval_ms())?;
     let mut steps = Steps::start(source, stopper, size)?;
     // Nothing is made before it is known that there is something to make.
     let start = steps.first_pair(job.stop).map_err(|e| named(e, job.input))?;
     let recorder = Recorder::start(vec![target.create(&job.disk, &format)?], size)?;
     job.progress.begin(expected.map(|frames| frames * u64::from(job.multiplier)));
-    let run = steps.run(start, job.multiplier, &recorder, job.stop, |done| job.progress.frames(done));
+    let run = steps.run(start, (generator, job.multiplier), &recorder, job.stop, |done| job.progress.frames(done));
     job.progress.end();
     let (reading, flow) = steps.finish();
     let recorded = recorder.finish()?;

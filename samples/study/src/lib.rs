@@ -30,10 +30,12 @@ mod replay;
 mod settings;
 mod sheet;
 mod text;
+mod upscaler;
 mod world_quality;
 
 pub use cli::run;
 pub use device::DeviceChoice;
+pub use generator::GeneratorChoice;
 pub use inputs::Overrides;
 pub use interpolate::{FOLDER_RATE, Interpolation, MAX_MULTIPLIER, Report, interpolate};
 pub use job::{Job, Outcome, run as run_job};

@@ -12,6 +12,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use scenes::Family;
 use serde::{Deserialize, Serialize};
 
+use crate::generator::GeneratorChoice;
 use crate::inputs;
 use crate::machine::Versions;
 use crate::manifest::{Input, MANIFEST_VERSION, Output, read_manifest, sha256, to_json};
@@ -77,6 +78,9 @@ pub struct ReconstructSettings {
     pub formats: Formats,
     /// Whether LPIPS is measured as well.
     pub lpips: bool,
+    /// What makes frames between anchors.
+    #[serde(default, skip_serializing_if = "GeneratorChoice::is_cpu")]
+    pub generator: GeneratorChoice,
 }
 
 impl Default for ReconstructSettings {
@@ -91,6 +95,7 @@ impl Default for ReconstructSettings {
             guidance: TruthOrPicture::Picture,
             formats: Formats { mp4: true, ..Formats::default() },
             lpips: false,
+            generator: GeneratorChoice::Cpu,
         }
     }
 }
@@ -127,6 +132,7 @@ impl ReconstructSettings {
                 format!("Use {} to {}", MULTIPLIERS.start(), MULTIPLIERS.end()),
             );
         }
+        self.generator.check_multiplier(self.multiplier)?;
         if self.formats == Formats::default() {
             return refused(
                 "nothing would be written".into(),

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use cairn::present::upscale::Filter;
 use cairn::world::{OperatingPoint, Preset, WorldTime};
 use cairn::{Error, ErrorKind, MAX_SIDE, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::device::DeviceChoice;
 use crate::generator::GeneratorChoice;
+use crate::upscaler::UpscalerChoice;
 
 /// Which media are written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -69,7 +69,7 @@ pub struct Settings {
     pub seed: u64,
     /// `[width, height]` of the presented frames.
     pub size: [u32; 2],
-    /// `lanczos` or `catmull-rom`.
+    /// `lanczos`, `catmull-rom` or `fsr`.
     pub upscaler: String,
     /// Media.
     pub formats: Formats,
@@ -87,7 +87,7 @@ pub struct Settings {
 pub(crate) struct Checked {
     pub(crate) point: OperatingPoint,
     pub(crate) duration: WorldTime,
-    pub(crate) filter: Filter,
+    pub(crate) upscaler: UpscalerChoice,
     pub(crate) generator: GeneratorChoice,
 }
 
@@ -142,16 +142,9 @@ impl Settings {
                 .remedy("Use 1 to 1024"));
         }
         self.generator.check(&point)?;
-        let filter = match self.upscaler.as_str() {
-            "lanczos" => Filter::Lanczos3,
-            "catmull-rom" => Filter::CatmullRom,
-            other => {
-                return Err(Error::new(ErrorKind::InvalidArgument, format!("{other:?} is no upscaler"))
-                    .field("--upscaler")
-                    .remedy("Use lanczos or catmull-rom"));
-            }
-        };
-        Ok(Checked { point, duration, filter, generator: self.generator })
+        let upscaler: UpscalerChoice = self.upscaler.parse()?;
+        upscaler.check(&point)?;
+        Ok(Checked { point, duration, upscaler, generator: self.generator })
     }
 }
 
@@ -187,7 +180,7 @@ mod tests {
         let base = Settings::default;
         assert!(refused(Settings { seconds: "0".into(), ..base() }).contains("--seconds"));
         assert!(refused(Settings { seconds: "nan".into(), ..base() }).contains("--seconds"));
-        assert!(refused(Settings { upscaler: "fsr".into(), ..base() }).contains("lanczos"));
+        assert!(refused(Settings { upscaler: "best".into(), ..base() }).contains("lanczos"));
         assert!(refused(Settings { threads: Some(0), ..base() }).contains("--threads"));
         assert!(refused(Settings { formats: Formats::default(), ..base() }).contains("--formats"));
         assert!(Formats::parse("mp4,avi").unwrap_err().to_string().contains("avi"));

@@ -12,7 +12,7 @@ use common::decoder::{decode, psnr as luma_psnr};
 use common::small_disk::SmallDisk;
 use study::media::{Disk, FrameRate, RealDisk, Store, Yuv420};
 use study::metrics::psnr;
-use study::{Interpolation, Progress, Report, interpolate};
+use study::{GeneratorChoice, Interpolation, Progress, Report, interpolate};
 
 const SIZE: (u32, u32) = (128, 72);
 
@@ -37,6 +37,7 @@ fn make(input: &Path, out: Option<&Path>, asked: Asked<'_>) -> cairn::Result<Rep
         input,
         multiplier: asked.multiplier,
         rate: asked.rate.map(|rate| FrameRate::new(rate, 1).unwrap()),
+        generator: GeneratorChoice::Cpu,
         out,
         overwrite: asked.overwrite,
         disk: asked.disk,

@@ -80,6 +80,10 @@ impl Recording {
         DeviceFigures::default()
     }
 
+    pub(in crate::abi) fn scaled_by(&mut self) -> Option<(String, String)> {
+        None
+    }
+
     pub(in crate::abi) fn used(&mut self, _: &Presenter) -> Option<(Option<String>, String)> {
         None
     }

@@ -20,7 +20,7 @@ use crate::ffx::{self, Needed};
 use crate::framegen::shader::ShaderGenerator;
 use crate::gpu::compute::{Frames, Spent};
 use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, read_texture};
-use crate::present::device::DeviceDrawer;
+use crate::present::device::{DeviceDrawer, ScaledBy};
 use crate::present::presenter::{Presenter, Shown};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::{KeptAnchor, Rollout};
@@ -115,6 +115,9 @@ pub(in crate::abi) const HAS_SHADERS: bool = true;
 /// Why AMD's generator has not made a frame, where it is used.
 const ONLY_HALF: &str = "fsr: it makes frames half way between two anchors, and no others";
 
+/// Why AMD's upscaler is not used, where it could be.
+const ONLY_LARGER: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
+
 /// What frames are recorded with, once one is.
 #[derive(Default)]
 pub(in crate::abi) struct Recording {
@@ -125,6 +128,7 @@ pub(in crate::abi) struct Recording {
     /// AMD's libraries, once they were looked for, and why the drawer has no provider of theirs.
     amd: Option<crate::Result<ffx::Library>>,
     without_fsr: String,
+    without_upscaler: String,
     /// Why frames of anchors of a size are not made by shaders, for lists of a queue.
     failed: Option<(Gpu, (u32, u32), Error)>,
     /// Why the last frame was made by the processor; empty where the drawer made it.
@@ -156,7 +160,7 @@ impl Recording {
         let texture: direct3d::ID3D12Resource = unsafe { object(to.target.cast(), "target") }?;
         let [before, after] = [to.before, to.after].map(|state| direct3d::D3D12_RESOURCE_STATES(state.cast_signed()));
         let target = Target { texture, before, after };
-        let is_required = [asked.fsr, asked.shader].contains(&CAIRN_PREFER_REQUIRE);
+        let is_required = [asked.fsr, asked.shader, asked.upscaler].contains(&CAIRN_PREFER_REQUIRE);
         let why = if asked.shader == CAIRN_PREFER_NEVER {
             "shader: it is not to be used, and fsr cannot be without it".to_owned()
         } else {
@@ -233,7 +237,8 @@ impl Recording {
             // First, as there may not be room for both.
             self.drawer = None;
             let made = DeviceDrawer::new(gpu, anchors, asked.colours);
-            match made.and_then(|drawer| self.with_fsr(drawer, asked.fsr)) {
+            let made = made.and_then(|drawer| self.with_fsr(drawer, asked.fsr));
+            match made.and_then(|drawer| self.with_upscaler(drawer, asked.upscaler)) {
                 Ok(made) => self.drawer = Some(made),
                 Err(why) => {
                     // Memory may be there the next time.
@@ -245,7 +250,7 @@ impl Recording {
             }
         }
         let drawer = self.drawer.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))?;
-        drawer.fit(size, asked.presenter.keeps_shape())?;
+        drawer.fit(asked.presenter, size)?;
         Ok(drawer)
     }
 
@@ -256,14 +261,51 @@ impl Recording {
             return Ok(drawer);
         }
         let is_required = preference == CAIRN_PREFER_REQUIRE;
-        let amd = self.amd.get_or_insert_with(|| ffx::Library::load(&ffx::LoadOptions::from_environment()));
-        let api = amd.as_ref().map_err(Error::clone).and_then(|library| library.api(ffx::Effect::FrameGeneration));
-        match api.and_then(|api| drawer.use_fsr(api, ffx::Choice::Any, is_required)) {
+        let api = self.amd(ffx::Effect::FrameGeneration);
+        match api.and_then(|api| drawer.use_fsr(&api, ffx::Choice::Any, is_required)) {
             Ok(()) => self.without_fsr.clear(),
             Err(why) if is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
             Err(why) => self.without_fsr = format!("fsr: {why}"),
         }
         Ok(drawer)
+    }
+
+    /// The same with AMD's upscaler, which is tried where frames are larger than anchors.
+    fn with_upscaler(&mut self, mut drawer: DeviceDrawer, preference: u32) -> crate::Result<DeviceDrawer> {
+        self.without_upscaler = "fsr: it is not to be used".to_owned();
+        if preference == CAIRN_PREFER_NEVER {
+            return Ok(drawer);
+        }
+        let is_required = preference == CAIRN_PREFER_REQUIRE;
+        match self.amd(ffx::Effect::Upscaling) {
+            Ok(api) => {
+                drawer.use_fsr_upscaler(&api, ffx::Choice::Any, is_required);
+                self.without_upscaler.clear();
+            }
+            Err(why) if is_required => return Err(why),
+            Err(why) => self.without_upscaler = format!("fsr: {why}"),
+        }
+        Ok(drawer)
+    }
+
+    /// AMD's functions for an effect.
+    fn amd(&mut self, effect: ffx::Effect) -> crate::Result<ffx::Api> {
+        let amd = self.amd.get_or_insert_with(|| ffx::Library::load(&ffx::LoadOptions::from_environment()));
+        amd.as_ref().map_err(Error::clone).and_then(|library| library.api(effect)).copied()
+    }
+
+    /// What brings frames to their size, and why AMD's upscaler does not; none where the processor makes them.
+    pub(in crate::abi) fn scaled_by(&mut self) -> Option<(String, String)> {
+        let drawer = self.drawer.as_ref().filter(|_| self.used.as_ref().is_some_and(String::is_empty))?;
+        Some(match (drawer.scaled_by(), drawer.upscaler_failed()) {
+            (ScaledBy::Nothing, _) => (String::new(), String::new()),
+            (ScaledBy::Amd(version), _) => (format!("fsr {}", version.name), String::new()),
+            (ScaledBy::Space, Some(failed)) => ("spatial".to_owned(), format!("fsr: {failed}")),
+            (ScaledBy::Space, None) if self.without_upscaler.is_empty() => {
+                ("spatial".to_owned(), ONLY_LARGER.to_owned())
+            }
+            (ScaledBy::Space, None) => ("spatial".to_owned(), self.without_upscaler.clone()),
+        })
     }
 
     /// Waits until all frames have run, and lets go of their targets.

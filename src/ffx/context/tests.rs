@@ -4,7 +4,7 @@ use std::ffi::c_void;
 
 use super::super::bindings::*;
 use super::super::played::{ANALYTIC, ANALYTIC_20, ML, PLAY, Play, api, count, creations, head};
-use super::super::{Dialect, Family};
+use super::super::{Dialect, Family, versions};
 use super::*;
 
 /// Makes a context of a library that plays so.

@@ -274,7 +274,7 @@ fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
 fn how_it_was_made_decides_what_is_right() {
     let format = head().back_buffer_format;
     let wrong = |frame: &Frame, flags| {
-        fault(frame, &CreateFrameGeneration { flags, ..head() }, format, false).map(|(field, _)| field)
+        fault(frame, &CreateFrameGeneration { flags, ..head() }, format, false, false).map(|(field, _)| field)
     };
     let endless = shot(|shot| shot.camera.far = f32::INFINITY);
     assert_eq!(wrong(&endless, CreateFlags::empty()), Some("camera.far"));
@@ -291,5 +291,8 @@ fn how_it_was_made_decides_what_is_right() {
         assert_eq!(wrong(&bright(luminance), CreateFlags::HIGH_DYNAMIC_RANGE), Some("luminance"));
     }
     // Once there was a distortion, the next frame's must be told.
-    assert_eq!(fault(&frame(), &head(), format, true).map(|(field, _)| field), Some("distortion"));
+    assert_eq!(fault(&frame(), &head(), format, true, false).map(|(field, _)| field), Some("distortion"));
+    // Of one that AMD's swap chain presents it is the swap chain that knows how its light became numbers.
+    let presented = fault(&bright([400.0, 0.0]), &head(), format, false, true);
+    assert_eq!(presented, None);
 }

@@ -82,6 +82,11 @@ impl Canvas {
         Ok(())
     }
 
+    /// Whether frames have another size than pictures.
+    pub(super) fn resizes(&self) -> bool {
+        self.made.as_ref().is_some_and(|made| made.area.size != self.from)
+    }
+
     /// Where the generator writes the picture.
     pub(super) fn picture(&self) -> Resting<'_> {
         resting(&self.picture)

@@ -5,26 +5,34 @@
 //! is recorded.
 
 mod canvas;
+mod enlarger;
+mod pictures;
 mod reports;
+mod scaling;
 mod supply;
 
 use std::time::{Duration, Instant};
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12GraphicsCommandList, ID3D12Resource};
 
-use super::presenter::{Drawn, Plan, Presenter, Shown, ShownSource, Taken};
+use super::area::Area;
+use super::presenter::{Drawn, Plan, Presenter, PresenterOptions, Shown, ShownSource, Slot, Taken};
 use super::statistics::PresenterStatistics;
 use crate::ffx::{Api, Choice, Version};
 use crate::framegen::Phases;
-use crate::framegen::fsr::{FsrGenerator, PairFacts};
+use crate::framegen::fsr::{FsrGenerator, PairFacts, Place};
 use crate::framegen::shader::{self, GuidanceTextures, ShaderGenerator, TexturePair};
-use crate::gpu::compute::pictures::{self, Format};
+use crate::gpu::compute::pictures::{Format, target as format_of};
 use crate::gpu::compute::{Frame, Frames, Resting, Spent, Transfer};
 use crate::gpu::{Gpu, Moment, Promises, Target, check_list};
-use crate::guidance::paper;
+use crate::guidance::{Projection, paper};
 use crate::{Colours, Error, ErrorKind, Result};
 use canvas::Canvas;
+use enlarger::Enlarger;
+pub use pictures::PictureUpscaler;
 use reports::Reports;
+pub use scaling::ScaledBy;
+use scaling::Upscaling;
 use supply::{Supplied, Supply};
 
 /// What a presenter's frames are made with on a Direct3D device, by the `shader` generator, or those half way
@@ -44,7 +52,14 @@ pub struct DeviceDrawer {
     generator: ShaderGenerator,
     /// What brings pictures into targets that the generator does not write itself.
     canvas: Option<Canvas>,
+    /// The size that frames are generated in: the anchors', or larger where these are made so first.
+    work: (u32, u32),
+    /// Who makes them larger, where that is wanted.
+    upscaling: Option<Upscaling>,
+    enlarger: Option<Enlarger>,
     fsr: Option<FsrGenerator>,
+    /// What it is made of.
+    amd: Option<(Api, Choice)>,
     /// Where nobody else is to make the frames that it does.
     requires_fsr: bool,
     /// Why it makes none any more.
@@ -75,6 +90,10 @@ impl DeviceDrawer {
             colours,
             generator: ShaderGenerator::new(gpu, size)?.with_target_transfer(transfer),
             canvas: None,
+            work: size,
+            upscaling: None,
+            enlarger: None,
+            amd: None,
             frames: Frames::new(gpu, gpu.frames(), shader::DESCRIPTORS + canvas::DESCRIPTORS)?,
             fsr: None,
             requires_fsr: false,
@@ -97,8 +116,8 @@ impl DeviceDrawer {
     /// # Errors
     /// As for [`TextureGenerator::new`](crate::ffx::TextureGenerator::new).
     pub fn use_fsr(&mut self, api: &Api, choice: Choice, is_required: bool) -> Result<()> {
-        self.fsr = Some(FsrGenerator::new(&self.gpu, api, choice, self.size)?);
-        (self.requires_fsr, self.fsr_failed) = (is_required, None);
+        self.fsr = Some(FsrGenerator::new(&self.gpu, api, choice, self.work, self.size)?);
+        (self.requires_fsr, self.fsr_failed, self.amd) = (is_required, None, Some((*api, choice)));
         Ok(())
     }
 
@@ -117,20 +136,50 @@ impl DeviceDrawer {
         self.size == size && self.gpu.frames().d3d12() == gpu.frames().d3d12()
     }
 
-    /// Makes it ready for frames of `size`, which keep the anchors' shape if so; otherwise the first of them does.
+    /// Makes it ready for `presenter`'s frames of `size`; otherwise the first of them does.
     ///
     /// # Errors
-    /// `Unsupported` for more pixels than fit into the buffers of Direct3D; `OutOfMemory`, `DeviceRemoved`, `Device`.
-    pub fn fit(&mut self, size: (u32, u32), keeps_shape: bool) -> Result<()> {
-        if size == self.size && matches!(self.colours, Colours::Shown | Colours::Linear) {
+    /// `Unsupported` for more pixels than fit into the buffers of Direct3D, and where an upscaler is required that cannot be used;
+    /// `OutOfMemory`, `DeviceRemoved`, `Device`.
+    pub fn fit(&mut self, presenter: &Presenter, size: (u32, u32)) -> Result<()> {
+        let keeps_shape = presenter.keeps_shape();
+        let work = self.enlarge_to(Area::of(self.size, size, keeps_shape).size, presenter.shows_decoded())?;
+        self.work_at(work)?;
+        if size == work && matches!(self.colours, Colours::Shown | Colours::Linear) {
             self.canvas = None;
             return Ok(());
         }
         let canvas = match &mut self.canvas {
             Some(canvas) => canvas,
-            none => none.insert(Canvas::new(&self.gpu, self.size)?),
+            none => none.insert(Canvas::new(&self.gpu, work)?),
         };
         canvas.fit(&mut self.supply, size, keeps_shape)
+    }
+
+    /// Has frames generated in that size.
+    fn work_at(&mut self, size: (u32, u32)) -> Result<()> {
+        if self.work == size {
+            return Ok(());
+        }
+        (self.canvas, self.prepared, self.drawn) = (None, None, None);
+        // Where something fails below it is of no size, and all of it is made again.
+        self.work = (0, 0);
+        let transfer = if self.colours == Colours::Linear { Transfer::Light } else { Transfer::Shown };
+        self.generator = ShaderGenerator::new(&self.gpu, size)?.with_target_transfer(transfer);
+        if let Some((api, choice)) = self.amd.filter(|_| self.fsr_failed.is_none()) {
+            self.fsr = None;
+            match FsrGenerator::new(&self.gpu, &api, choice, size, self.size) {
+                Ok(made) => self.fsr = Some(made),
+                Err(why) if self.requires_fsr || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
+                Err(why) => {
+                    log::warn!("frames are made by shaders from now on, as there is no fsr of another size: {why}");
+                    self.fsr_failed = Some(why);
+                }
+            }
+        }
+        self.supply.work_at(size);
+        self.work = size;
+        Ok(())
     }
 
     /// Waits until all frames have run and lets go of their targets: before a swap chain is resized, for one. Lists that were recorded
@@ -168,11 +217,17 @@ impl DeviceDrawer {
         times: &mut PresenterStatistics,
     ) -> Result<Option<Moment>> {
         let start = Instant::now();
-        let motion = presenter.options().motion;
-        let supplied = self.supply.bring(taken, motion)?;
+        let PresenterOptions { motion, multiplier, .. } = *presenter.options();
+        let interval_ms = interval_ms(taken, multiplier);
+        let place = taken.plan.place(taken.epoch);
+        let also_leads = self.enlarger.as_ref().is_some_and(|enlarger| place.is_some_and(|place| !enlarger.has(place)));
+        let supplied = self.supply.bring(taken, motion, also_leads)?;
         times.guidance += start.elapsed();
         let start = Instant::now();
-        let half = self.half(taken, &supplied, presenter.options().multiplier)?;
+        let supplied = self.larger(supplied, taken, presenter, interval_ms)?;
+        times.resize += start.elapsed();
+        let start = Instant::now();
+        let half = self.half(taken, &supplied, interval_ms)?;
         if let (Plan::Between { index, .. }, None) = (&taken.plan, &half) {
             let key = (taken.epoch, *index, self.supply.overlays);
             self.prepare(&supplied.pair()?, key)?;
@@ -230,22 +285,20 @@ impl DeviceDrawer {
 
 impl DeviceDrawer {
     /// The frame half way between two anchors, where it is asked for and a provider makes it.
-    fn half(&mut self, taken: &Taken, supplied: &Supplied, multiplier: u32) -> Result<Option<ID3D12Resource>> {
+    fn half(&mut self, taken: &Taken, supplied: &Supplied, interval_ms: f32) -> Result<Option<ID3D12Resource>> {
         let (Some(fsr), Plan::Between { current, index, t, .. }) = (&mut self.fsr, &taken.plan) else {
             return Ok(None);
         };
         if *t != 0.5 {
             return Ok(None);
         }
-        let due = &taken.shown.due;
-        let frame_ns = due.until_ns.saturating_sub(due.since_ns).max(1);
-        let facts = PairFacts {
-            place: (taken.epoch, *index),
-            projection: current.guidance.as_ref().map_or(paper::PROJECTION, |given| given.depth().projection()),
-            interval_ms: frame_ns as f32 * multiplier as f32 / 1e6,
-        };
+        let facts = PairFacts { place: (taken.epoch, *index), projection: current.projection(), interval_ms };
+        let mut pair = supplied.pair()?;
+        if let Some(rendered) = &supplied.rendered {
+            pair.guidance = GuidanceTextures { hud: pair.guidance.hud, ..rendered.as_guidance() };
+        }
         // What follows on the queue for frames comes after it.
-        match fsr.generate(&supplied.pair()?, &facts) {
+        match fsr.generate(&pair, &facts) {
             Ok((half, _)) => Ok(Some(half)),
             Err(why) if self.requires_fsr || why.kind() == ErrorKind::DeviceRemoved => Err(why),
             Err(why) => {
@@ -289,14 +342,7 @@ impl Supplied {
 
     fn guidance(&self) -> Result<GuidanceTextures<'_>> {
         let guidance = self.guidance.as_ref().ok_or_else(nothing_brought)?;
-        Ok(GuidanceTextures {
-            motion: resting(&guidance.motion),
-            motion_tile: guidance.motion_tile,
-            depth: resting(&guidance.depth),
-            depth_tile: guidance.depth_tile,
-            depth_is_even: guidance.depth_is_even,
-            hud: self.overlay.as_ref().map(resting),
-        })
+        Ok(GuidanceTextures { hud: self.overlay.as_ref().map(resting), ..guidance.as_guidance() })
     }
 }
 
@@ -375,8 +421,8 @@ impl Presenter {
         }
         target.check(&drawer.gpu, drawer.gpu.frames().kind(), size, drawer.colours)?;
         let resting = Resting { resource: &target.texture, state: target.before };
-        let format = pictures::target(&drawer.gpu, &resting, [size.0, size.1])?;
-        drawer.fit(size, self.options().letterbox)?;
+        let format = format_of(&drawer.gpu, &resting, [size.0, size.1])?;
+        drawer.fit(self, size)?;
         taken.shown.repeated = drawer.drawn == Some(taken.key);
         drawer.drawn = None;
         let mut times = PresenterStatistics::default();
@@ -402,13 +448,40 @@ impl Presenter {
 }
 
 impl Plan {
+    /// The anchor that is shown, led to or gone on from.
+    fn slot(&self) -> &Slot {
+        let (Self::Copy { current: slot, .. } | Self::Between { current: slot, .. } | Self::Beyond { last: slot, .. }) =
+            self;
+        slot
+    }
+
     /// Size of the pictures it is made of.
     fn size(&self) -> (u32, u32) {
+        self.slot().anchor.size()
+    }
+
+    /// Which anchor it is; None for a picture that one brought beside its own.
+    fn place(&self, epoch: u64) -> Option<Place> {
         match self {
-            Self::Copy { anchor, .. } => anchor.size(),
-            Self::Between { current: slot, .. } | Self::Beyond { last: slot, .. } => slot.anchor.size(),
+            Self::Copy { current, picture, .. } if picture + 1 < current.anchor.count() => None,
+            Self::Copy { index, .. } | Self::Between { index, .. } | Self::Beyond { index, .. } => {
+                Some((epoch, *index))
+            }
         }
     }
+}
+
+impl Slot {
+    /// The camera of the depth that leads to it.
+    fn projection(&self) -> Projection {
+        self.guidance.as_ref().map_or(paper::PROJECTION, |given| given.depth().projection())
+    }
+}
+
+/// Milliseconds from one anchor to the next.
+fn interval_ms(taken: &Taken, multiplier: u32) -> f32 {
+    let due = &taken.shown.due;
+    due.until_ns.saturating_sub(due.since_ns).max(1) as f32 * multiplier as f32 / 1e6
 }
 
 impl std::fmt::Debug for DeviceDrawer {

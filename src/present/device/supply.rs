@@ -9,7 +9,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use super::super::motion::{Extractors, MotionSource};
 use super::super::presenter::{Overlay, Plan, Slot, Taken};
 use super::{nothing_brought, resting};
-use crate::framegen::shader;
+use crate::framegen::shader::{self, GuidanceTextures};
 use crate::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting, Spent};
 use crate::gpu::{Gpu, Heap, Shared, written_texture};
 use crate::guidance::paper::LatentBuffer;
@@ -51,6 +51,8 @@ pub(super) struct Supply {
     from_pictures: Option<picture_flow::GpuExtractor>,
     /// Counts what is asked for.
     clock: u64,
+    /// The size that generated frames have; what lies over anchors is brought in it.
+    work: (u32, u32),
 }
 
 /// A picture of an anchor that was not made on the device.
@@ -90,6 +92,8 @@ pub(super) struct Supplied {
     /// The later anchor, the last one, or the picture that is shown as it is.
     pub(super) current: ID3D12Resource,
     pub(super) guidance: Option<Textures>,
+    /// The same of the anchors as they are, where all else is of larger ones.
+    pub(super) rendered: Option<Textures>,
     pub(super) previous_depth: Option<(ID3D12Resource, u32)>,
     /// What lies over the anchors.
     pub(super) overlay: Option<ID3D12Resource>,
@@ -123,36 +127,51 @@ impl Supply {
             from_latents: None,
             from_pictures: None,
             clock: 0,
+            work: size,
         })
     }
 
-    /// What a frame needs; where anchors came without guidance it is found from `motion`.
+    /// What a frame needs; where anchors came without guidance it is found from `motion`. What leads to an anchor that is shown as it is comes
+    /// along only if `also_leads` and there is something.
     pub(super) fn bring(
         &mut self,
         Taken { plan, epoch, overlay, .. }: &Taken,
         motion: MotionSource,
+        also_leads: bool,
     ) -> Result<Supplied> {
         self.clock += 1;
         let (previous, current, index) = match plan {
-            Plan::Copy { anchor, picture } => {
-                let current = self.bring_picture(anchor, *picture)?;
-                return Ok(Supplied { previous: None, current, guidance: None, previous_depth: None, overlay: None });
+            Plan::Copy { previous, current, index, picture } => {
+                let leads = also_leads && !current.cut && (current.guidance.is_some() || previous.is_some());
+                let guidance = match leads {
+                    true => Some(self.bring_guidance(motion, previous.as_ref(), current, (*epoch, *index))?),
+                    false => None,
+                };
+                let current = self.bring_picture(&current.anchor, *picture)?;
+                return Ok(Supplied {
+                    previous: None,
+                    current,
+                    guidance,
+                    rendered: None,
+                    previous_depth: None,
+                    overlay: None,
+                });
             }
             Plan::Between { previous, current, index, .. } => (Some(previous), current, *index),
             Plan::Beyond { previous, last, index, .. } => (previous.as_ref(), last, *index),
         };
-        let guidance = match &current.guidance {
-            Some(given) => self.bring_given(given)?,
-            None => {
-                let previous = &previous.ok_or_else(nothing_brought)?.anchor;
-                self.bring_found(motion, previous, &current.anchor, (*epoch, index))?
-            }
-        };
+        let guidance = self.bring_guidance(motion, previous, current, (*epoch, index))?;
         let overlay = overlay.as_ref().map(|overlay| self.bring_overlay(overlay)).transpose()?;
         let last = |slot: &Slot| slot.anchor.count() - 1;
         let picture = self.bring_picture(&current.anchor, last(current))?;
-        let mut supplied =
-            Supplied { previous: None, current: picture, guidance: Some(guidance), previous_depth: None, overlay };
+        let mut supplied = Supplied {
+            previous: None,
+            current: picture,
+            guidance: Some(guidance),
+            rendered: None,
+            previous_depth: None,
+            overlay,
+        };
         if let (Plan::Between { .. }, Some(previous)) = (plan, previous) {
             supplied.previous = Some(self.bring_picture(&previous.anchor, last(previous))?);
             if let Some(given) = &previous.guidance {
@@ -161,6 +180,30 @@ impl Supply {
             }
         }
         Ok(supplied)
+    }
+
+    /// Motion and depth that lead to an anchor.
+    fn bring_guidance(
+        &mut self,
+        motion: MotionSource,
+        previous: Option<&Slot>,
+        current: &Slot,
+        key: (u64, u64),
+    ) -> Result<Textures> {
+        match &current.guidance {
+            Some(given) => self.bring_given(given),
+            None => {
+                let previous = &previous.ok_or_else(nothing_brought)?.anchor;
+                self.bring_found(motion, previous, &current.anchor, key)
+            }
+        }
+    }
+
+    /// From now on generated frames have that size.
+    pub(super) fn work_at(&mut self, size: (u32, u32)) {
+        if self.work != size {
+            (self.work, self.overlay) = (size, None);
+        }
     }
 
     /// A list for what a pair needs besides.
@@ -213,8 +256,10 @@ impl Supply {
             return Ok(texture.clone());
         }
         self.overlay = None;
-        let to = written_texture(&self.gpu, self.size, DXGI_FORMAT_R8_UNORM, D3D12_RESOURCE_STATE_COMMON)?;
-        let (bytes, size) = (overlay.mask.as_slice(), overlay.size);
+        let size = self.work;
+        let to = written_texture(&self.gpu, size, DXGI_FORMAT_R8_UNORM, D3D12_RESOURCE_STATE_COMMON)?;
+        let larger = (size != overlay.size).then(|| overlay.at(size));
+        let bytes = larger.as_deref().unwrap_or(&overlay.mask);
         self.submit(&[Upload { bytes, size, format: DXGI_FORMAT_R8_UNORM, to: to.clone() }])?;
         self.overlays += 1;
         self.overlay = Some((Arc::downgrade(overlay), to.clone()));
@@ -382,7 +427,7 @@ const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
 
 impl Textures {
     /// For pictures of `size`, of motion and of depth in tiles of so many pixels to a side.
-    fn new(gpu: &Gpu, size: (u32, u32), tiles: [u32; 2]) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, size: (u32, u32), tiles: [u32; 2]) -> Result<Self> {
         let texture = |tile: u32, format| {
             let size = (size.0.div_ceil(tile), size.1.div_ceil(tile));
             written_texture(gpu, size, format, D3D12_RESOURCE_STATE_COMMON)
@@ -390,6 +435,18 @@ impl Textures {
         let [motion_tile, depth_tile] = tiles;
         let (motion, depth) = (texture(motion_tile, MOTION)?, texture(depth_tile, DEPTH)?);
         Ok(Self { motion, motion_tile, depth, depth_tile, depth_is_even: false })
+    }
+
+    /// As generators take them.
+    pub(super) fn as_guidance(&self) -> GuidanceTextures<'_> {
+        GuidanceTextures {
+            motion: resting(&self.motion),
+            motion_tile: self.motion_tile,
+            depth: resting(&self.depth),
+            depth_tile: self.depth_tile,
+            depth_is_even: self.depth_is_even,
+            hud: None,
+        }
     }
 
     /// Others where the tiles are others; of depth that is known to be even, or not.

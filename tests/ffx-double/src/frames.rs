@@ -1,6 +1,7 @@
 //! The three calls of a frame, judged: settings, then motion and depth, then the picture, with one id that goes up by one.
 
 use std::ffi::c_void;
+use std::sync::Arc;
 
 use windows::Win32::Graphics::Direct3D12::{
     D3D12_COMMAND_LIST_TYPE_COMPUTE, D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_RESOURCE_DIMENSION_TEXTURE2D,
@@ -11,6 +12,7 @@ use windows::core::{IUnknown, Interface};
 
 use crate::memory::get;
 use crate::role::Sdk;
+use crate::swapchain::{Settings, Stage, named};
 use crate::work::{self, CONSTANTS, Pictures, Told};
 
 /// Ids of the structs, and of those that may follow them.
@@ -54,7 +56,6 @@ impl Made {
 }
 
 /// Where in a frame a context is, and what it was told of it.
-#[derive(Debug)]
 pub(crate) struct Frames {
     made: Made,
     /// What the settings say.
@@ -62,6 +63,8 @@ pub(crate) struct Frames {
     distortion: Option<Told>,
     rect: [i32; 4],
     is_async: bool,
+    /// The swap chain of AMD's that presents, where there is one.
+    presented_by: Option<Arc<Stage>>,
     /// What was told of motion and depth.
     seen: Option<Seen>,
     /// What was called of the present frame, with its id.
@@ -101,6 +104,7 @@ impl Frames {
             distortion: None,
             rect: [0; 4],
             is_async: false,
+            presented_by: None,
             seen: None,
             settings: None,
             prepared: None,
@@ -112,6 +116,11 @@ impl Frames {
         self.made.memory()
     }
 
+    /// The swap chain of AMD's that it generates for.
+    pub(crate) fn presented_by(&self) -> Option<&Arc<Stage>> {
+        self.presented_by.as_ref()
+    }
+
     /// Judges one call; faults go to `fault`. Gives what is to be recorded for a picture.
     ///
     /// # Safety
@@ -119,6 +128,7 @@ impl Frames {
     pub(crate) unsafe fn judge(
         &mut self,
         sdk: Sdk,
+        context: usize,
         chain: &[(u64, *const u8)],
         fault: &mut dyn FnMut(String),
     ) -> Option<Asked> {
@@ -142,7 +152,7 @@ impl Frames {
         // SAFETY: the caller's promise; each reads at its own struct's offsets.
         unsafe {
             match first {
-                CONFIGURE => self.settings(head, chain.get(1).map(|(_, at)| *at), fault),
+                CONFIGURE => self.settings(context, head, chain.get(1).map(|(_, at)| *at), fault),
                 PREPARE | PREPARE_V2 => self.prepare(head, first == PREPARE_V2, chain, sdk, fault),
                 _ => {
                     let asked = self.picture(head, fault);
@@ -157,18 +167,42 @@ impl Frames {
         None
     }
 
-    unsafe fn settings(&mut self, head: *const u8, distortion: Option<*const u8>, fault: &mut dyn FnMut(String)) {
+    unsafe fn settings(
+        &mut self,
+        context: usize,
+        head: *const u8,
+        distortion: Option<*const u8>,
+        fault: &mut dyn FnMut(String),
+    ) {
         // SAFETY: fields of the struct.
         let (swapchain, flags, id) = unsafe { (get::<usize>(head, 16), get::<u32>(head, 112), get::<u64>(head, 136)) };
         // SAFETY: as above.
         let (callbacks, enabled) = unsafe { ([24, 40].map(|at| get::<usize>(head, at)), get::<u8>(head, 56)) };
-        if swapchain != 0 || flags != NO_SWAPCHAIN || callbacks != [0; 2] {
+        if swapchain != 0 {
+            self.presented_by = named(swapchain);
+            if self.presented_by.is_none() || flags != 0 || callbacks[0] != 0 || enabled > 1 {
+                fault(format!("swapchain {swapchain:x}, flags {flags:x}, callbacks {callbacks:x?}, on {enabled}"));
+            }
+            // SAFETY: as above; null, or a function of that type.
+            let (generate, user) = unsafe { (get(head, 40), get(head, 48)) };
+            // SAFETY: as above.
+            let rect = unsafe { [120, 124, 128, 132].map(|at| get(head, at)) };
+            let told = Settings { generate, user, enabled: enabled == 1, rect, frame: id, by: context };
+            if let Some(why) = self.presented_by.as_ref().and_then(|stage| stage.tell(told)) {
+                fault(why);
+            }
+            if enabled == 0 {
+                // What was prepared and is not presented is none to go on from.
+                (self.settings, self.prepared, self.hudless) = (None, None, None);
+                return;
+            }
+        } else if flags != NO_SWAPCHAIN || callbacks != [0; 2] || self.presented_by.is_some() {
             fault(format!("swapchain {swapchain:x}, flags {flags:x}, callbacks {callbacks:x?}"));
         }
         if enabled != 1 {
             fault("generation is off".to_owned());
         }
-        if self.last.is_some_and(|last| id != last.wrapping_add(1)) {
+        if swapchain == 0 && self.last.is_some_and(|last| id != last.wrapping_add(1)) {
             fault(format!("frame {id} follows {:?}", self.last));
         }
         // SAFETY: as above.
@@ -232,7 +266,8 @@ impl Frames {
         }
         // SAFETY: as above.
         let (flags, reset) = unsafe { (get::<u32>(head, 24), get::<u8>(head, 68)) };
-        if flags != NO_SWAPCHAIN || (!is_v2 && reset != 0) {
+        let wanted = if self.presented_by.is_some() { 0 } else { NO_SWAPCHAIN };
+        if flags != wanted || (!is_v2 && reset != 0) {
             fault(format!("flags {flags:x}, reset {reset}"));
         }
         // SAFETY: as above.

@@ -12,6 +12,7 @@ use windows::core::{IUnknown, Interface, PCSTR, s};
 use crate::frames::{CONFIGURE, Frames, Made, PICTURE, PREPARE, PREPARE_V2};
 use crate::memory::{get, links};
 use crate::role::{Role, Sdk};
+use crate::swapchain::{self, Presenting};
 use crate::upscale::{Larger, MASK, UPSCALE};
 use crate::work::{CONSTANTS, Work};
 use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, UNKNOWN_STRUCT};
@@ -37,6 +38,13 @@ pub(crate) mod id {
     pub(crate) const HUDLESS: u64 = 0x2_0009;
     pub(crate) const MEMORY_V2: u64 = 0x2_000b;
     pub(crate) const GENERATION_VERSION: u64 = 0x2_000e;
+    pub(crate) const SWAPCHAINS: [u64; 3] = [0x3_0001, 0x3_0005, 0x3_0006];
+    pub(crate) const INTERFACE: u64 = 0x3_0002;
+    pub(crate) const WAIT: u64 = 0x3_0007;
+    pub(crate) const SWAPCHAIN_KEY: u64 = 0x3_0008;
+    pub(crate) const SWAPCHAIN_MEMORY: u64 = 0x3_0009;
+    pub(crate) const SWAPCHAIN_MEMORY_V2: u64 = 0x3_000a;
+    pub(crate) const SWAPCHAIN_VERSION: u64 = 0x3_000b;
 }
 
 pub(crate) const EFFECT: u64 = 0x00ff_0000;
@@ -52,6 +60,8 @@ pub(crate) struct Judge {
     pub(crate) contexts: HashMap<usize, (u64, CString)>,
     /// Of these, where they are, and what they have on the device.
     pub(crate) frames: HashMap<usize, Worker>,
+    /// Those that present.
+    pub(crate) swapchains: HashMap<usize, Presenting>,
     /// Pictures that were asked for.
     pictures: u64,
     /// Ids that were handed out.
@@ -186,15 +196,16 @@ impl Judge {
         self.note("create", &chain, code)
     }
 
-    unsafe fn judge_create(&mut self, context: *mut *mut c_void, chain: &[(u64, *const u8)]) -> u32 {
+    unsafe fn judge_create(&mut self, place: *mut *mut c_void, chain: &[(u64, *const u8)]) -> u32 {
         let find = |wanted: u64| chain.iter().find(|(id, _)| *id == wanted).map(|(_, at)| *at);
         let (first, head) = chain[0];
-        if !self.role.effects.contains(&(first & EFFECT)) {
+        if !self.role.has(first & EFFECT) {
             return NO_PROVIDER;
         }
         let version = match first {
             id::GENERATION => id::GENERATION_VERSION,
             id::UPSCALE => id::UPSCALE_VERSION,
+            _ if id::SWAPCHAINS.contains(&first) => id::SWAPCHAIN_VERSION,
             _ => return UNKNOWN_STRUCT,
         };
         for (link, _) in &chain[1..] {
@@ -230,6 +241,24 @@ impl Judge {
             && !self.offered.contains(&wanted)
         {
             return self.fault("create", &format!("{wanted:x} was never offered"), NO_PROVIDER);
+        }
+        if id::SWAPCHAINS.contains(&first) {
+            let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
+            let mut faults = Vec::new();
+            // SAFETY: the struct's fields are what its id says.
+            let made = unsafe { swapchain::make(first, head, self.role.folder.clone(), &mut faults) };
+            let code = if made.is_some() { OK } else { RUNTIME };
+            for why in faults {
+                self.fault("create", &why, code);
+            }
+            if let Some((presenting, _)) = made {
+                let context = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
+                self.swapchains.insert(context as usize, presenting);
+                self.contexts.insert(context as usize, provider);
+                // SAFETY: the caller's place.
+                unsafe { *place = context };
+            }
+            return code;
         }
         // Two sizes, at 20 and 28 of both structs.
         // SAFETY: as above.
@@ -270,7 +299,7 @@ impl Judge {
         }
         self.contexts.insert(made as usize, provider);
         // SAFETY: the caller's place.
-        unsafe { *context = made };
+        unsafe { *place = made };
         OK
     }
 
@@ -285,6 +314,16 @@ impl Judge {
             // SAFETY: handed on as it came.
             let code = unsafe { (behind.destroy)(context, callbacks) };
             return self.note("destroy", &[], code);
+        }
+        if let Some(Worker { does: Does::Generates(frames), .. }) = self.frames.get(&known)
+            && let Some(why) = frames.presented_by().and_then(|stage| stage.let_go(known))
+        {
+            self.fault("destroy", &why, OK);
+        }
+        if let Some(presenting) = self.swapchains.remove(&known) {
+            for why in presenting.end() {
+                self.fault("destroy", &why, OK);
+            }
         }
         if let Some(Worker { work: Some(work), .. }) = self.frames.remove(&known)
             && work.under_way() > 0
@@ -330,7 +369,7 @@ impl Judge {
             id::GLOBAL_DEBUG if self.role.sdk >= Sdk::V21 => {
                 // SAFETY: the effect stands at 16.
                 let effect = unsafe { get::<u64>(head, 16) };
-                if !self.role.effects.contains(&effect) {
+                if !self.role.has(effect) {
                     self.fault("configure", &format!("{effect:x} is no effect of this library"), OK);
                 }
                 // SAFETY: the function stands at 24.
@@ -339,6 +378,14 @@ impl Judge {
             }
             // SAFETY: the chain's links, of the kinds their ids say.
             CONFIGURE => known.map_or(PARAMETER, |known| unsafe { self.frame("configure", known, &chain) }),
+            id::INTERFACE | id::SWAPCHAIN_KEY => match known.and_then(|known| self.swapchains.get(&known)) {
+                // SAFETY: as above.
+                Some(presenting) => match unsafe { configure_swapchain(presenting, &chain, self.role.sdk) } {
+                    Ok(()) => OK,
+                    Err(why) => self.fault("configure", &why, PARAMETER),
+                },
+                None => PARAMETER,
+            },
             _ => UNKNOWN_STRUCT,
         };
         self.note("configure", &chain, code)
@@ -359,7 +406,9 @@ impl Judge {
         // SAFETY: as the caller promises.
         let asked = unsafe {
             match (&mut worker.does, chain) {
-                (Does::Generates(frames), _) if chain[0].0 != UPSCALE => frames.judge(self.role.sdk, chain, &mut fault),
+                (Does::Generates(frames), _) if chain[0].0 != UPSCALE => {
+                    frames.judge(self.role.sdk, context, chain, &mut fault)
+                }
                 (Does::Enlarges(larger), [(UPSCALE, head)]) => larger.judge(*head, &mut fault),
                 (Does::Enlarges(larger), [(MASK, head)]) => larger.judge_mask(*head, &mut fault),
                 _ => return UNKNOWN_STRUCT,
@@ -429,6 +478,13 @@ impl Judge {
             PREPARE_V2 if self.role.sdk < Sdk::V21 => PARAMETER,
             // SAFETY: the chain's links, of the kinds their ids say.
             PREPARE | PREPARE_V2 | PICTURE | UPSCALE | MASK => unsafe { self.frame("dispatch", known, &chain) },
+            id::WAIT => match self.swapchains.get(&known) {
+                Some(presenting) => {
+                    presenting.stage.wait();
+                    OK
+                }
+                None => UNKNOWN_STRUCT,
+            },
             _ => UNKNOWN_STRUCT,
         };
         self.note("dispatch", &chain, code)
@@ -462,6 +518,48 @@ impl Judge {
         self.behind.insert(effect, behind);
         Some(behind)
     }
+}
+
+/// Judges what a swap chain is told, and tells it.
+unsafe fn configure_swapchain(
+    presenting: &Presenting,
+    chain: &[(u64, *const u8)],
+    sdk: Sdk,
+) -> std::result::Result<(), String> {
+    let (first, head) = chain[0];
+    if chain.len() > 1 {
+        return Err("the struct is not alone".to_owned());
+    }
+    if first == id::INTERFACE {
+        // SAFETY: fields of the struct, here and below.
+        let (interface, flags) = unsafe { (swapchain::interface(head), get::<u32>(head, 64)) };
+        let mut fault = None;
+        if interface.is_some() {
+            let (size, _) = presenting.stage.shown();
+            // SAFETY: a resource stands there.
+            unsafe { crate::frames::judge_resource(head, 16, size, None, false, &mut |why| fault = Some(why)) };
+        }
+        if flags > 3 || (interface.is_none() && flags != 0) {
+            fault = Some(format!("flags {flags}"));
+        }
+        return fault.map_or_else(
+            || {
+                presenting.stage.set_interface(interface);
+                Ok(())
+            },
+            |why| Err(format!("interface: {why}")),
+        );
+    }
+    // SAFETY: as above.
+    let (key, tuning) = unsafe { (get::<u64>(head, 16), get::<*const u8>(head, 32)) };
+    if key != 2 || tuning.is_null() || sdk == Sdk::V110 {
+        return Err(format!("key {key} is not known, or has no value"));
+    }
+    // SAFETY: the struct of pacing stands there.
+    let (margin, factor, spins, waits) =
+        unsafe { (get::<f32>(tuning, 0), get::<f32>(tuning, 4), get::<u8>(tuning, 8), get::<u8>(tuning, 16)) };
+    let is_right = margin.is_finite() && margin >= 0.0 && (0.0..=1.0).contains(&factor) && spins < 2 && waits < 2;
+    if is_right { Ok(()) } else { Err(format!("pacing {margin}, {factor}, {spins}, {waits}")) }
 }
 
 /// Whether an object is a device of Direct3D 12.

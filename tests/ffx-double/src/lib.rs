@@ -13,8 +13,10 @@
 mod frames;
 mod judge;
 mod memory;
+mod proxy;
 mod queries;
 mod role;
+mod swapchain;
 mod upscale;
 mod work;
 

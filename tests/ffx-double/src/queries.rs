@@ -103,6 +103,31 @@ impl Judge {
                 }
                 OK
             }
+            (id::SWAPCHAIN_MEMORY, Some(known)) if self.role.sdk >= Sdk::V114 => {
+                let Some(presenting) = self.swapchains.get(&known) else { return UNKNOWN_STRUCT };
+                let ([width, height], _) = presenting.stage.shown();
+                // SAFETY: as the id says.
+                unsafe { self.memory(head, 16, 16 * u64::from(width) * u64::from(height)) }
+            }
+            (id::SWAPCHAIN_MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
+                // SAFETY: fields of the struct.
+                let (device, words) = unsafe {
+                    (get::<*mut c_void>(head, 16), [24, 28, 32, 36, 40, 44, 48, 52].map(|at| get::<u32>(head, at)))
+                };
+                let [width, height, format, buffers, of_width, of_height, of_format, flags] = words;
+                let interface = of_format != 0;
+                // SAFETY: the caller's device.
+                let is_right = unsafe { is_device(device) }
+                    && ![width, height, format, buffers].contains(&0)
+                    && (of_width != 0, of_height != 0) == (interface, interface)
+                    && flags < 4;
+                if !is_right {
+                    return self.fault("query", &format!("memory of a swap chain of {words:?}"), PARAMETER);
+                }
+                let pictures = u64::from(buffers + 1 + u32::from(interface && flags & 2 != 0));
+                // SAFETY: as the id says.
+                unsafe { self.memory(head, 56, 4 * pictures * u64::from(width) * u64::from(height)) }
+            }
             (id::MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
                 // SAFETY: fields of the struct.
                 let (device, sides) =
@@ -177,7 +202,7 @@ impl Judge {
             // AMD's says so whatever it has.
             return self.fault("query", "the number alone is asked for, which no release tells", OK);
         }
-        let fits = self.role.effects.contains(&(create & EFFECT));
+        let fits = self.role.has(create & EFFECT);
         let offers = self.role.offers.iter().filter(|_| fits).take(room);
         let mut written = 0;
         for (id, name) in offers {

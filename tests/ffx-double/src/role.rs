@@ -120,6 +120,13 @@ impl Role {
     }
 }
 
+impl Role {
+    /// Whether it has an effect; swap chains come with frame generation.
+    pub(crate) fn has(&self, effect: u64) -> bool {
+        self.effects.contains(&if effect == 0x3_0000 { 0x2_0000 } else { effect })
+    }
+}
+
 fn number(text: &str) -> Result<u64, String> {
     u64::from_str_radix(text.trim_start_matches("0x"), 16).map_err(|e| format!("{text}: {e}"))
 }

@@ -277,7 +277,7 @@ impl Work {
     }
 }
 
-fn state(told: u32) -> D3D12_RESOURCE_STATES {
+pub(crate) fn state(told: u32) -> D3D12_RESOURCE_STATES {
     D3D12_RESOURCE_STATES(STATES.iter().find(|(known, _)| *known == told).map_or(0, |(_, state)| *state))
 }
 
@@ -324,7 +324,7 @@ fn root_signature(device: &ID3D12Device) -> Result<ID3D12RootSignature> {
     }
 }
 
-fn committed(
+pub(crate) fn committed(
     device: &ID3D12Device,
     heap: D3D12_HEAP_TYPE,
     wanted: &D3D12_RESOURCE_DESC,
@@ -343,7 +343,7 @@ fn borrowed<T: Interface>(object: &T) -> ManuallyDrop<Option<T>> {
     unsafe { std::mem::transmute_copy(object) }
 }
 
-fn transition(
+pub(crate) fn transition(
     resource: &ID3D12Resource,
     before: D3D12_RESOURCE_STATES,
     after: D3D12_RESOURCE_STATES,

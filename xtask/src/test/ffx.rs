@@ -13,8 +13,8 @@ use crate::shell::Log;
 const VARIABLE: &str = "CAIRN_FFX_DIR";
 
 /// The test programs.
-const PROGRAMS: [&str; 7] =
-    ["ffx", "ffx_amd", "ffx_frames", "ffx_interface", "ffx_mutants", "ffx_presenter", "ffx_upscale"];
+const PROGRAMS: [&str; 8] =
+    ["ffx", "ffx_amd", "ffx_frames", "ffx_interface", "ffx_mutants", "ffx_presenter", "ffx_swapchain", "ffx_upscale"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();

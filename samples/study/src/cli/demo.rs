@@ -28,7 +28,8 @@ pub(super) struct DemoArgs {
     /// adapter where the world loads on it, else the processor, and says why
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: String,
-    /// What takes the world's pictures to that size: lanczos or catmull-rom
+    /// What takes the world's pictures to that size: lanczos, which is spatial, catmull-rom, or on Windows fsr, which makes anchors larger
+    /// before frames are generated between them
     #[arg(long, default_value = "lanczos")]
     upscaler: String,
     /// What makes frames between anchors: cpu, or on Windows shader or fsr, for which AMD's libraries lie in CAIRN_FFX_DIR or beside

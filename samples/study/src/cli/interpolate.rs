@@ -8,6 +8,7 @@ use cairn::Result;
 use clap::Args;
 
 use super::{Subcommand, encoder_hint, progress, stop_on_interrupt};
+use crate::generator::GeneratorChoice;
 use crate::interpolate::{self, Interpolation, Report, interpolate};
 use crate::media::{ASSEMBLY, FrameRate, RealDisk};
 use crate::progress::duration;
@@ -43,6 +44,10 @@ pub(super) struct InterpolateArgs {
     /// Frames per second of the input, such as 15 or 30000/1001 [default: what it says; 30 for a folder]
     #[arg(long, value_name = "RATE")]
     rate: Option<String>,
+    /// What makes frames between two: cpu, or on Windows shader or fsr (two of each), for which AMD's libraries lie in CAIRN_FFX_DIR or
+    /// beside this program
+    #[arg(long, value_name = "GENERATOR", default_value = "cpu")]
+    generator: String,
     /// Replace an earlier output
     #[arg(long)]
     overwrite: bool,
@@ -59,7 +64,8 @@ impl InterpolateArgs {
 
 impl Subcommand for InterpolateArgs {
     fn check(&self) -> Result<()> {
-        interpolate::check(self.multiplier, self.rate()?, self.out.as_deref())
+        interpolate::check(self.multiplier, self.rate()?, self.out.as_deref())?;
+        self.generator.parse::<GeneratorChoice>()?.check_multiplier(self.multiplier)
     }
 
     fn run(&self) -> Result<ExitCode> {
@@ -68,6 +74,7 @@ impl Subcommand for InterpolateArgs {
             input: &self.input,
             multiplier: self.multiplier,
             rate: self.rate()?,
+            generator: self.generator.parse()?,
             out: self.out.as_deref(),
             overwrite: self.overwrite,
             disk: Arc::new(RealDisk),
@@ -145,6 +152,7 @@ mod tests {
             (["--multiplier", "1"], "--multiplier", "2 to 16"),
             (["--multiplier", "17"], "--multiplier", "2 to 16"),
             (["--rate", "fast"], "--rate", "30000/1001"),
+            (["--generator", "best"], "--generator", "cpu, shader or fsr"),
             (["--rate", "900"], "--rate", "960"),
             (["--out", "clip.avi"], "--out", ".y4m"),
         ] {

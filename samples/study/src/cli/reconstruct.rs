@@ -57,6 +57,10 @@ pub(super) struct ReconstructArgs {
     /// Where motion and depth come from: truth, the scene's own, or picture, optical flow between anchors
     #[arg(long, value_name = "SOURCE", default_value = "picture")]
     guidance: String,
+    /// What makes frames between anchors: cpu, or on Windows shader or fsr (two frames to an anchor), for which AMD's libraries lie in
+    /// CAIRN_FFX_DIR or beside this program
+    #[arg(long, value_name = "GENERATOR", default_value = "cpu")]
+    generator: String,
     /// Media of what is presented: any of mp4, png and y4m, with commas between
     #[arg(long, default_value = "mp4")]
     formats: String,
@@ -102,6 +106,7 @@ impl ReconstructArgs {
             guidance,
             formats: Formats::parse(&self.formats)?,
             lpips: false,
+            generator: self.generator.parse()?,
         };
         settings.lpips = match self.lpips {
             WhenLpips::Yes => true,

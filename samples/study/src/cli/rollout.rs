@@ -40,7 +40,8 @@ pub(super) struct RolloutArgs {
     /// Size of the presented frames
     #[arg(long, value_name = "WxH", default_value = "1920x1080")]
     size: String,
-    /// What takes the world's pictures to that size: lanczos or catmull-rom
+    /// What takes the world's pictures to that size: lanczos, which is spatial, catmull-rom, or on Windows fsr, which makes anchors larger
+    /// before frames are generated between them
     #[arg(long, default_value = "lanczos")]
     upscaler: String,
     /// What makes frames between anchors: cpu, or on Windows shader or fsr, for which AMD's libraries lie in CAIRN_FFX_DIR or beside

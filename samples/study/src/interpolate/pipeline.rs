@@ -6,7 +6,6 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
 use cairn::guidance::{Guidance, picture_flow};
 use cairn::{Error, ErrorKind, Picture, Result};
@@ -122,12 +121,12 @@ impl Steps {
     pub(super) fn run(
         &mut self,
         FirstPair(first, second): FirstPair,
-        multiplier: u32,
+        (generator, multiplier): (Box<dyn FrameGenerator>, u32),
         recorder: &Recorder,
         stop: &AtomicBool,
         mut tell: impl FnMut(u64),
     ) -> Run {
-        let mut writer = Writer { recorder, multiplier, generator: CpuGenerator::new(), run: Run::new(), written: 0 };
+        let mut writer = Writer { recorder, multiplier, generator, run: Run::new(), written: 0 };
         let mut previous = first.frame;
         let mut on = writer.frame(&previous);
         writer.run.counts.frames_in = 1;
@@ -179,7 +178,7 @@ impl Run {
 struct Writer<'a> {
     recorder: &'a Recorder,
     multiplier: u32,
-    generator: CpuGenerator,
+    generator: Box<dyn FrameGenerator>,
     run: Run,
     written: u64,
 }

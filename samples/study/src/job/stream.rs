@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
 use cairn::guidance::{Guidance, LatentView, paper, picture_flow};
 use cairn::present::timeline::{Source, Stream as Kind, Timeline};
-use cairn::present::upscale::Upscaler;
 use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Rollout, WorldTime};
 use cairn::{Error, ErrorKind, Picture, Result};
 
@@ -18,6 +17,7 @@ use crate::manifest::Counts;
 use crate::media::{Recorder, Written};
 use crate::settings::Checked;
 use crate::sheet::Sheet;
+use crate::upscaler::{Scaling, UpscalerChoice};
 
 /// How the loop ended, when nothing went wrong.
 pub(super) enum End {
@@ -43,7 +43,10 @@ pub(super) struct Stream {
     paper: paper::Extractor,
     picture_flow: picture_flow::Extractor,
     guidance: Guidance,
-    upscaler: Upscaler,
+    scaling: Scaling,
+    size: (u32, u32),
+    /// Where anchors are made larger before frames are generated: the two of a pair, and what leads from one to the other.
+    larger: Option<Larger>,
     recorder: Recorder,
     latents: LatentFile,
     sheet: Sheet,
@@ -55,6 +58,14 @@ pub(super) struct Stream {
     between: Picture,
     counts: Counts,
     times: BTreeMap<&'static str, Duration>,
+}
+
+/// Larger anchors.
+#[derive(Default)]
+struct Larger {
+    previous: Option<Picture>,
+    current: Option<Picture>,
+    guidance: Option<Guidance>,
 }
 
 /// What the stream leaves.
@@ -91,17 +102,21 @@ impl Stream {
             planned: counts.presented,
             render,
             latent_shape: [shape.channels, shape.height, shape.width].map(|n| n as usize),
-            generator: checked.generator.make(rollout.world().device(), point.latents_per_second)?,
+            generator: checked
+                .generator
+                .make(Some(rollout.world().device()), 1000.0 / point.latents_per_second as f32)?,
             paper: paper::Extractor::new(),
             picture_flow: picture_flow::Extractor::new(),
             guidance: Guidance::new(render.0, render.1, paper::PROJECTION)?,
-            upscaler: Upscaler::new(render, size, checked.filter)?,
+            larger: matches!(checked.upscaler, UpscalerChoice::Fsr).then(Larger::default),
+            scaling: checked.upscaler.make(render, size, rollout.world().device(), point.latents_per_second)?,
+            size,
             recorder,
             latents,
             sheet,
             pictures: (0..point.pictures_per_latent).map(|_| picture()).collect::<Result<_>>()?,
             previous_anchor: picture()?,
-            between: picture()?,
+            between: if checked.upscaler == UpscalerChoice::Fsr { Picture::new(size.0, size.1)? } else { picture()? },
             latent: Vec::new(),
             previous_latent: Vec::new(),
             counts: Counts::default(),
@@ -126,9 +141,10 @@ impl Stream {
                 .map(|index| self.timeline.frame(index))
                 .collect();
             let generates = due.iter().any(|frame| matches!(frame.source, Source::Generated { .. }));
-            if has_pair && (generates || self.sheet.wants(number)) {
+            if has_pair && (generates || self.larger.is_some() || self.sheet.wants(number)) {
                 self.make_guidance()?;
             }
+            self.enlarge(has_pair)?;
             if self.sheet.wants(number) {
                 self.keep_for_sheet(number, has_pair)?;
             }
@@ -201,6 +217,22 @@ impl Stream {
         Ok(())
     }
 
+    /// Makes the anchor larger, where that is done before frames are generated.
+    #[cfg_attr(not(windows), expect(unused_variables, reason = "only a device does it"))]
+    fn enlarge(&mut self, has_pair: bool) -> Result<()> {
+        #[cfg(windows)]
+        if let (Scaling::Amd(upscaler), Some(larger)) = (&mut self.scaling, &mut self.larger) {
+            let start = Instant::now();
+            let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
+            let lead = has_pair.then_some(&self.guidance);
+            larger.previous = larger.current.take();
+            larger.current = Some(upscaler.upscale(anchor, lead)?);
+            larger.guidance = lead.map(|guidance| guidance.enlarged(self.size)).transpose()?;
+            self.spend("upscaling", start);
+        }
+        Ok(())
+    }
+
     fn keep_for_sheet(&mut self, number: u64, has_pair: bool) -> Result<()> {
         let start = Instant::now();
         let time = self.point.time_of_latent(number).seconds();
@@ -219,20 +251,30 @@ impl Stream {
 
     /// Makes one frame and hands it over; `false` when the recorder takes no more.
     fn present(&mut self, number: u64, source: Source) -> Result<bool> {
-        let size = self.upscaler.to_size();
+        let size = self.size;
         let mut frame = match self.recorder.spent() {
             Some(frame) => frame,
             None => Picture::new(size.0, size.1)?,
         };
         let mut generated = None;
         let picture = match source {
+            Source::Native { latent, .. } if latent == number && self.larger.is_some() => {
+                let current = self.larger.as_ref().and_then(|larger| larger.current.as_ref());
+                current.ok_or_else(|| impossible("there is no larger anchor"))?
+            }
             Source::Native { latent, picture } if latent == number => {
                 self.pictures.get(picture as usize).ok_or_else(|| impossible("the timeline names no picture"))?
             }
             Source::Generated { current_latent, t, .. } if current_latent == number => {
                 let start = Instant::now();
                 let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
-                let pair = AnchorPair::new(&self.previous_anchor, anchor, &self.guidance)?;
+                let pair = match &self.larger {
+                    None => AnchorPair::new(&self.previous_anchor, anchor, &self.guidance)?,
+                    Some(Larger { previous: Some(previous), current: Some(current), guidance: Some(guidance) }) => {
+                        AnchorPair::new(previous, current, guidance)?
+                    }
+                    Some(_) => return Err(impossible("there are no larger anchors")),
+                };
                 generated = Some(self.generator.generate(&pair, t, &mut self.between)?.outcome);
                 self.sheet.add_between(number, t, &self.between)?;
                 *self.times.entry("generation").or_default() += start.elapsed();
@@ -241,7 +283,11 @@ impl Stream {
             _ => return Err(impossible("the timeline asks for a latent that is not the current one")),
         };
         let start = Instant::now();
-        self.upscaler.upscale(picture, &mut frame)?;
+        match &mut self.scaling {
+            Scaling::Space(upscaler) => upscaler.upscale(picture, &mut frame)?,
+            #[cfg(windows)]
+            Scaling::Amd(_) => frame.rgba_mut().copy_from_slice(picture.rgba()),
+        }
         self.spend("upscaling", start);
         let start = Instant::now();
         let taken = self.recorder.push(frame);

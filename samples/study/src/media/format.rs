@@ -38,6 +38,11 @@ impl FrameRate {
         Ok(Self { numerator: n, denominator: d })
     }
 
+    /// Milliseconds from one frame to the next.
+    pub(crate) fn interval_ms(self) -> f32 {
+        (1000.0 * f64::from(self.denominator) / f64::from(self.numerator)) as f32
+    }
+
     /// Reads `30`, `30000/1001`, `30000:1001` or `29.97`.
     ///
     /// # Errors

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
 use cairn::guidance::{Guidance, picture_flow};
 use cairn::{Error, ErrorKind, Picture, Result};
@@ -27,7 +26,7 @@ pub(super) struct Stream {
     guidance: Guidance,
     /// That of the anchor before.
     before: Guidance,
-    generator: CpuGenerator,
+    generator: Box<dyn FrameGenerator>,
     lpips: Option<Lpips>,
     panels: Panels,
     pub(super) sheet: Sheet,
@@ -52,7 +51,7 @@ impl Stream {
             multiplier: settings.multiplier,
             source: settings.guidance,
             flow: picture_flow::Extractor::new(),
-            generator: CpuGenerator::new(),
+            generator: settings.generator.make(None, 1000.0 / ANCHOR_RATE as f32)?,
             lpips,
             panels: Panels::new(size)?,
             sheet: Sheet::new(size, "anchor"),
@@ -229,7 +228,8 @@ impl Stream {
         write(&mut out, &fit(title, width, SMALL), (4, 6), SMALL, [235, 235, 230]);
         for ((name, entry), row) in shown.into_iter().zip(0..) {
             let Some((part, score, outcome)) = entry.part else { continue };
-            // Everything is made once more, which makes the same bits and saves keeping all frames until the end.
+            // Everything is made once more, which saves keeping all frames until the end: the same bits, but by AMD's generator, which
+            // goes on from the frame before and here starts anew.
             let previous = self.walk.anchor(entry.anchor.saturating_sub(1)).ok_or_else(behind_the_end)?.picture;
             let anchor = self.find_motion(entry.anchor, Some(&previous))?;
             let (made, _) = self.generate(part, &previous, &anchor)?;

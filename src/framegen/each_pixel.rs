@@ -1,0 +1,81 @@
+//! Motion and depth one to a pixel, as AMD's providers want them, of what may come in tiles. Windows only.
+
+use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATES, ID3D12Resource};
+use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT};
+
+use super::shader::GuidanceTextures;
+use crate::Result;
+use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
+use crate::gpu::{Gpu, written_texture};
+
+/// Descriptors of a list that spreads motion and depth.
+const ROOM: u32 = 4;
+/// Sides of a group of threads.
+const GROUP: u32 = 8;
+pub(crate) const MOTION: DXGI_FORMAT = DXGI_FORMAT_R16G16_FLOAT;
+pub(crate) const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
+
+/// Spreads tiles of motion and depth over their pixels, in lists of its own on a device's queue for frames.
+pub(crate) struct EachPixel {
+    gpu: Gpu,
+    size: (u32, u32),
+    spread: Kernel,
+    ring: Frames,
+    /// Made for the first that come in tiles.
+    each: Option<[ID3D12Resource; 2]>,
+}
+
+/// A texture and the state it rests in.
+#[derive(Clone)]
+pub(crate) struct Held {
+    pub(crate) resource: ID3D12Resource,
+    pub(crate) state: D3D12_RESOURCE_STATES,
+}
+
+impl Held {
+    pub(crate) fn resting(&self) -> Resting<'_> {
+        Resting { resource: &self.resource, state: self.state }
+    }
+}
+
+impl EachPixel {
+    /// For pictures of `size`.
+    pub(crate) fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
+        let shape = Shape { constants: 4, inputs: 2, outputs: 2 };
+        Ok(Self {
+            gpu: gpu.clone(),
+            size,
+            spread: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_spread.dxbc"), shape)?,
+            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            each: None,
+        })
+    }
+
+    /// Motion and depth with one to a pixel: those that are given where they have, else textures that hold them until it is asked again.
+    pub(crate) fn of(&mut self, guidance: &GuidanceTextures<'_>) -> Result<(Held, Held)> {
+        let hold = |resting: &Resting<'_>| Held { resource: resting.resource.clone(), state: resting.state };
+        if [guidance.motion_tile, guidance.depth_tile] == [1, 1] {
+            return Ok((hold(&guidance.motion), hold(&guidance.depth)));
+        }
+        let each = match &self.each {
+            Some(each) => each,
+            None => {
+                let made = |format| written_texture(&self.gpu, self.size, format, D3D12_RESOURCE_STATE_COMMON);
+                self.each.insert([made(MOTION)?, made(DEPTH)?])
+            }
+        };
+        let [motion, depth] = each.clone().map(|resource| Held { resource, state: D3D12_RESOURCE_STATE_COMMON });
+        let constants = [self.size.0, self.size.1, guidance.motion_tile, guidance.depth_tile];
+        let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
+        // SAFETY: live resources.
+        let formats = unsafe { [guidance.motion, guidance.depth].map(|from| from.resource.GetDesc().Format) };
+        let inputs = [View::Texture(guidance.motion, formats[0]), View::Texture(guidance.depth, formats[1])];
+        let outputs = [View::Texture(motion.resting(), MOTION), View::Texture(depth.resting(), DEPTH)];
+        let mut frame = self.ring.begin()?;
+        frame.stage(c"Cairn: motion and depth of each pixel");
+        frame.run(&self.spread, &constants, &inputs, &outputs, groups)?;
+        frame.end_stage();
+        frame.submit(self.gpu.frames())?;
+        Ok((motion, depth))
+    }
+}

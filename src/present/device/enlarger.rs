@@ -1,0 +1,180 @@
+//! Anchors made as large as frames are shown, by AMD's upscaler, before frames are generated between them.
+
+use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
+use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
+
+use super::resting;
+use super::supply::Textures;
+use crate::Result;
+use crate::ffx::bindings::{CreateUpscale, UpscaleCreateFlags, UpscaleFlags};
+use crate::ffx::{Api, Choice, TextureUpscaler, UpscalePictures, UpscaleShot, Version};
+use crate::framegen::each_pixel::{DEPTH, EachPixel, MOTION};
+use crate::framegen::fsr::{Place, camera, dimensions};
+use crate::gpu::compute::{Frames, Kernel, Shape, View};
+use crate::gpu::{Gpu, written_texture};
+use crate::guidance::{Projection, paper};
+
+/// Larger anchors that are kept: of a pair, and of those beside it.
+const ANCHORS: usize = 4;
+/// Pairs' larger motion and depth that are kept.
+const PAIRS: usize = 2;
+/// Descriptors of a list that enlarges motion and depth.
+const ROOM: u32 = 4;
+/// Sides of a group of threads.
+const GROUP: u32 = 8;
+
+/// Makes anchors of one size larger, each from what it and those before it show. A provider goes on from anchor to anchor; where one was
+/// left out, and after a cut, it starts anew.
+///
+/// What it makes is in lists of its own, submitted at once, so that an engine's list that is dropped leaves its history whole.
+pub(super) struct Enlarger {
+    upscaler: TextureUpscaler,
+    gpu: Gpu,
+    from: (u32, u32),
+    to: (u32, u32),
+    each: EachPixel,
+    /// Motion and depth of what has none: no motion.
+    still: Textures,
+    enlarge: Kernel,
+    ring: Frames,
+    anchors: Vec<(Option<Place>, ID3D12Resource)>,
+    pairs: Vec<(Option<Place>, Textures)>,
+    /// The places of either that are taken next.
+    next: [usize; 2],
+    /// The anchor that was made larger last.
+    last: Option<Place>,
+}
+
+/// An anchor as it is.
+pub(super) struct Small<'a> {
+    /// Which it is; None for what nothing follows.
+    pub(super) place: Option<Place>,
+    pub(super) picture: &'a ID3D12Resource,
+    /// Motion and depth that lead to it from the one before it, with the depth's camera; None for the first, and after a cut.
+    pub(super) lead: Option<(&'a Textures, Projection)>,
+    /// From the one before it, in milliseconds of the world's time.
+    pub(super) interval_ms: f32,
+}
+
+impl Enlarger {
+    /// Makes it ready for anchors of the size `from`, RGBA8 in sRGB, that are to have the size `to`.
+    ///
+    /// # Errors
+    /// As of [`TextureUpscaler::new`].
+    pub(super) fn new(gpu: &Gpu, api: &Api, choice: Choice, from: (u32, u32), to: (u32, u32)) -> Result<Self> {
+        let head = CreateUpscale {
+            flags: UpscaleCreateFlags::NON_LINEAR_COLOR,
+            max_render_size: dimensions(from),
+            max_upscale_size: dimensions(to),
+            ..Default::default()
+        };
+        let upscaler = TextureUpscaler::new(gpu, api, choice, head)?;
+        let state = D3D12_RESOURCE_STATE_COMMON;
+        let anchor = || Ok((None, written_texture(gpu, to, DXGI_FORMAT_R8G8B8A8_UNORM, state)?));
+        let pair = || Ok((None, Textures::new(gpu, to, [1, 1])?));
+        Ok(Self {
+            upscaler,
+            gpu: gpu.clone(),
+            from,
+            to,
+            each: EachPixel::new(gpu, from)?,
+            // Memory of the device is zero where nothing was written.
+            still: Textures::new(gpu, from, [1, 1])?,
+            enlarge: Kernel::new(
+                gpu,
+                include_bytes!("../../gpu/shaders/fsr_enlarge.dxbc"),
+                Shape { constants: 6, inputs: 2, outputs: 2 },
+            )?,
+            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            anchors: (0..ANCHORS).map(|_| anchor()).collect::<Result<_>>()?,
+            pairs: (0..PAIRS).map(|_| pair()).collect::<Result<_>>()?,
+            next: [0; 2],
+            last: None,
+        })
+    }
+
+    /// Size of larger anchors.
+    pub(super) fn to(&self) -> (u32, u32) {
+        self.to
+    }
+
+    /// What runs.
+    pub(super) fn version(&self) -> &Version {
+        &self.upscaler.provider().version
+    }
+
+    /// Whether the larger anchor is there.
+    pub(super) fn has(&self, place: Place) -> bool {
+        self.anchors.iter().any(|(of, _)| *of == Some(place))
+    }
+
+    /// The larger anchor; in the state COMMON between lists.
+    ///
+    /// # Errors
+    /// As of [`TextureUpscaler::upscale`]. The next one then starts anew.
+    pub(super) fn anchor(&mut self, small: &Small<'_>) -> Result<ID3D12Resource> {
+        let kept = self.anchors.iter().find(|(of, _)| small.place.is_some() && *of == small.place);
+        if let Some((_, there)) = kept {
+            return Ok(there.clone());
+        }
+        let before = small.place.and_then(|(stream, number)| Some((stream, number.checked_sub(1)?)));
+        let follows = before.is_some() && self.last.take() == before && small.lead.is_some();
+        let (textures, projection) = small.lead.unwrap_or((&self.still, paper::PROJECTION));
+        let (motion, depth) = self.each.of(&textures.as_guidance())?;
+        let at = self.next[0];
+        self.anchors[at].0 = None;
+        let to = self.anchors[at].1.clone();
+        let shot = UpscaleShot {
+            reset: !follows,
+            frame_time: small.interval_ms,
+            camera: camera(&projection),
+            encoding: UpscaleFlags::COLOR_SRGB,
+            ..UpscaleShot::of(dimensions(self.from), dimensions(self.to))
+        };
+        let pictures = UpscalePictures {
+            color: resting(small.picture),
+            depth: depth.resting(),
+            motion: motion.resting(),
+            exposure: None,
+            reactive: None,
+            transparency: None,
+            output: resting(&to),
+        };
+        self.upscaler.upscale(&pictures, &shot)?;
+        self.anchors[at].0 = small.place;
+        self.next[0] = (at + 1) % ANCHORS;
+        self.last = small.place;
+        Ok(to)
+    }
+
+    /// Motion and depth, of the larger size, that lead to the anchor of that place.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, `DeviceRemoved`.
+    pub(super) fn guidance(&mut self, place: Place, small: &Textures) -> Result<Textures> {
+        if let Some((_, there)) = self.pairs.iter().find(|(of, _)| *of == Some(place)) {
+            return Ok(there.clone());
+        }
+        let at = self.next[1];
+        self.pairs[at].0 = None;
+        let to = Textures { depth_is_even: small.depth_is_even, ..self.pairs[at].1.clone() };
+        let constants = [self.from.0, self.from.1, self.to.0, self.to.1, small.motion_tile, small.depth_tile];
+        let groups = [self.to.0.div_ceil(GROUP), self.to.1.div_ceil(GROUP), 1];
+        let inputs = [View::Texture(resting(&small.motion), MOTION), View::Texture(resting(&small.depth), DEPTH)];
+        let outputs = [View::Texture(resting(&to.motion), MOTION), View::Texture(resting(&to.depth), DEPTH)];
+        let mut frame = self.ring.begin()?;
+        frame.stage(c"Cairn: motion and depth of a larger anchor");
+        frame.run(&self.enlarge, &constants, &inputs, &outputs, groups)?;
+        frame.end_stage();
+        frame.submit(self.gpu.frames())?;
+        self.pairs[at] = (Some(place), to.clone());
+        self.next[1] = (at + 1) % PAIRS;
+        Ok(to)
+    }
+
+    /// The larger depth of that place's anchor, where it is kept.
+    pub(super) fn depth(&self, place: Place) -> Option<(ID3D12Resource, u32)> {
+        let found = self.pairs.iter().find(|(of, _)| *of == Some(place));
+        found.map(|(_, textures)| (textures.depth.clone(), textures.depth_tile))
+    }
+}

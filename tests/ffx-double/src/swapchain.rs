@@ -1,0 +1,591 @@
+//! A swap chain that presents generated frames between a host's own, as AMD's does: the host draws into textures of its own, and what
+//! is shown is put together from them within `Present`. What it showed is kept: `shown.txt` has a line for each present, and its pixels lie
+//! in `shown-N.rgba`.
+//!
+//! It is slow and simple where AMD's is not: one frame after the other, each waited for, the interface laid over by the processor.
+
+use std::ffi::c_void;
+use std::io::Write;
+use std::mem::ManuallyDrop;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use windows::Win32::Foundation::HWND;
+use windows::Win32::Graphics::Direct3D12::*;
+use windows::Win32::Graphics::Dxgi::Common::*;
+use windows::Win32::Graphics::Dxgi::*;
+use windows::core::{GUID, IUnknown, Interface, Result};
+
+use crate::OK;
+use crate::frames::told;
+use crate::judge::Judge;
+use crate::memory::{get, put};
+use crate::proxy::Proxy;
+use crate::work::{Told, committed, state, transition};
+
+/// What the host draws into, and what is generated: copied from, and written by shaders.
+const REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
+/// The word for it.
+const PRESENT: u32 = 128;
+const WRITTEN: u32 = 2;
+const BUFFERS: u32 = 3;
+
+/// Records generation: the struct, and what the host said that it wants to be given.
+type Generate = unsafe extern "C" fn(*mut u8, *mut c_void) -> u32;
+
+/// What a generator's settings say to its swap chain.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Settings {
+    pub(crate) generate: Option<Generate>,
+    pub(crate) user: *mut c_void,
+    pub(crate) enabled: bool,
+    pub(crate) rect: [i32; 4],
+    pub(crate) frame: u64,
+    /// The generator's context.
+    pub(crate) by: usize,
+}
+
+// SAFETY: addresses of the host's.
+unsafe impl Send for Settings {}
+
+/// A swap chain that is played.
+pub(crate) struct Stage {
+    pub(crate) real: IDXGISwapChain4,
+    pub(crate) device: ID3D12Device,
+    queue: ID3D12CommandQueue,
+    folder: PathBuf,
+    pub(crate) flags: DXGI_SWAP_CHAIN_FLAG,
+    now: Mutex<Now>,
+}
+
+/// Where it is.
+pub(crate) struct Now {
+    /// What the host draws into, and what is generated; made anew for another size.
+    pub(crate) buffers: Vec<ID3D12Resource>,
+    pub(crate) generated: ID3D12Resource,
+    pub(crate) next: u32,
+    told: Option<Settings>,
+    /// The last frame that was generated.
+    last: u64,
+    /// Nothing was generated since generation was turned on.
+    starts: bool,
+    interface: Option<(Told, bool)>,
+    /// Presents of the real one.
+    pub(crate) shown: u64,
+    /// Since generation was turned off it was waited for what is to be shown.
+    waited: bool,
+}
+
+// SAFETY: objects of Direct3D 12 and of DXGI, and addresses of the host's.
+unsafe impl Send for Now {}
+
+/// What a context holds of it.
+pub(crate) struct Presenting {
+    pub(crate) stage: Arc<Stage>,
+    proxy: Option<IDXGISwapChain4>,
+}
+
+/// The address by which settings name a swap chain, with what it is.
+static ALL: Mutex<Vec<(usize, Arc<Stage>)>> = Mutex::new(Vec::new());
+
+/// The swap chain of an address.
+pub(crate) fn named(address: usize) -> Option<Arc<Stage>> {
+    let all = ALL.lock().unwrap_or_else(PoisonError::into_inner);
+    all.iter().find(|(known, _)| *known == address).map(|(_, stage)| stage.clone())
+}
+
+/// Takes over a swap chain, or makes one; what was wrong with how that was asked for is in `faults`.
+///
+/// # Safety
+/// A struct of that id, with objects that are what its fields say.
+pub(crate) unsafe fn make(
+    id: u64,
+    head: *const u8,
+    folder: PathBuf,
+    faults: &mut Vec<String>,
+) -> Option<(Presenting, *mut c_void)> {
+    // SAFETY: fields of the struct, here and below.
+    let place = unsafe { get::<*mut *mut c_void>(head, 16) };
+    if place.is_null() {
+        faults.push("there is no place for the swap chain".to_owned());
+        return None;
+    }
+    let queue_at = match id {
+        0x3_0001 => 24,
+        0x3_0005 => 40,
+        _ => 56,
+    };
+    // SAFETY: as above; null or objects of COM.
+    let queue = unsafe { object::<ID3D12CommandQueue>(get(head, queue_at)) };
+    let Some(queue) = queue else {
+        faults.push("there is no queue".to_owned());
+        return None;
+    };
+    // SAFETY: a live queue.
+    if unsafe { queue.GetDesc() }.Type != D3D12_COMMAND_LIST_TYPE_DIRECT {
+        faults.push("the queue is not direct".to_owned());
+    }
+    // SAFETY: as above.
+    let wanted = unsafe {
+        match id {
+            0x3_0001 => taken_over(*place, faults),
+            0x3_0005 => described(get(head, 24)).zip(object(get(head, 32))),
+            _ => {
+                let (window, desc) = (get::<*mut c_void>(head, 24), get::<*const DXGI_SWAP_CHAIN_DESC1>(head, 32));
+                let desc = (!desc.is_null() && !window.is_null()).then(|| (HWND(window), *desc));
+                let fullscreen = get::<*const DXGI_SWAP_CHAIN_FULLSCREEN_DESC>(head, 40);
+                if !fullscreen.is_null()
+                    && !(*fullscreen).Windowed.as_bool()
+                    && (*fullscreen).RefreshRate.Denominator != 0
+                {
+                    faults.push("it is full screen".to_owned());
+                }
+                desc.zip(object(get(head, 48)))
+            }
+        }
+    };
+    let Some(((window, desc), factory)) = wanted else {
+        faults.push("there is no description, window or factory".to_owned());
+        return None;
+    };
+    if desc.Width == 0 || desc.Height == 0 || desc.BufferCount < 2 {
+        faults.push(format!("{} buffers of {} x {}", desc.BufferCount, desc.Width, desc.Height));
+        return None;
+    }
+    match Stage::new(&factory, window, &desc, queue, folder) {
+        Ok(stage) => {
+            let stage = Arc::new(stage);
+            let proxy: IDXGISwapChain4 = Proxy { stage: stage.clone() }.into();
+            let address = proxy.as_raw() as usize;
+            ALL.lock().unwrap_or_else(PoisonError::into_inner).push((address, stage.clone()));
+            let for_host = proxy.clone().into_raw();
+            // SAFETY: the host's place.
+            unsafe { *place = for_host };
+            Some((Presenting { stage, proxy: Some(proxy) }, for_host))
+        }
+        Err(e) => {
+            faults.push(format!("the swap chain cannot be made: {e}"));
+            None
+        }
+    }
+}
+
+/// A window with what its swap chain is to be, and who makes it.
+type Wanted = ((HWND, DXGI_SWAP_CHAIN_DESC1), IDXGIFactory);
+
+/// What a host's own swap chain was; it is let go of.
+unsafe fn taken_over(swapchain: *mut c_void, faults: &mut Vec<String>) -> Option<Wanted> {
+    if swapchain.is_null() {
+        return None;
+    }
+    // SAFETY: the caller's object, whose reference is taken.
+    let given = unsafe { IUnknown::from_raw(swapchain) };
+    let swapchain: IDXGISwapChain4 = given.cast().ok()?;
+    drop(given);
+    // SAFETY: a live swap chain.
+    unsafe {
+        let (desc, window) = (swapchain.GetDesc1().ok()?, swapchain.GetHwnd().ok()?);
+        if !swapchain.GetFullscreenDesc().ok()?.Windowed.as_bool() {
+            faults.push("it is full screen".to_owned());
+        }
+        let factory: IDXGIFactory = swapchain.GetParent().ok()?;
+        let left = released(swapchain);
+        if left > 0 {
+            faults.push(format!("{left} references to the swap chain are left"));
+        }
+        Some(((window, desc), factory))
+    }
+}
+
+/// The window of a description, and it in the newer words.
+unsafe fn described(desc: *const DXGI_SWAP_CHAIN_DESC) -> Option<(HWND, DXGI_SWAP_CHAIN_DESC1)> {
+    // SAFETY: null or a description, by the caller's promise.
+    let desc = unsafe { desc.as_ref() }?;
+    let made = DXGI_SWAP_CHAIN_DESC1 {
+        Width: desc.BufferDesc.Width,
+        Height: desc.BufferDesc.Height,
+        Format: desc.BufferDesc.Format,
+        SampleDesc: desc.SampleDesc,
+        BufferUsage: desc.BufferUsage,
+        BufferCount: desc.BufferCount,
+        SwapEffect: desc.SwapEffect,
+        Flags: desc.Flags,
+        ..Default::default()
+    };
+    (!desc.OutputWindow.is_invalid()).then_some((desc.OutputWindow, made))
+}
+
+/// An object of COM that is not null, as another interface; the reference stays the caller's.
+unsafe fn object<I: Interface>(place: *mut c_void) -> Option<I> {
+    // SAFETY: the caller's promise.
+    unsafe { IUnknown::from_raw_borrowed(&place) }.and_then(|object| object.cast().ok())
+}
+
+/// Lets go of a reference; how many are left.
+pub(crate) fn released<I: Interface>(object: I) -> u32 {
+    let raw = object.into_raw();
+    // SAFETY: the reference that was handed over; every interface of COM starts with IUnknown's functions.
+    unsafe { ((*(*raw.cast::<*const windows::core::IUnknown_Vtbl>())).Release)(raw) }
+}
+
+impl Stage {
+    fn new(
+        factory: &IDXGIFactory,
+        window: HWND,
+        desc: &DXGI_SWAP_CHAIN_DESC1,
+        queue: ID3D12CommandQueue,
+        folder: PathBuf,
+    ) -> Result<Self> {
+        let mut device: Option<ID3D12Device> = None;
+        // SAFETY: live objects and places, and a description that lives during the call.
+        unsafe {
+            queue.GetDevice(&mut device)?;
+            let device = device.ok_or_else(windows::core::Error::empty)?;
+            let wanted =
+                DXGI_SWAP_CHAIN_DESC1 { BufferCount: BUFFERS, SwapEffect: DXGI_SWAP_EFFECT_FLIP_DISCARD, ..*desc };
+            let factory: IDXGIFactory2 = factory.cast()?;
+            let real: IDXGISwapChain4 = factory.CreateSwapChainForHwnd(&queue, window, &wanted, None, None)?.cast()?;
+            let (buffers, generated) = textures(&device, desc.BufferCount, desc)?;
+            let now = Now {
+                buffers,
+                generated,
+                next: 0,
+                told: None,
+                last: 0,
+                starts: true,
+                interface: None,
+                shown: 0,
+                waited: true,
+            };
+            let flags = DXGI_SWAP_CHAIN_FLAG(desc.Flags as i32);
+            Ok(Self { real, device, queue, folder, flags, now: Mutex::new(now) })
+        }
+    }
+
+    pub(crate) fn now(&self) -> MutexGuard<'_, Now> {
+        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The size of what is shown, and its format.
+    pub(crate) fn shown(&self) -> ([u32; 2], DXGI_FORMAT) {
+        // SAFETY: a live texture.
+        let desc = unsafe { self.now().generated.GetDesc() };
+        ([desc.Width as u32, desc.Height], desc.Format)
+    }
+
+    /// What a generator's settings say; what is wrong with them.
+    pub(crate) fn tell(&self, told: Settings) -> Option<String> {
+        let mut now = self.now();
+        let before = now.told.replace(told);
+        if before.is_none_or(|before| before.enabled != told.enabled) {
+            (now.starts, now.waited) = (true, false);
+        }
+        (told.enabled && told.generate.is_none()).then(|| "nobody generates frames".to_owned())
+    }
+
+    /// What is laid over frames.
+    pub(crate) fn set_interface(&self, interface: Option<(Told, bool)>) {
+        self.now().interface = interface;
+    }
+
+    /// Waits for what is to be shown, which has been.
+    pub(crate) fn wait(&self) {
+        self.now().waited = true;
+    }
+
+    /// The generator of that context goes; what is wrong with that.
+    pub(crate) fn let_go(&self, context: usize) -> Option<String> {
+        let mut now = self.now();
+        let told = now.told.filter(|told| told.by == context)?;
+        let (enabled, waited) = (told.enabled, now.waited);
+        now.told = None;
+        match (enabled, waited) {
+            (true, _) => Some("its swap chain still generates frames".to_owned()),
+            (false, false) => Some("it was not waited for what its swap chain is to show".to_owned()),
+            (false, true) => None,
+        }
+    }
+
+    /// Whether a generator's settings still name it.
+    fn has_generator(&self) -> bool {
+        self.now().told.is_some()
+    }
+
+    /// One frame of the host's.
+    pub(crate) fn present(&self, sync: u32, flags: DXGI_PRESENT) -> Result<()> {
+        if flags.contains(DXGI_PRESENT_TEST) {
+            // SAFETY: a live swap chain.
+            return unsafe { self.real.Present(sync, flags) }.ok();
+        }
+        let (told, color, generated, starts, last) = {
+            let now = self.now();
+            (now.told, now.buffers[now.next as usize].clone(), now.generated.clone(), now.starts, now.last)
+        };
+        if let Some(told) = told.filter(|told| told.enabled) {
+            if told.frame == last {
+                Judge::hears("present", |judge| {
+                    judge.fault("present", &format!("frame {last} is presented again, unprepared"), OK)
+                });
+            } else if let Some(list) = self.generate(&told, &color, &generated, starts)? {
+                self.run(&list)?;
+                let mut now = self.now();
+                (now.starts, now.last) = (false, told.frame);
+                drop(now);
+                self.show(&generated, "generated", told.frame)?;
+            }
+        }
+        self.show(&color, "real", told.map_or(0, |told| told.frame))?;
+        let mut now = self.now();
+        now.next = (now.next + 1) % now.buffers.len() as u32;
+        Ok(())
+    }
+
+    /// Has the host record generation; the list, where it did.
+    fn generate(
+        &self,
+        told: &Settings,
+        color: &ID3D12Resource,
+        generated: &ID3D12Resource,
+        starts: bool,
+    ) -> Result<Option<ID3D12GraphicsCommandList>> {
+        let Some(generate) = told.generate else { return Ok(None) };
+        let list = self.list()?;
+        let mut asked = [0_u64; 39];
+        let head = asked.as_mut_ptr().cast::<u8>();
+        // SAFETY: fields of the struct, which has 312 bytes.
+        unsafe {
+            put(head, 0, 0x2_0003_u64);
+            put(head, 16, list.as_raw());
+            for (at, resource, state) in [(24, color, PRESENT), (72, generated, WRITTEN)] {
+                let desc = resource.GetDesc();
+                let format = if desc.Format == DXGI_FORMAT_R8G8B8A8_UNORM { 10_u32 } else { 4 };
+                put(head, at, resource.as_raw());
+                // What shaders may write has bit 2, and what is drawn to bit 1.
+                let words = [2, format, desc.Width as u32, desc.Height, 1, 1, 0, 3_u32];
+                for (index, word) in words.into_iter().enumerate() {
+                    put(head, at + 8 + 4 * index, word);
+                }
+                put(head, at + 40, state);
+            }
+            put(head, 264, 1_u32);
+            put(head, 268, u8::from(starts));
+            put(head, 280, 100.0_f32);
+            put(head, 284, told.rect);
+            put(head, 304, told.frame);
+        }
+        // SAFETY: the host's function, with what it said that it wants.
+        let code = unsafe { generate(head, told.user) };
+        Ok((code == OK).then_some(list))
+    }
+
+    /// An open list.
+    fn list(&self) -> Result<ID3D12GraphicsCommandList> {
+        let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
+        // SAFETY: a live device. The allocator is kept by the list.
+        unsafe {
+            let allocator: ID3D12CommandAllocator = self.device.CreateCommandAllocator(kind)?;
+            let list: ID3D12GraphicsCommandList = self.device.CreateCommandList(0, kind, &allocator, None)?;
+            list.SetPrivateDataInterface(&GUID::from_u128(0x0063_6169_726e), &allocator)?;
+            Ok(list)
+        }
+    }
+
+    /// Runs a list, and waits for it.
+    fn run(&self, list: &ID3D12GraphicsCommandList) -> Result<()> {
+        // SAFETY: live objects of one device.
+        unsafe {
+            list.Close()?;
+            self.queue.ExecuteCommandLists(&[Some(list.cast()?)]);
+            let fence: ID3D12Fence = self.device.CreateFence(0, D3D12_FENCE_FLAG_NONE)?;
+            self.queue.Signal(&fence, 1)?;
+            while fence.GetCompletedValue() == 0 {
+                std::thread::yield_now();
+            }
+            self.device.GetDeviceRemovedReason()
+        }
+    }
+
+    /// Presents a picture with the interface over it.
+    fn show(&self, picture: &ID3D12Resource, what: &str, frame: u64) -> Result<()> {
+        let mut pixels = self.read(picture, REST)?;
+        let interface = self.now().interface;
+        if let Some((told, premultiplied)) = interface
+            // SAFETY: judged to be a resource, which the host keeps until it tells another.
+            && let Some(resource) = unsafe { ID3D12Resource::from_raw_borrowed(&told.place) }
+        {
+            for (under, over) in pixels.iter_mut().zip(self.read(resource, state(told.state))?) {
+                let alpha = f32::from(over[3]) / 255.0;
+                for channel in 0..3 {
+                    let own = if premultiplied { 1.0 } else { alpha };
+                    let mixed = f32::from(over[channel]) * own + f32::from(under[channel]) * (1.0 - alpha);
+                    under[channel] = mixed.round().min(255.0) as u8;
+                }
+            }
+        }
+        let number = {
+            let mut now = self.now();
+            now.shown += 1;
+            now.shown
+        };
+        let bytes: Vec<u8> = pixels.iter().flatten().copied().collect();
+        let kept = std::fs::write(self.folder.join(format!("shown-{number}.rgba")), &bytes).and_then(|()| {
+            let open = std::fs::OpenOptions::new().create(true).append(true).open(self.folder.join("shown.txt"));
+            writeln!(open?, "{number} {what} {frame}")
+        });
+        if let Err(e) = kept {
+            eprintln!("ffx-double: what is shown: {e}");
+        }
+        self.write(&pixels)?;
+        // SAFETY: a live swap chain.
+        unsafe { self.real.Present(0, DXGI_PRESENT(0)) }.ok()
+    }
+
+    /// The pixels of a texture.
+    fn read(&self, from: &ID3D12Resource, rests: D3D12_RESOURCE_STATES) -> Result<Vec<[u8; 4]>> {
+        // SAFETY: a live texture.
+        let desc = unsafe { from.GetDesc() };
+        let (buffer, rows) = self.rows(&desc, D3D12_HEAP_TYPE_READBACK)?;
+        let list = self.list()?;
+        let copied = D3D12_RESOURCE_STATE_COPY_SOURCE;
+        // SAFETY: an open list, and live resources in the states that are told.
+        unsafe {
+            list.ResourceBarrier(&[transition(from, rests, copied)]);
+            list.CopyTextureRegion(&placed(&buffer, rows), 0, 0, 0, &whole(from), None);
+            list.ResourceBarrier(&[transition(from, copied, rests)]);
+        }
+        self.run(&list)?;
+        let (width, height, pitch) = (desc.Width as usize, desc.Height as usize, rows.Footprint.RowPitch as usize);
+        let mut pixels = Vec::with_capacity(width * height);
+        let mut place = std::ptr::null_mut();
+        // SAFETY: a buffer that the processor reads, with that many rows of that many bytes.
+        unsafe {
+            buffer.Map(0, None, Some(&mut place))?;
+            for y in 0..height {
+                let row = std::slice::from_raw_parts(place.cast::<u8>().add(y * pitch), width * 4);
+                pixels.extend(row.as_chunks::<4>().0);
+            }
+            buffer.Unmap(0, None);
+        }
+        Ok(pixels)
+    }
+
+    /// Puts pixels into what is presented next.
+    fn write(&self, pixels: &[[u8; 4]]) -> Result<()> {
+        // SAFETY: a live swap chain.
+        let to: ID3D12Resource = unsafe { self.real.GetBuffer(self.real.GetCurrentBackBufferIndex()) }?;
+        // SAFETY: a live texture.
+        let desc = unsafe { to.GetDesc() };
+        let (buffer, rows) = self.rows(&desc, D3D12_HEAP_TYPE_UPLOAD)?;
+        let (width, pitch) = (desc.Width as usize, rows.Footprint.RowPitch as usize);
+        let mut place = std::ptr::null_mut();
+        // SAFETY: a buffer that the processor writes, with room for these rows.
+        unsafe {
+            buffer.Map(0, None, Some(&mut place))?;
+            for (y, row) in pixels.chunks_exact(width).enumerate() {
+                std::ptr::copy_nonoverlapping(row.as_ptr(), place.cast::<u8>().add(y * pitch).cast(), width);
+            }
+            buffer.Unmap(0, None);
+        }
+        let list = self.list()?;
+        let (rests, copied) = (D3D12_RESOURCE_STATE_PRESENT, D3D12_RESOURCE_STATE_COPY_DEST);
+        // SAFETY: an open list, and live resources in the states that are told.
+        unsafe {
+            list.ResourceBarrier(&[transition(&to, rests, copied)]);
+            list.CopyTextureRegion(&whole(&to), 0, 0, 0, &placed(&buffer, rows), None);
+            list.ResourceBarrier(&[transition(&to, copied, rests)]);
+        }
+        self.run(&list)
+    }
+
+    /// A buffer for the rows of a texture.
+    fn rows(
+        &self,
+        desc: &D3D12_RESOURCE_DESC,
+        heap: D3D12_HEAP_TYPE,
+    ) -> Result<(ID3D12Resource, D3D12_PLACED_SUBRESOURCE_FOOTPRINT)> {
+        let (mut rows, mut bytes) = (D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default(), 0);
+        // SAFETY: a live device, and places that live during the call.
+        unsafe { self.device.GetCopyableFootprints(desc, 0, 1, 0, Some(&mut rows), None, None, Some(&mut bytes)) };
+        let wanted = D3D12_RESOURCE_DESC {
+            Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
+            Width: bytes,
+            Height: 1,
+            DepthOrArraySize: 1,
+            MipLevels: 1,
+            SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+            Layout: D3D12_TEXTURE_LAYOUT_ROW_MAJOR,
+            ..Default::default()
+        };
+        let rests = match heap {
+            D3D12_HEAP_TYPE_UPLOAD => D3D12_RESOURCE_STATE_GENERIC_READ,
+            _ => D3D12_RESOURCE_STATE_COPY_DEST,
+        };
+        Ok((committed(&self.device, heap, &wanted, rests)?, rows))
+    }
+}
+
+impl Presenting {
+    /// Ends the context; what is wrong with that.
+    pub(crate) fn end(mut self) -> Vec<String> {
+        let mut faults = Vec::new();
+        if self.stage.has_generator() {
+            faults.push("its generator is still there".to_owned());
+        }
+        ALL.lock().unwrap_or_else(PoisonError::into_inner).retain(|(_, stage)| !Arc::ptr_eq(stage, &self.stage));
+        if let Some(proxy) = self.proxy.take() {
+            let left = released(proxy);
+            if left > 0 {
+                faults.push(format!("{left} references to its swap chain are left"));
+            }
+        }
+        faults
+    }
+}
+
+/// Textures that a host draws into, and one that is generated.
+pub(crate) fn textures(
+    device: &ID3D12Device,
+    count: u32,
+    desc: &DXGI_SWAP_CHAIN_DESC1,
+) -> Result<(Vec<ID3D12Resource>, ID3D12Resource)> {
+    let wanted = D3D12_RESOURCE_DESC {
+        Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
+        Width: desc.Width.into(),
+        Height: desc.Height,
+        DepthOrArraySize: 1,
+        MipLevels: 1,
+        Format: desc.Format,
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        Flags: D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET | D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS,
+        ..Default::default()
+    };
+    let rests = [D3D12_RESOURCE_STATE_UNORDERED_ACCESS, REST];
+    let made = |rests| committed(device, D3D12_HEAP_TYPE_DEFAULT, &wanted, rests);
+    Ok(((0..count).map(|_| made(REST)).collect::<Result<_>>()?, made(rests[0])?))
+}
+
+fn whole(resource: &ID3D12Resource) -> D3D12_TEXTURE_COPY_LOCATION {
+    D3D12_TEXTURE_COPY_LOCATION {
+        // SAFETY: the same pointer; what is never dropped releases no reference.
+        pResource: ManuallyDrop::new(Some(unsafe { std::mem::transmute_copy(resource) })),
+        Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
+        Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
+    }
+}
+
+fn placed(buffer: &ID3D12Resource, rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT) -> D3D12_TEXTURE_COPY_LOCATION {
+    D3D12_TEXTURE_COPY_LOCATION {
+        Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
+        Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { PlacedFootprint: rows },
+        ..whole(buffer)
+    }
+}
+
+/// The interface at an offset, with how its alpha is meant.
+///
+/// # Safety
+/// A struct with a resource there, and flags behind it.
+pub(crate) unsafe fn interface(head: *const u8) -> Option<(Told, bool)> {
+    // SAFETY: the caller's promise.
+    unsafe { told(head, 16).map(|told| (told, get::<u32>(head, 64) & 1 != 0)) }
+}

@@ -1,0 +1,192 @@
+//! Presenters whose anchors AMD's upscaler makes larger.
+
+use super::*;
+
+/// Three times as large as anchors, and a little more: pixels do not fall on pixels.
+pub(crate) const LARGE: (u32, u32) = (400, 300);
+
+/// A stage with both effects.
+pub(crate) fn with_upscaler(lines: &[&str]) -> Stage {
+    let lines: Vec<_> = ["sdk 2.1", "effect 0x10000", UPSCALER].iter().chain(lines).copied().collect();
+    Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML]).with(Part::Upscaler, &lines)
+}
+
+impl Stream {
+    /// Has a provider of that stage's make anchors larger.
+    fn use_upscaler(&mut self, stage: &Stage, is_required: bool) {
+        let library = stage.load().expect("loaded");
+        self.drawer.use_fsr_upscaler(library.api(Effect::Upscaling).expect("there"), Choice::Any, is_required);
+    }
+
+    fn scaled_by(&self) -> String {
+        match self.drawer.scaled_by() {
+            ScaledBy::Nothing => "nothing".to_owned(),
+            ScaledBy::Space => "space".to_owned(),
+            ScaledBy::Amd(version) => version.name.clone(),
+        }
+    }
+
+    /// The frame `t` after the anchor before the last, and how far it is off in its size.
+    fn error(&mut self, t: f64, own: bool) -> (ShownSource, u8) {
+        let (shown, pixels) = self.draw(t, own, true);
+        let place = STEP * (i32::try_from(self.anchors).expect("few") - 2) + (f64::from(STEP) * t) as i32;
+        let size = self.presenter.size().expect("anchors have come");
+        (shown.source, off(&pixels.expect("it has run"), &drawn(size, place)))
+    }
+}
+
+/// Anchors that were made larger.
+pub(crate) fn enlarged(stage: &Stage) -> usize {
+    stage.calls().iter().filter(|call| call.starts_with("dispatch 10001 ")).count()
+}
+
+#[test]
+fn anchors_are_made_larger_before_frames_are_generated_between_them() {
+    let stage = with_upscaler(&[]);
+    let mut stream = Stream::of_size(4, Some(LARGE));
+    stream.use_fsr(&stage, true).expect("a provider");
+    stream.use_upscaler(&stage, true);
+    stream.push([1, 1]);
+    for (pair, tiles) in [[1, 1], [8, 1], [16, 16], [1, 16]].into_iter().enumerate() {
+        stream.push(tiles);
+        for (quarter, made) in [(0, None), (1, None), (2, version()), (3, None)] {
+            let (source, error) = stream.error(quarter as f64 / 4.0, (pair + quarter) % 2 == 0);
+            assert_eq!(source, if quarter == 0 { ShownSource::Anchor } else { ShownSource::Generated });
+            assert!(error <= 8, "{tiles:?}, {quarter} of 4: {error} off");
+            if quarter > 0 {
+                assert_eq!(stream.made_by(), made, "{tiles:?}, {quarter} of 4");
+            }
+        }
+        assert_eq!((stream.scaled_by().as_str(), enlarged(&stage)), ("4.0.3", pair + 2), "once to an anchor");
+    }
+    // What is late goes on from the larger anchor.
+    let (source, error) = stream.error(1.25, true);
+    assert!(source == ShownSource::Extrapolated && error <= 8, "{source:?}: {error} off");
+    // Another size; none; and what is smaller is resized in space.
+    for (size, by) in [((192, 144), "4.0.3"), (SIZE, "nothing"), ((64, 48), "space"), (LARGE, "4.0.3")] {
+        stream.presenter.resize(Some(size)).expect("a size");
+        stream.push([1, 1]);
+        let (_, error) = stream.error(0.5, false);
+        assert!(error <= 8, "{size:?}: {error} off");
+        assert_eq!((stream.scaled_by().as_str(), stream.made_by()), (by, version()), "{size:?}");
+    }
+    drop(stream);
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn larger_anchors_go_on_from_those_before_them() {
+    let stage = with_upscaler(&[]);
+    let mut stream = Stream::of_size(2, Some(LARGE));
+    stream.use_upscaler(&stage, true);
+    (0..2).for_each(|_| stream.push([1, 1]));
+    assert!(stream.error(0.0, true).1 <= 8, "the first alone");
+    assert!(stream.error(0.5, true).1 <= 8);
+    assert_eq!(enlarged(&stage), 2);
+    // An engine drops its list, and anchors are left out: the earlier one of the pair is made larger first.
+    stream.push([8, 8]);
+    assert_eq!(stream.draw(0.5, false, false).0.source, ShownSource::Generated);
+    assert_eq!(enlarged(&stage), 3);
+    (0..3).for_each(|_| stream.push([1, 1]));
+    assert!(stream.error(0.5, false).1 <= 8);
+    assert_eq!(enlarged(&stage), 5);
+    // Anchors alone go on too.
+    stream.push([1, 1]);
+    assert!(stream.error(1.0, true).1 <= 8);
+    assert_eq!(enlarged(&stage), 6);
+    drop(stream);
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn frames_are_resized_in_space_where_there_is_no_upscaler() {
+    // One that cannot be made, and one that fails at its third anchor.
+    for (lines, right) in [("answers create 3 no", 0), ("breaks 3", 2)] {
+        for is_required in [false, true] {
+            let stage = with_upscaler(&[lines]);
+            let mut stream = Stream::of_size(2, Some(LARGE));
+            stream.use_fsr(&stage, true).expect("a provider");
+            stream.use_upscaler(&stage, is_required);
+            (0..2).for_each(|_| stream.push([1, 1]));
+            for pair in 0..3 {
+                let now = (stream.anchors - 1) * INTERVAL + INTERVAL / 2;
+                let made_larger = right >= pair + 2;
+                if is_required && !made_larger {
+                    let texture = Wanted { size: LARGE, ..Wanted::default() }.make(&stream.engine.device);
+                    let target = Target { texture, before: REST, after: REST };
+                    stream.presenter.submit(now, &mut stream.drawer, &target).expect_err("nobody else may");
+                    assert!(stream.drawer.upscaler_failed().is_none());
+                    break;
+                }
+                let (source, error) = stream.error(0.5, pair % 2 == 0);
+                assert!(source == ShownSource::Generated && error <= 8, "{lines}, pair {pair}: {error} off");
+                assert_eq!(stream.scaled_by(), if made_larger { "4.0.3" } else { "space" }, "{lines}, pair {pair}");
+                assert_eq!(stream.drawer.upscaler_failed().is_none(), made_larger);
+                assert_eq!(stream.made_by(), version());
+                stream.push([1, 1]);
+            }
+            drop(stream);
+            assert_eq!(stage.judgement(), [""; 0]);
+        }
+    }
+}
+
+#[test]
+fn what_lies_over_anchors_stands_still_in_a_provider_s_frames() {
+    for size in [None, Some(LARGE)] {
+        let stage = with_upscaler(&[]);
+        let mut stream = Stream::of_size(2, size);
+        stream.use_fsr(&stage, true).expect("a provider");
+        if size.is_some() {
+            stream.use_upscaler(&stage, true);
+        }
+        (0..2).for_each(|_| stream.push([1, 1]));
+        let column = |x: u32| (40..56).contains(&x);
+        let mask = (0..SIZE.0 * SIZE.1).map(|place| u8::from(column(place % SIZE.0))).collect();
+        stream.presenter.set_overlay(Some((SIZE, mask))).expect("a mask");
+        let (_, half) = stream.draw(0.5, true, true);
+        let (_, anchor) = stream.draw(1.0, true, true);
+        assert_eq!(stream.made_by(), version());
+        let (width, height) = size.unwrap_or(SIZE);
+        let (half, anchor) = (half.expect("it has run"), anchor.expect("it has run"));
+        let pixels = half.as_chunks::<4>().0.iter().zip(anchor.as_chunks::<4>().0).zip(0..);
+        let (mut over, mut beside) = (0, 0);
+        for ((half, anchor), place) in pixels {
+            let x = place % width * SIZE.0 / width;
+            let off = half.iter().zip(anchor).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
+            if column(x) {
+                over = over.max(off);
+            } else if INNER.contains(&x) && place / width < height {
+                beside = beside.max(off);
+            }
+        }
+        assert!(over <= 1 && beside > 30, "{size:?}: {over} under the mask, {beside} beside it");
+        drop(stream);
+        assert_eq!(stage.judgement(), [""; 0]);
+    }
+}
+
+#[test]
+fn two_presenters_at_once_have_providers_of_their_own() {
+    let stage = with_upscaler(&[]);
+    let mut streams = [Stream::of_size(2, None), Stream::of_size(2, Some(LARGE))];
+    for stream in &mut streams {
+        stream.use_fsr(&stage, true).expect("a provider");
+        stream.use_upscaler(&stage, true);
+        stream.push([1, 1]);
+    }
+    for pair in 0..3 {
+        for stream in &mut streams {
+            stream.push([1, 1]);
+        }
+        // Both draw at the same time, each on its own device.
+        let errors = std::thread::scope(|scope| {
+            let drawn = streams.each_mut().map(|stream| scope.spawn(move || stream.error(0.5, pair % 2 == 0).1));
+            drawn.map(|drawn| drawn.join().expect("no panic"))
+        });
+        assert!(errors.iter().all(|error| *error <= 8), "pair {pair}: {errors:?}");
+        assert!(streams.iter().all(|stream| stream.made_by() == version()));
+    }
+    drop(streams);
+    assert_eq!(stage.judgement(), [""; 0]);
+}
