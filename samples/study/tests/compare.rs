@@ -65,7 +65,7 @@ fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
     for number in ["1", "2", "3"] {
         assert!(text.contains(&format!("## Figure {number}: ")), "figure {number}");
     }
-    let named = text.lines().filter_map(|line| Some(line.strip_prefix("![")?.split_once("](")?.1.strip_suffix(')')?));
+    let named = text.lines().filter_map(|line| line.strip_prefix("![")?.split_once("](")?.1.strip_suffix(')'));
     let named: Vec<&str> = named.collect();
     assert!(named.len() >= 6 && named.iter().all(|path| out.join(path).metadata().unwrap().len() > 0), "{named:?}");
     let page = fs::read_to_string(out.join("report.html")).unwrap();
