@@ -3,6 +3,7 @@
 #![cfg(windows)]
 
 use std::ffi::c_void;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use cairn::ErrorKind;
 use cairn::ffx::bindings::{CreateFlags, Dimensions, ReturnCode, SurfaceFormat};
@@ -55,6 +56,13 @@ unsafe extern "system" {
         parameter: *mut c_void,
     ) -> *mut c_void;
     fn DestroyWindow(window: *mut c_void) -> i32;
+}
+
+/// One test at a time: a window that comes up or goes tells the one that was in front, and waits for that window's thread, which handles
+/// no messages while it waits for the device.
+fn alone() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A window without a loop of messages, as frames are shown in it and nobody uses it.
@@ -257,6 +265,7 @@ fn off(found: &[[u8; 4]], wanted: impl Fn(u32, u32) -> [u8; 4]) -> u8 {
 
 #[test]
 fn frames_between_are_presented_whatever_the_swap_chain_was_made_of() {
+    let _alone = alone();
     let releases = [["sdk 1.1.4", ANALYTIC_20], ["sdk 2.0", ANALYTIC_20], ["sdk 2.1", ANALYTIC], ["sdk 2.1", ML]];
     for (how, release) in [How::Wrap, How::New, How::ForWindow, How::Wrap].into_iter().zip(releases) {
         let (stage, library) = playing(&release);
@@ -290,6 +299,7 @@ fn frames_between_are_presented_whatever_the_swap_chain_was_made_of() {
 
 #[test]
 fn an_interface_lies_over_real_and_generated_frames() {
+    let _alone = alone();
     let (stage, library) = playing(&["sdk 2.1", ML]);
     let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
     let interface = Textures::new(&show.gpu, SIZE);
@@ -333,6 +343,7 @@ fn an_interface_lies_over_real_and_generated_frames() {
 
 #[test]
 fn generation_is_paused_and_goes_on() {
+    let _alone = alone();
     let (stage, library) = playing(&["sdk 2.1", ML]);
     let mut show = Show::new(How::Wrap, &library).expect("a swap chain");
     (0..2).for_each(|_| show.frame(true).expect("presented"));
@@ -366,6 +377,7 @@ fn generation_is_paused_and_goes_on() {
 
 #[test]
 fn buffers_are_resized_and_the_generator_made_anew() {
+    let _alone = alone();
     let (stage, library) = playing(&["sdk 2.0", ANALYTIC_20]);
     let mut show = Show::new(How::New, &library).expect("a swap chain");
     (0..3).for_each(|_| show.frame(true).expect("presented"));
@@ -422,6 +434,7 @@ impl Show {
 
 #[test]
 fn what_cannot_become_one_is_refused_and_stays_whole() {
+    let _alone = alone();
     let (stage, library) = playing(&["sdk 2.1", ML]);
     let api = library.api(Effect::FrameGeneration).expect("there");
     let (engine, window) = (engine::engine(), Window::new());
@@ -464,6 +477,7 @@ fn what_cannot_become_one_is_refused_and_stays_whole() {
 
 #[test]
 fn a_generator_that_fails_within_present_is_told_of() {
+    let _alone = alone();
     // Two pictures are the test's, and two are shown.
     let (stage, library) = playing(&["sdk 2.1", ML, "breaks 5"]);
     let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
@@ -477,6 +491,7 @@ fn a_generator_that_fails_within_present_is_told_of() {
 
 #[test]
 fn the_judge_sees_what_ends_in_another_order() {
+    let _alone = alone();
     // A swap chain that somebody still holds when what paces it ends.
     let (stage, library) = playing(&["sdk 2.1", ML]);
     let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
@@ -514,6 +529,7 @@ fn memory_is_asked_for_beforehand() {
 #[test]
 #[ignore = "needs amd-dlls"]
 fn amd_s_own_swap_chain_presents_frames_between() {
+    let _alone = alone();
     let folder = std::env::var_os("CAIRN_FFX_DIR").expect("CAIRN_FFX_DIR names a folder");
     let options = LoadOptions { directory: Some(folder.into()), signed: false };
     let library = Library::load(&options).expect("AMD's libraries");
