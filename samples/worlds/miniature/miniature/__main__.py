@@ -224,12 +224,14 @@ MOVING = {
 def main(arguments: list[str] | None = None) -> int:
     """Runs one command, or all."""
     options = parser().parse_args(arguments)
+    job = Job(options)
+    if job.preset.first and options.command in {"all", *COMMANDS} and not job.world.is_file():
+        raise SystemExit(f"error: {job.world} is not there, and --preset {options.preset} goes on from a world. Run `begin` first.")
     import jax
 
     # Compiling takes as long as dozens of steps; what was compiled is kept beside the states.
     jax.config.update("jax_compilation_cache_dir", str(options.folder / "compiled"))
     options.folder.mkdir(parents=True, exist_ok=True)
-    job = Job(options)
     for name in COMMANDS if options.command == "all" else [options.command]:
         if not (COMMANDS | MOVING)[name][0](job):
             return UNFINISHED

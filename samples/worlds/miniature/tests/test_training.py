@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from miniature import autoencoder, clips, held_out, latents, optimiser, pieces, schedules, scripts, store
+from miniature import __main__, autoencoder, clips, held_out, latents, optimiser, pieces, schedules, scripts, store
 from miniature import train_autoencoder, train_world, transformer
 from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage, Walks, WorldPlan
 
@@ -44,6 +44,12 @@ def test_held_out_seeds_are_refused():
     for preset in PRESETS.values():
         used = {clips.clip_name(n)[1] for n in range(preset.clips.start, preset.clips.stop + preset.world.count)}
         assert not used & held_out.held_out_seeds()
+
+
+def test_what_goes_on_from_a_world_asks_for_one(tmp_path):
+    for command in ("walks", "world", "all"):
+        with pytest.raises(SystemExit, match="Run `begin` first"):
+            __main__.main(["--folder", str(tmp_path / "new"), "--preset", "further", command])
 
 
 def test_an_empty_list_of_held_out_seeds_is_an_error(tmp_path):
