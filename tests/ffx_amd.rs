@@ -38,6 +38,15 @@ fn head() -> CreateFrameGeneration {
     }
 }
 
+/// Of the analytic provider, made without the frames that try it out.
+fn untested(size: Dimensions) -> TextureOptions {
+    TextureOptions {
+        choice: Choice::Prefer(Family::Analytic),
+        self_test: false,
+        ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
+    }
+}
+
 #[test]
 #[ignore = "needs amd-dlls"]
 fn they_are_found_and_loaded_with_their_versions() {
@@ -266,11 +275,7 @@ fn interface_letterbox_and_light_change_what_amd_s_makes() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let size = head().display_size;
     let made = |flags| {
-        let mut options = TextureOptions {
-            choice: Choice::Prefer(Family::Analytic),
-            self_test: false,
-            ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
-        };
+        let mut options = untested(size);
         options.head.flags = flags;
         // SAFETY: a live device.
         let needed = unsafe { memory_needed(api, gpu.device().as_raw(), &options.head, None) }.expect("an answer");
@@ -361,11 +366,7 @@ fn three_frames_between_two_come_from_two_of_their_generators() {
     let api = library.api(Effect::FrameGeneration).expect("there");
     let gpu = Gpu::on_adapter(None).expect("a device");
     let size = head().display_size;
-    let options = TextureOptions {
-        choice: Choice::Prefer(Family::Analytic),
-        self_test: false,
-        ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
-    };
+    let options = untested(size);
     let mut generator = FourfoldGenerator::new(&gpu, api, &options).expect("two generators");
     println!("{:?}", generator.memory().expect("an answer"));
     let textures = Textures::new(&gpu, size);
@@ -395,11 +396,7 @@ fn interface_letterbox_and_lens_change_all_three_frames() {
     let api = library.api(Effect::FrameGeneration).expect("there");
     let gpu = Gpu::on_adapter(None).expect("a device");
     let size = head().display_size;
-    let options = TextureOptions {
-        choice: Choice::Prefer(Family::Analytic),
-        self_test: false,
-        ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
-    };
+    let options = untested(size);
     let textures = Textures::new(&gpu, size);
     let [first, last, world] = [(); 3].map(|()| Textures::new(&gpu, size).output);
     let lens = Textures::new(&gpu, size).motion;
