@@ -2,13 +2,18 @@
 //! lab.
 #![cfg(windows)]
 
+use std::ffi::c_void;
+use std::os::windows::ffi::OsStrExt;
+use std::sync::Mutex;
+
 use cairn::ffx::bindings::{CreateFrameGeneration, Dimensions, DispatchFrameGeneration, ResourceState, SurfaceFormat};
 use cairn::ffx::{
     Chain, Choice, Context, Dialect, Effect, Family, FileVersion, Generator, Library, LoadOptions, Needed, Part,
     requirements,
 };
 use cairn::gpu::Gpu;
-use cairn::gpu::windows::core::Interface;
+use cairn::gpu::windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
+use cairn::gpu::windows::core::{Interface, PCWSTR, s};
 use cairn::{ErrorKind, Result};
 
 #[path = "d3d12/engine.rs"]
@@ -16,7 +21,10 @@ use cairn::{ErrorKind, Result};
 mod engine;
 #[path = "ffx/pictures.rs"]
 mod pictures;
+#[path = "ffx/places.rs"]
+mod places;
 #[path = "ffx/stage.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
 mod stage;
 use pictures::{Textures, run};
 use stage::{ANALYTIC, ANALYTIC_20, ML, Stage, alone, system};
@@ -86,6 +94,23 @@ fn a_loader_that_would_find_another_library_of_the_name_is_left_out() {
 }
 
 #[test]
+fn the_library_of_1_1_serves_what_no_other_does() {
+    let whole = ["sdk 1.1.4", "effect 0x10000", "effect 0x20000", ANALYTIC_20];
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML]).with(Part::Whole, &whole);
+    let library = stage.load().expect("loaded");
+    assert_eq!(library.serves(Effect::FrameGeneration), Some(Part::FrameGeneration));
+    assert_eq!(library.serves(Effect::Upscaling), Some(Part::Whole));
+    assert_eq!(made(&library, Choice::Any).expect("a context").provider().version.name, "4.0.1");
+    // Where all effects have libraries of their own it is not even looked at.
+    let upscaler = ["sdk 2.1", "effect 0x10000", "offers 0xf600000001000003 4.0.3"];
+    let stage = stage.with(Part::Upscaler, &upscaler);
+    let library = stage.load().expect("loaded");
+    assert_eq!(Effect::ALL.map(|effect| library.serves(effect)), [Part::FrameGeneration, Part::Upscaler].map(Some));
+    assert!(library.files().iter().all(|file| file.part != Part::Whole));
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
 fn earlier_releases_are_driven_by_the_structs_they_know() {
     for (part, release, verified) in
         [(Part::FrameGeneration, "sdk 2.0", true), (Part::Whole, "sdk 1.1.4", true), (Part::Whole, "sdk 1.1.0", false)]
@@ -149,6 +174,51 @@ fn a_call_that_fails_says_what_the_library_said() {
         assert_eq!(failed.kind(), kind, "{failed}");
         assert!(failed.cause().contains("ffxQuery answered") && failed.cause().contains("GET_VERSIONS"), "{failed}");
     }
+}
+
+/// What was logged in this process.
+static LOG: Mutex<Vec<(log::Level, String)>> = Mutex::new(Vec::new());
+
+/// Keeps what cairn::ffx logs.
+struct Keeper;
+
+impl log::Log for Keeper {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.target() == "cairn::ffx"
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            LOG.lock().expect("no panic").push((record.level(), record.args().to_string()));
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+#[test]
+fn what_a_library_says_and_a_context_that_does_not_end_are_in_the_log() {
+    alone("what_a_library_says_and_a_context_that_does_not_end_are_in_the_log", || {
+        log::set_logger(&Keeper).expect("the only one");
+        log::set_max_level(log::LevelFilter::Info);
+        let logged = |level, text: &str| {
+            LOG.lock().expect("no panic").iter().any(|(of, line)| *of == level && line.contains(text))
+        };
+        for (release, said) in [(["sdk 2.0", ANALYTIC_20], "für 2.0"), (["sdk 2.1", ML], "für 2.1")] {
+            let answers = format!("answers destroy 3 the word {said}");
+            let stage = Stage::empty().with(Part::FrameGeneration, &[release[0], release[1], &answers]);
+            drop(made(&stage.load().expect("loaded"), Choice::Any).expect("a context"));
+            assert!(logged(log::Level::Error, &format!("the word {said}")), "the library's own words");
+            assert!(logged(log::Level::Error, "a context is lost: "), "what comes of it");
+            assert!(logged(log::Level::Error, "ffxDestroyContext answered 3 (RUNTIME_ERROR)"));
+            LOG.lock().expect("no panic").clear();
+        }
+        // That a family is not there is a warning, and who runs a piece of news.
+        let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.0", ANALYTIC_20]);
+        drop(made(&stage.load().expect("loaded"), Choice::Prefer(Family::Ml)).expect("a context"));
+        assert!(logged(log::Level::Warn, "no provider of frame generation is Ml; there is 3.1.5 (analytic)"));
+        assert!(logged(log::Level::Info, "frame generation: 3.1.5 (analytic)"));
+    });
 }
 
 #[test]
@@ -235,8 +305,15 @@ fn what_nobody_signed_is_not_loaded_where_only_amd_s_own_is_wanted() {
 
 #[test]
 fn frames_of_each_release_are_asked_for_as_it_wants() {
-    for lines in [["sdk 2.0", ANALYTIC_20], ["sdk 2.1", ML]] {
-        let stage = Stage::empty().with(Part::FrameGeneration, &lines);
+    for (part, lines) in [
+        (Part::Whole, ["sdk 1.1.0", ANALYTIC_20]),
+        (Part::Whole, ["sdk 1.1.4", ANALYTIC_20]),
+        (Part::FrameGeneration, ["sdk 2.0", ANALYTIC_20]),
+        (Part::FrameGeneration, ["sdk 2.1", ANALYTIC]),
+        (Part::FrameGeneration, ["sdk 2.1", ML]),
+        (Part::FrameGeneration, ["sdk 2.1", "offers 0xf600000001000002 4.0.2"]),
+    ] {
+        let stage = Stage::empty().with(part, &lines);
         let library = stage.load().expect("loaded");
         let gpu = Gpu::on_adapter(None).expect("a device");
         let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
@@ -285,6 +362,43 @@ fn the_judge_finds_more_frames_under_way_than_there_is_room_for() {
         assert_eq!(record().expect_err("refused").kind(), ErrorKind::InvalidArgument);
         assert_eq!(stage.judgement(), ["dispatch: 4 frames are under way"]);
     });
+}
+
+/// As a host does it that forgets its structs: they are written over when the context is there.
+#[test]
+fn the_judge_finds_a_chain_that_did_not_stay() {
+    type Create = unsafe extern "C" fn(*mut *mut c_void, *mut u64, *const c_void) -> u32;
+    type Destroy = unsafe extern "C" fn(*mut *mut c_void, *const c_void) -> u32;
+    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.0", ANALYTIC_20]);
+    let path: Vec<u16> = stage.0.join(Part::FrameGeneration.file_name()).as_os_str().encode_wide().chain([0]).collect();
+    // SAFETY: a path that ends with a zero, of the double, which exports functions of these names and types.
+    let (create, destroy) = unsafe {
+        let module = LoadLibraryW(PCWSTR(path.as_ptr())).expect("the copy loads");
+        let find = |name| GetProcAddress(module, name).expect("it is exported");
+        type Found = unsafe extern "system" fn() -> isize;
+        (
+            std::mem::transmute::<Found, Create>(find(s!("ffxCreateContext"))),
+            std::mem::transmute::<Found, Destroy>(find(s!("ffxDestroyContext"))),
+        )
+    };
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    for stays in [true, false] {
+        let mut backend = [2, 0, gpu.device().as_raw() as u64];
+        // Flags and width, height and width, height and format.
+        let halves = |low: u64, high: u64| low | high << 32;
+        let next = backend.as_mut_ptr() as u64;
+        let mut head = [0x2_0001, next, halves(0, 640), halves(360, 640), halves(360, 10)];
+        let mut context = std::ptr::null_mut();
+        // SAFETY: a linked chain of both structs, and a place for the context.
+        assert_eq!(unsafe { create(&mut context, head.as_mut_ptr(), std::ptr::null()) }, 0);
+        if !stays {
+            backend[0] = 0;
+        }
+        // SAFETY: the context that was made.
+        assert_eq!(unsafe { destroy(&mut context, std::ptr::null()) }, 0);
+        std::hint::black_box((head, backend));
+    }
+    assert_eq!(stage.judgement(), ["destroy: the chain that the context was made with is gone"]);
 }
 
 #[test]

@@ -4,7 +4,9 @@
 use std::path::PathBuf;
 
 use cairn::ErrorKind;
-use cairn::ffx::bindings::{CreateFlags, CreateFrameGeneration, Dimensions, Rect, SurfaceFormat, TransferFunction};
+use cairn::ffx::bindings::{
+    Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, Rect, SurfaceFormat, TransferFunction,
+};
 use cairn::ffx::{
     Choice, Context, Effect, Family, FileVersion, FourfoldGenerator, Generator, Library, LoadOptions, Part, Pictures,
     Seen, Shot, TextureGenerator, TextureOptions, memory_needed, versions,
@@ -78,6 +80,23 @@ fn their_signature_is_amd_s() {
             assert!(refused.cause().contains("root"), "{refused}");
         }
     }
+}
+
+#[test]
+#[ignore = "needs amd-dlls"]
+fn one_byte_of_theirs_that_is_another_is_found_out() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let own = library.files().iter().find(|file| [Part::FrameGeneration, Part::Whole].contains(&file.part));
+    let own = own.expect("it was found");
+    let place = std::env::temp_dir().join(format!("cairn-ffx-altered-{}", std::process::id()));
+    std::fs::create_dir_all(&place).expect("a folder");
+    let mut bytes = std::fs::read(&own.path).expect("the file");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(place.join(own.part.file_name()), bytes).expect("the altered file");
+    let refused = Library::load(&LoadOptions { directory: Some(place), signed: true }).expect_err("it was altered");
+    println!("{refused}");
+    assert!(refused.cause().contains("it was altered after it was signed"), "{refused}");
 }
 
 #[test]
@@ -168,6 +187,65 @@ fn a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself() {
             assert!(after > 45.0, "frame {number}: {after} dB to the frame");
         } else {
             assert!(half > 45.0 && before < 30.0 && after < 30.0, "frame {number}: {before} {half} {after} dB");
+        }
+    }
+    assert!(gpu.removed().is_none());
+}
+
+/// Motion that holds what jitter has changed by, as it was less as it is, which 3.1.5 does not look at, and a cut that nobody tells of,
+/// for which it gives this frame and the next three themselves, as the double does.
+#[test]
+#[ignore = "needs amd-dlls"]
+fn jitter_in_motion_does_no_harm_where_it_is_told_and_a_cut_that_is_found_gives_the_frame_itself() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let textures = Textures::new(&gpu, size);
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    // 4 pixels to the left: what is left of -16 where jitter has gone from 6 to -6.
+    let jitters = [6.0_f32, -6.0];
+    let half = |v: f32| half::f16::from_f32(v).to_le_bytes();
+    let [of_flag, without] = [CreateFlags::MOTION_JITTER, CreateFlags::empty()].map(|flags| {
+        let mut options = untested(size);
+        options.head.flags = flags;
+        let mut generator = TextureGenerator::new(&gpu, api, &options).expect("a generator");
+        for number in 0_u8..4 {
+            let [before, now] = [number + 1, number].map(|turn| jitters[usize::from(turn % 2)]);
+            let held = half(-STEP + before - now);
+            textures.fill(&textures.motion, |_, _| [held[0], held[1], 0, 0]);
+            textures.fill(&textures.color, moved(STEP * f32::from(number)));
+            let jitter = Coordinates { x: now, y: 0.0 };
+            let shot = Shot { reset: number == 0, jitter, ..Shot::of(size) };
+            generator.generate(&textures.pictures(), &shot).expect("generated").wait().expect("it has run");
+        }
+        psnr(&textures.generated(), moved(STEP * 2.5), size)
+    });
+    println!("motion that holds jitter: {of_flag:.1} dB to the truth where that is told, {without:.1} dB where not");
+    assert!(of_flag >= without, "{of_flag} {without}");
+
+    let mut generator = TextureGenerator::new(&gpu, api, &untested(size)).expect("a generator");
+    let steps = half(-STEP);
+    textures.fill(&textures.motion, |_, _| [steps[0], steps[1], 0, 0]);
+    // Another place, and dark.
+    let other = |by: f32| move |x: u32, y: u32| moved(by)(y, x).map(|v| if v == 255 { 255 } else { v / 6 });
+    for number in 0_u8..16 {
+        let now = STEP * f32::from(number);
+        let is_other = number >= 8;
+        match is_other {
+            true => textures.fill(&textures.color, other(0.0)),
+            false => textures.fill(&textures.color, moved(now)),
+        }
+        let shot = Shot { reset: number == 0, ..Shot::of(size) };
+        generator.generate(&textures.pictures(), &shot).expect("generated").wait().expect("it has run");
+        let found = textures.generated();
+        let own = if is_other { psnr(&found, other(0.0), size) } else { psnr(&found, moved(now), size) };
+        println!("frame {number}: {own:.1} dB to the frame itself");
+        if (8..12).contains(&number) {
+            assert!(own > 45.0, "frame {number}: {own} dB");
+        } else if (1..8).contains(&number) {
+            assert!(own < 30.0, "frame {number}: {own} dB");
         }
     }
     assert!(gpu.removed().is_none());

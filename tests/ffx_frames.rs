@@ -23,6 +23,8 @@ mod pictures;
 #[path = "ffx/stage.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod stage;
+#[path = "ffx/told.rs"]
+mod told;
 use pictures::{Kept, Textures, run, texture};
 use stage::{ANALYTIC, ANALYTIC_20, ML, Stage};
 
@@ -200,16 +202,19 @@ fn scale_depth_and_size_of_motion_show() {
         assert!(off(&found, INNER, moved(HALF)) <= 2, "{flags:?}");
     }
 
-    // A jitter that motion holds is taken out of it, where the generator was made so.
+    // What jitter has changed by, from 3 to -5, is taken out of motion that holds it, where the generator was made so.
     for (flags, is_right) in [(CreateFlags::MOTION_JITTER, true), (CreateFlags::empty(), false)] {
         let mut options = options();
         options.head.flags = flags;
         let mut generator = made(&gpu, &library, &options).expect("a generator");
         textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
         textures.fill(&textures.motion, |_, _| halves(-STEP as f32 + 8.0, 0.0));
-        let shot = Shot { jitter: Coordinates { x: 8.0, y: 0.0 }, ..Shot::of(SIZE) };
-        let found = pair(&mut generator, &textures, &of(&textures), &shot);
-        assert_eq!(off(&found, INNER, moved(HALF)) <= 2, is_right, "{flags:?}");
+        for (number, x) in [(0, 3.0), (1, -5.0)] {
+            textures.fill(&textures.color, moved(STEP * number));
+            let shot = Shot { reset: number == 0, jitter: Coordinates { x, y: 0.0 }, ..Shot::of(SIZE) };
+            generator.generate(&of(&textures), &shot).expect("generated").wait().expect("it has run");
+        }
+        assert_eq!(off(&textures.generated(), INNER, moved(HALF)) <= 2, is_right, "{flags:?}");
     }
     assert_eq!(stage.judgement(), [""; 0]);
 }
@@ -242,6 +247,27 @@ fn interface_letterbox_and_lens_show() {
     let found = textures.generated();
     let expected = |x: u32, y: u32| if in_sign(x, y) { sign } else { moved(HALF)(x, y) };
     assert!(off(&found, INNER, expected) <= 2, "the interface stands and leaves no trail");
+
+    // The world alone in another format, whose bytes come in another order.
+    let other = TextureOptions { hudless: Some(SurfaceFormat::B8G8R8A8_UNORM), ..options() };
+    let mut generator = made(&gpu, &library, &other).expect("a generator");
+    let wanted = pictures::flat((SIZE.width, SIZE.height), DXGI_FORMAT_B8G8R8A8_UNORM, D3D12_RESOURCE_FLAG_NONE);
+    let state = D3D12_RESOURCE_STATE_COMMON;
+    let turned = Kept { resource: pictures::made(&gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state };
+    let pictures = Pictures { hudless: Some(turned.resting()), ..of(&textures) };
+    for number in [0, 1] {
+        textures.fill(&turned, |x, y| {
+            let [r, g, b, a] = moved(STEP * number)(x, y);
+            [b, g, r, a]
+        });
+        textures.fill(&textures.color, |x, y| if in_sign(x, y) { sign } else { moved(STEP * number)(x, y) });
+        let shot = Shot { reset: number == 0, ..Shot::of(SIZE) };
+        generator.generate(&pictures, &shot).expect("generated").wait().expect("it has run");
+    }
+    assert!(off(&textures.generated(), INNER, expected) <= 2, "in another format");
+    let refused = Pictures { hudless: Some(hudless.resting()), ..of(&textures) };
+    let refused = generator.generate(&refused, &Shot::of(SIZE)).expect_err("of the format of frames");
+    assert_eq!(refused.offending_field(), Some("hudless"));
 
     // A lens that moves all to the right by 4 pixels of 128.
     let mut generator = made(&gpu, &library, &options()).expect("a generator");
@@ -283,6 +309,9 @@ fn high_dynamic_range_shows() {
     // What the screen cannot show counts as the brightest that it can.
     let dim = between(TransferFunction::PQ, [0.0, 100.0], [26, 191]);
     assert!(dim.abs_diff(112) <= 3, "{dim}");
+    // And what is darker than it can show as the darkest: half of the light of 200 and 983 nits.
+    let pale = between(TransferFunction::PQ, [200.0, 1000.0], [26, 191]);
+    assert!(pale.abs_diff(177) <= 2, "{pale}");
     assert_eq!(stage.judgement(), [""; 0]);
 }
 
@@ -448,6 +477,20 @@ fn frames_are_watched_where_that_is_wanted() {
         assert_eq!(generator.seen(), Some(Seen::Unknown));
         assert_eq!(stage.judgement(), [""; 0]);
     }
+    // A provider that takes a frame for a cut gives it back until the cut is past: that is seen, and passes.
+    let (stage, library) = playing(&["cuts 3"]);
+    let mut generator = made(&gpu, &library, &TextureOptions { watch: true, ..options() }).expect("a generator");
+    let textures = panning(&gpu);
+    for number in 0..8 {
+        textures.fill(&textures.color, moved(STEP * number));
+        generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated").wait().expect("it has run");
+        let is_cut = (2..6).contains(&number);
+        let expected = if is_cut { Seen::PassedThrough } else { Seen::Between };
+        assert_eq!(generator.seen(), (number > 0).then_some(expected), "frame {number}");
+        let place = if is_cut { STEP * number } else { STEP * number - HALF };
+        assert!(number == 0 || off(&textures.generated(), INNER, moved(place)) <= 2, "frame {number}");
+    }
+    assert_eq!(stage.judgement(), [""; 0]);
     // Unwatched, nothing is said.
     let (_, library) = playing(&["plays through"]);
     let mut generator = made(&gpu, &library, &options()).expect("a generator");

@@ -2,28 +2,44 @@
 #![cfg(windows)]
 
 use std::ffi::CStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use cairn::abi::device::CAIRN_DEVICE_D3D12;
 use cairn::abi::requirements::*;
-use cairn::abi::results::CAIRN_OK;
+use cairn::abi::results::{CAIRN_OK, cairn_result};
 use cairn::ffx::Part;
+use cairn::gpu::windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
+use cairn::gpu::windows::core::{PCWSTR, s};
 
 #[path = "ffx/stage.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod stage;
 use stage::{ANALYTIC, Stage};
 
+/// The function of the interface that a report comes of.
+type Report = unsafe extern "C" fn(
+    u32,
+    *const cairn::abi::device::cairn_cpu_options,
+    *mut cairn_requirement,
+    usize,
+    u32,
+    *mut u32,
+) -> cairn_result;
+
 /// All rows, as a host gets them.
 fn rows() -> Vec<cairn_requirement> {
+    rows_of(cairn_device_requirements)
+}
+
+fn rows_of(report: Report) -> Vec<cairn_requirement> {
     // SAFETY: structs of the interface are plain data, for which zero is a value.
     let mut rows: [cairn_requirement; 32] = unsafe { std::mem::zeroed() };
     let stride = size_of::<cairn_requirement>();
     rows.iter_mut().for_each(|row| row.struct_size = stride as u32);
     let mut count = 0;
     // SAFETY: an array of that stride and length, and a place for the count.
-    let result = unsafe {
-        cairn_device_requirements(CAIRN_DEVICE_D3D12, std::ptr::null(), rows.as_mut_ptr(), stride, 32, &mut count)
-    };
+    let result = unsafe { report(CAIRN_DEVICE_D3D12, std::ptr::null(), rows.as_mut_ptr(), stride, 32, &mut count) };
     assert_eq!(result, CAIRN_OK);
     rows[..count as usize].to_vec()
 }
@@ -35,8 +51,12 @@ fn text(characters: &[std::ffi::c_char]) -> String {
 
 #[test]
 fn a_host_learns_which_of_amd_s_libraries_are_there_and_what_they_lack() {
+    stage::alone("a_host_learns_which_of_amd_s_libraries_are_there_and_what_they_lack", report);
+}
+
+fn report() {
     let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ANALYTIC]);
-    // SAFETY: this program has one test, and no other thread reads the environment now.
+    // SAFETY: this process runs one test, and no other thread reads the environment now.
     unsafe { std::env::set_var("CAIRN_FFX_DIR", &stage.0) };
     let rows = rows();
     let of = |what| rows.iter().filter(|row| row.what == what).collect::<Vec<_>>();
@@ -62,4 +82,82 @@ fn a_host_learns_which_of_amd_s_libraries_are_there_and_what_they_lack() {
     let status = |what| rows.iter().find(|row| row.what == what).map(|row| row.status);
     assert_eq!(status(CAIRN_REQUIREMENT_FSR_LIBRARIES), Some(CAIRN_REQUIREMENT_OPTIONAL));
     assert_eq!(status(CAIRN_REQUIREMENT_FSR_PROVIDER), Some(CAIRN_REQUIREMENT_OPTIONAL));
+}
+
+/// The report of a copy of the library itself.
+fn report_of(library: &Path) -> Report {
+    use std::os::windows::ffi::OsStrExt;
+    let path: Vec<u16> = library.as_os_str().encode_wide().chain([0]).collect();
+    // SAFETY: a path that ends with a zero, of the library under test, which stays loaded.
+    let found = unsafe {
+        let module = LoadLibraryW(PCWSTR(path.as_ptr())).expect("the library loads");
+        GetProcAddress(module, s!("cairn_device_requirements")).expect("it is exported")
+    };
+    // SAFETY: the function of that name.
+    unsafe { std::mem::transmute::<unsafe extern "system" fn() -> isize, Report>(found) }
+}
+
+/// Where AMD's library was found, or where it was looked for.
+fn found_by(report: Report) -> String {
+    let rows = rows_of(report);
+    let row = rows.iter().find(|row| row.what == CAIRN_REQUIREMENT_FSR_LIBRARIES).expect("a row");
+    text(&row.found)
+}
+
+/// The folders of the test below, as its program is told them.
+const PLACES: &str = "CAIRN_FFX_TEST_PLACES";
+
+#[test]
+fn libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_beside_the_program() {
+    let test = "libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_beside_the_program";
+    if let Some(places) = std::env::var_os(PLACES) {
+        return look_in(&std::env::split_paths(&places).collect::<Vec<_>>());
+    }
+    // A program with AMD's library beside it, a library of ours with one, a library of ours alone, a folder that is given with one,
+    // and a folder with none.
+    let with = |release| Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", release]);
+    let (program, beside, given) = (with(ANALYTIC), with(ANALYTIC), with(ANALYTIC));
+    let empty = Stage::empty();
+    let own = stage::double().with_file_name("cairn.dll");
+    std::fs::copy(&own, beside.0.join("cairn.dll")).expect("cairn.dll: cargo build --package cairn --lib");
+    let alone = own.parent().expect("a folder").to_owned();
+    let copy = program.0.join("program.exe");
+    std::fs::copy(std::env::current_exe().expect("our own path"), &copy).expect("a copy");
+    let [program, beside, given, empty] = [program, beside, given, empty].map(|stage| stage.0);
+    let places = [program, beside, alone, given, empty];
+    let places = std::env::join_paths(places).expect("paths");
+    let mut command = Command::new(copy);
+    command.args(["--exact", test, "--nocapture"]).env(PLACES, places).env_remove("CAIRN_FFX_DIR");
+    let ended = command.output().expect("a process");
+    let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
+    assert!(ended.status.success() && out.contains("1 passed"), "{}: {out}\n{err}", ended.status);
+}
+
+/// In the program that has one of AMD's libraries beside it.
+fn look_in(places: &[PathBuf]) {
+    let [program, beside, alone, given, empty] = places else { panic!("{places:?}") };
+    let is_in = |found: &str, place: &Path| {
+        let file = place.join(Part::FrameGeneration.file_name());
+        assert!(found.starts_with(&*file.display().to_string()), "{found}, and not {}", file.display());
+    };
+    let [with_one, without] = [beside, alone].map(|place| report_of(&place.join("cairn.dll")));
+    // Nothing is given: beside the library, and then beside the program.
+    is_in(&found_by(with_one), beside);
+    is_in(&found_by(without), program);
+    // What is given counts, and nothing else.
+    // SAFETY: this process runs one test, and no other thread reads the environment now.
+    unsafe { std::env::set_var("CAIRN_FFX_DIR", given) };
+    for report in [with_one, without] {
+        is_in(&found_by(report), given);
+    }
+    // SAFETY: as above.
+    unsafe { std::env::set_var("CAIRN_FFX_DIR", empty) };
+    for report in [with_one, without] {
+        let found = found_by(report);
+        assert!(found.contains("were not found") && found.contains(&*empty.display().to_string()), "{found}");
+    }
+    // A name without a folder is none.
+    // SAFETY: as above.
+    unsafe { std::env::set_var("CAIRN_FFX_DIR", "") };
+    is_in(&found_by(with_one), beside);
 }

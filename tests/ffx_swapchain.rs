@@ -6,10 +6,9 @@ use std::ffi::c_void;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use cairn::ErrorKind;
-use cairn::ffx::bindings::{CreateFlags, Dimensions, ReturnCode, SurfaceFormat};
+use cairn::ffx::bindings::{CreateFlags, Dimensions, Rect, ReturnCode, SurfaceFormat};
 use cairn::ffx::{
     Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Part, Shot, Swapchain, SwapchainOptions,
-    swapchain_memory_needed,
 };
 use cairn::gpu::Gpu;
 use cairn::gpu::compute::Resting;
@@ -22,6 +21,8 @@ use cairn::gpu::windows::core::Interface as _;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "ffx/paced.rs"]
+mod paced;
 #[path = "ffx/pictures.rs"]
 mod pictures;
 #[path = "ffx/stage.rs"]
@@ -105,6 +106,22 @@ impl Drop for Window {
     }
 }
 
+/// What an engine tells of its frames beside depth and motion.
+#[derive(Clone, Copy, Default)]
+struct Besides<'a> {
+    hudless: Option<&'a Kept>,
+    distortion: Option<&'a Kept>,
+    rect: Rect,
+    /// A sign stands before the world.
+    sign: bool,
+}
+
+const SIGN: [u8; 4] = [250, 10, 240, 255];
+
+fn in_sign(x: u32, y: u32) -> bool {
+    (48..80).contains(&x) && (32..64).contains(&y)
+}
+
 /// How a swap chain comes about.
 #[derive(Debug, Clone, Copy)]
 enum How {
@@ -153,6 +170,17 @@ fn options() -> SwapchainOptions {
 }
 
 fn made(how: How, library: &Library, gpu: &Gpu, engine: &Engine, window: &Window) -> cairn::Result<Swapchain> {
+    made_with(&options(), how, library, gpu, engine, window)
+}
+
+fn made_with(
+    options: &SwapchainOptions,
+    how: How,
+    library: &Library,
+    gpu: &Gpu,
+    engine: &Engine,
+    window: &Window,
+) -> cairn::Result<Swapchain> {
     let factory = factory().cast::<IDXGIFactory>().expect("an older one");
     let from = match how {
         How::Wrap => Paced::Wrap(of_engine(engine, window)),
@@ -176,35 +204,48 @@ fn made(how: How, library: &Library, gpu: &Gpu, engine: &Engine, window: &Window
         ),
         How::ForWindow => Paced::ForWindow(&factory, window.0, description(), None),
     };
-    Swapchain::new(gpu, library.api(Effect::FrameGeneration)?, &options(), from)
+    Swapchain::new(gpu, library.api(Effect::FrameGeneration)?, options, from)
 }
 
 impl Show {
     fn new(how: How, library: &Library) -> cairn::Result<Self> {
+        Self::with(&options(), how, library)
+    }
+
+    fn with(options: &SwapchainOptions, how: How, library: &Library) -> cairn::Result<Self> {
         let (engine, window) = (engine::engine(), Window::new());
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, None)?;
-        let swapchain = made(how, library, &gpu, &engine, &window)?;
+        let swapchain = made_with(options, how, library, &gpu, &engine, &window)?;
         Ok(Self { swapchain, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 })
     }
 
     /// The next frame, drawn, told of where it `is_prepared`, and presented.
     fn frame(&mut self, is_prepared: bool) -> cairn::Result<()> {
-        let by = STEP * self.frames;
-        self.textures.fill(&self.textures.color, moved(by));
+        self.frame_with(is_prepared, &Besides::default())
+    }
+
+    /// The same with what is told of it besides; a frame without interface is drawn as well.
+    fn frame_with(&mut self, is_prepared: bool, besides: &Besides<'_>) -> cairn::Result<()> {
+        let world = moved(STEP * self.frames);
         let Self { swapchain, textures, gpu, .. } = self;
+        textures.fill(&textures.color, |x, y| if besides.sign && in_sign(x, y) { SIGN } else { world(x, y) });
+        if let Some(hudless) = besides.hudless {
+            textures.fill(hudless, &world);
+        }
         let depth_and_motion = PacedPictures {
             depth: textures.depth.resting(),
             motion: textures.motion.resting(),
-            hudless: None,
-            distortion: None,
+            hudless: besides.hudless.map(Kept::resting),
+            distortion: besides.distortion.map(Kept::resting),
         };
+        let shot = Shot { rect: besides.rect, ..Shot::of(SIZE) };
         let dxgi = swapchain.dxgi().clone();
         // SAFETY: a live swap chain.
         let buffer: ID3D12Resource = unsafe { dxgi.GetBuffer(dxgi.GetCurrentBackBufferIndex()) }.expect("a buffer");
         let mut prepared = Ok(());
         run(gpu, |list| {
             if is_prepared {
-                prepared = swapchain.prepare(list, &depth_and_motion, &Shot::of(SIZE));
+                prepared = swapchain.prepare(list, &depth_and_motion, &shot);
             }
             let to = Kept { resource: buffer.clone(), state: PRESENT };
             pictures::copy(list, &textures.color, &to);
@@ -509,21 +550,6 @@ fn the_judge_sees_what_ends_in_another_order() {
     drop(show);
     let judgement = stage.judgement();
     assert!(judgement.len() == 1 && judgement[0].contains("is presented again, unprepared"), "{judgement:?}");
-}
-
-#[test]
-fn memory_is_asked_for_beforehand() {
-    let gpu = Gpu::on_adapter(None).expect("a device");
-    for (release, is_known) in [(["sdk 1.1.4", ANALYTIC_20], false), (["sdk 2.0", ANALYTIC_20], true)] {
-        let (stage, library) = playing(&release);
-        let api = library.api(Effect::FrameGeneration).expect("there");
-        let format = SurfaceFormat::R8G8B8A8_UNORM;
-        let plain = swapchain_memory_needed(&gpu, api, SIZE, format, 3, None).expect("an answer");
-        let more = swapchain_memory_needed(&gpu, api, SIZE, format, 3, Some(format)).expect("an answer");
-        assert_eq!([plain.is_some(), more.is_some()], [is_known; 2]);
-        assert!(plain.zip(more).is_none_or(|(plain, more)| plain.total < more.total));
-        assert_eq!(stage.judgement(), [""; 0]);
-    }
 }
 
 #[test]

@@ -216,7 +216,6 @@ fn every_option_changes_the_larger_frame() {
     for (name, flags, told) in [
         ("depth", UpscaleCreateFlags::DEPTH_INVERTED, Told::plain()),
         ("motion shown", UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION, Told { shown_motion: true, ..Told::plain() }),
-        ("motion jitter", UpscaleCreateFlags::MOTION_JITTER, Told::with(|shot| shot.jitter = pair(0.5, 0.25))),
         ("sRGB", UpscaleCreateFlags::NON_LINEAR_COLOR, Told::with(|shot| shot.encoding = UpscaleFlags::COLOR_SRGB)),
         ("PQ", UpscaleCreateFlags::NON_LINEAR_COLOR, Told::with(|shot| shot.encoding = UpscaleFlags::COLOR_PQ)),
     ] {
@@ -226,11 +225,114 @@ fn every_option_changes_the_larger_frame() {
             Told { shot: UpscaleShot { encoding: UpscaleFlags::empty(), ..told.shot }, shown_motion: false, ..told };
         assert!(scene.pair(&mut with, &told) != scene.pair(&mut without, &of), "{name}");
     }
+    // Motion that holds what jitter has changed by, which is all of it.
+    let [before, now] = [pair(2.0, 0.5), pair(-2.0, 0.5)];
+    scene.rendered.fill(&scene.rendered.motion, |_, _| halves(-4.0 + before.x - now.x, 0.0));
+    let [told, untold] = [UpscaleCreateFlags::MOTION_JITTER, UpscaleCreateFlags::empty()].map(|flags| {
+        let mut upscaler = made(&scene.gpu, &library, flags).expect("an upscaler");
+        scene.draw(0.0, before);
+        let first = Told::with(|shot| (shot.jitter, shot.reset) = (before, true));
+        scene.larger(&mut upscaler, &first).expect("upscaled");
+        scene.draw(8.0, now);
+        let larger = scene.larger(&mut upscaler, &Told::with(|shot| shot.jitter = now)).expect("upscaled");
+        off(&larger, moved(8.0))
+    });
+    assert!(told < 1.0 && untold > 5.0, "{told} {untold}");
     // Rendered smaller than it could be.
     let small = Dimensions { width: 32, height: 24 };
     let mut fixed = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
     let refused = scene.larger(&mut fixed, &Told::with(|shot| shot.render_size = small)).expect_err("of one size");
     assert_eq!(refused.offending_field(), Some("render_size"));
+    assert!(scene.gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
+fn what_pictures_do_not_depend_on_reaches_the_provider() {
+    let (stage, library) = playing(&["sdk 2.1", NEWEST]);
+    let scene = Scene::new();
+    let last = |id| stage.told(id).pop().expect("it was told");
+    let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+    scene.draw(0.0, Coordinates::default());
+    let mut told = |told: &Told| {
+        scene.larger(&mut upscaler, told).expect("upscaled");
+        last(0x1_0001)
+    };
+    let plain = told(&Told::plain());
+    let seen = |camera: Camera| Told::with(|shot| shot.camera = camera);
+    let camera = Camera::default();
+    for (of, expected) in [
+        (Told::with(|shot| shot.frame_time = 33.5), ("time", "33.5")),
+        (seen(Camera { near: 0.25, ..camera }), ("near", "0.25")),
+        (seen(Camera { far: 250.0, ..camera }), ("far", "250")),
+        (seen(Camera { fov: 0.75, ..camera }), ("fov", "0.75")),
+        (seen(Camera { metres: 0.5, ..camera }), ("metres", "0.5")),
+    ] {
+        let mut wanted = plain.clone();
+        let before = wanted.insert(expected.0.to_owned(), expected.1.to_owned());
+        assert_eq!(told(&of), wanted, "{expected:?}, and nothing else");
+        assert_ne!(before.as_deref(), Some(expected.1));
+    }
+    drop(upscaler);
+    // How it is made.
+    let small = Dimensions { width: 32, height: 24 };
+    let of_small = Textures::new(&scene.gpu, small);
+    for flag in [
+        UpscaleCreateFlags::HIGH_DYNAMIC_RANGE,
+        UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION,
+        UpscaleCreateFlags::MOTION_JITTER,
+        UpscaleCreateFlags::DEPTH_INVERTED,
+        UpscaleCreateFlags::DEPTH_INFINITE,
+        UpscaleCreateFlags::AUTO_EXPOSURE,
+        UpscaleCreateFlags::DYNAMIC_RESOLUTION,
+        UpscaleCreateFlags::DEBUG_CHECKING,
+        UpscaleCreateFlags::NON_LINEAR_COLOR,
+    ] {
+        let mut upscaler = made(&scene.gpu, &library, flag).expect("an upscaler");
+        let made_with = last(0x1_0000);
+        let expected = [flag.bits().to_string(), "64,48".to_owned(), "128,96".to_owned()];
+        assert_eq!(["flags", "render", "shown"].map(|field| made_with[field].clone()), expected);
+        // What it changes of what may be told of a frame.
+        let (field, otherwise) = match flag {
+            UpscaleCreateFlags::DEPTH_INFINITE => {
+                ("camera.far", seen(Camera { far: f32::INFINITY, ..Camera::default() }))
+            }
+            UpscaleCreateFlags::AUTO_EXPOSURE => ("exposure", Told { exposure: true, ..Told::plain() }),
+            _ => continue,
+        };
+        let mut other = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
+        let mut answers = [scene.larger(&mut upscaler, &otherwise), scene.larger(&mut other, &otherwise)];
+        if flag == UpscaleCreateFlags::AUTO_EXPOSURE {
+            answers.reverse();
+        }
+        let [taken, refused] = answers;
+        assert!(taken.is_ok(), "{flag:?}");
+        assert_eq!(refused.expect_err("refused").offending_field(), Some(field), "{flag:?}");
+    }
+    // Rendered smaller than it could be.
+    let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::DYNAMIC_RESOLUTION).expect("an upscaler");
+    of_small.fill(&of_small.color, |x, y| world(x as f32 * 4.0 + 1.5, y as f32 * 4.0 + 1.5));
+    of_small.fill(&of_small.depth, |_, _| 0.5_f32.to_le_bytes());
+    run(&scene.gpu, |list| {
+        let resource = |kept: &Kept| Resource::of(&kept.resource, ResourceState::UNORDERED_ACCESS);
+        let frame = UpscaleFrame {
+            command_list: list.as_raw(),
+            color: resource(&of_small.color),
+            depth: resource(&of_small.depth),
+            motion: resource(&of_small.motion),
+            exposure: Resource::default(),
+            reactive: Resource::default(),
+            transparency: Resource::default(),
+            output: resource(&scene.shown.output),
+            shot: UpscaleShot::of(small, SHOWN),
+        };
+        // SAFETY: an open list of the upscaler's device, and textures that live until it has run.
+        unsafe { upscaler.record(&frame) }.expect("recorded");
+    });
+    let error = off(&scene.shown.generated(), moved(0.0));
+    assert!(error < 3.0, "{error}");
+    assert_eq!(last(0x1_0001)["render_size"], "32,24");
+    drop(upscaler);
     assert!(scene.gpu.removed().is_none());
     assert_eq!(stage.judgement(), [""; 0]);
 }

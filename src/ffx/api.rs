@@ -9,6 +9,7 @@ use super::Header;
 use super::bindings::{
     Configure, CreateContext, DestroyContext, Dispatch, EffectId, Query, RawContext, ReturnCode, StructId,
 };
+use super::suspect::Suspect;
 use super::{Chain, Described, message};
 use crate::{Error, ErrorKind, Result};
 
@@ -66,7 +67,8 @@ impl Api {
         done("ffxCreateContext", code, chain)?;
         if context.is_null() {
             let says = "it says that it succeeded, and gave no context".to_owned();
-            return Err(Failure { call: "ffxCreateContext", code: ReturnCode::OK, passed: format!("{chain:?}"), says });
+            let (call, code) = ("ffxCreateContext", ReturnCode::OK);
+            return Err(Failure { call, code, passed: format!("{chain:?}"), says, suspect: Suspect::of(chain, code) });
         }
         Ok(context)
     }
@@ -78,7 +80,7 @@ impl Api {
     pub(super) unsafe fn destroy(&self, mut context: RawContext) -> Result<(), Failure> {
         // SAFETY: as the caller promises.
         let code = asked(|| unsafe { (self.destroy)(&mut context, null()) });
-        answered("ffxDestroyContext", code, String::new)
+        answered("ffxDestroyContext", code, || (String::new(), Suspect::OF_END))
     }
 
     /// `ffxConfigure`.
@@ -151,11 +153,15 @@ fn asked(call: impl FnOnce() -> ReturnCode) -> ReturnCode {
 }
 
 fn done<Head: Described>(call: &'static str, code: ReturnCode, chain: &Chain<Head>) -> Result<(), Failure> {
-    answered(call, code, || format!("{chain:?}"))
+    answered(call, code, || (format!("{chain:?}"), Suspect::of(chain, code)))
 }
 
-fn answered(call: &'static str, code: ReturnCode, passed: impl FnOnce() -> String) -> Result<(), Failure> {
-    if code == ReturnCode::OK { Ok(()) } else { Err(Failure { call, code, passed: passed(), says: message::last() }) }
+fn answered(call: &'static str, code: ReturnCode, told: impl FnOnce() -> (String, Suspect)) -> Result<(), Failure> {
+    if code == ReturnCode::OK {
+        return Ok(());
+    }
+    let (passed, suspect) = told();
+    Err(Failure { call, code, passed, says: message::last(), suspect })
 }
 
 /// A call that did not succeed.
@@ -167,6 +173,8 @@ pub(super) struct Failure {
     pub(super) passed: String,
     /// What the library said meanwhile; may be nothing.
     pub(super) says: String,
+    /// What most likely made it fail.
+    suspect: Suspect,
 }
 
 impl Failure {
@@ -175,30 +183,24 @@ impl Failure {
         matches!(self.code, ReturnCode::UNKNOWN_STRUCT | ReturnCode::STRUCT_TOO_NEW)
     }
 
-    /// The failure as an error. `suspect` is the field that most likely was its cause, with what may be wrong with it.
-    pub(super) fn error(&self, suspect: Option<(&str, &str)>) -> Error {
+    /// The failure as an error, of the field that most likely was its cause.
+    pub(super) fn error(&self) -> Error {
         let (kind, meaning, remedy) = meaning(self.code);
-        let mut cause = format!("{} answered {} ({:?}): {meaning}", self.call, self.code.0, self.code);
-        if let Some((_, why)) = suspect {
-            cause = format!("{cause}; {why}");
-        }
+        let Suspect { field, why } = &self.suspect;
+        let mut cause = format!("{} answered {} ({:?}): {meaning}; {field}: {why}", self.call, self.code.0, self.code);
         if !self.says.is_empty() {
             cause = format!("{cause}; the library says: {}", self.says);
         }
         if !self.passed.is_empty() {
             cause = format!("{cause}; it was given {}", self.passed);
         }
-        let error = Error::new(kind, cause).remedy(remedy);
-        match suspect {
-            Some((field, _)) => error.field(field),
-            None => error,
-        }
+        Error::new(kind, cause).field(*field).remedy(remedy)
     }
 }
 
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.error(None).fmt(f)
+        self.error().fmt(f)
     }
 }
 

@@ -128,6 +128,11 @@ impl<Head: Described> Chain<Head> {
         self.links[0].place.as_ptr().cast()
     }
 
+    /// What its links are, in their order.
+    pub(super) fn ids(&self) -> impl Iterator<Item = StructId> {
+        self.links.iter().map(|link| link.id)
+    }
+
     fn push<T: Described>(&mut self, link: T) {
         let link: Box<dyn fmt::Debug> = Box::new(link);
         self.links.push(Link { id: T::ID, place: NonNull::from(Box::leak(link)) });

@@ -6,7 +6,7 @@ use std::ptr::null_mut;
 use super::api::Failure;
 use super::bindings::{
     ConfigureGlobalDebug, ConfigureGlobalDebug1, CreateBackendDx12, Creates, OverrideVersion, QueryProviderVersion,
-    RawContext, ReturnCode,
+    RawContext,
 };
 use super::provider::{Choice, Dialect, Version, called, choose, listed, unavailable, versions_of};
 use super::{Api, Chain, Described, Effect, Extends, message};
@@ -89,7 +89,7 @@ impl<Head: Creates> Context<Head> {
             // SAFETY: as above.
             made = unsafe { api.create(&mut links) };
         }
-        let raw = made.map_err(|failure| failure.error(suspect(failure.code)))?;
+        let raw = made.map_err(|failure| failure.error())?;
         let provider = Provider { version: expected, verified: false, dialect, offered: Vec::new() };
         let mut context = Self { api: *api, raw, chain: links, provider };
         listen(api, raw, effect);
@@ -171,7 +171,7 @@ impl<Head: Creates> Context<Head> {
     /// What the chain points to is what its fields say.
     pub unsafe fn configure<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
-        unsafe { self.api.configure(self.raw, chain) }.map_err(|failure| failure.error(None))
+        unsafe { self.api.configure(self.raw, chain) }.map_err(|failure| failure.error())
     }
 
     /// Asks; answers are written where the chain's fields point to, or into them.
@@ -183,7 +183,7 @@ impl<Head: Creates> Context<Head> {
     /// As of [`Self::configure`].
     pub unsafe fn query<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
-        unsafe { self.api.query(self.raw, chain) }.map_err(|failure| failure.error(None))
+        unsafe { self.api.query(self.raw, chain) }.map_err(|failure| failure.error())
     }
 
     /// As [`Self::query`], with what went wrong as it was answered.
@@ -204,7 +204,7 @@ impl<Head: Creates> Context<Head> {
     /// As of [`Self::configure`]; the list is open, and it, its resources and this context live until it has run.
     pub unsafe fn dispatch<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
-        unsafe { self.api.dispatch(self.raw, chain) }.map_err(|failure| failure.error(None))
+        unsafe { self.api.dispatch(self.raw, chain) }.map_err(|failure| failure.error())
     }
 }
 
@@ -239,18 +239,6 @@ fn listen(api: &Api, context: RawContext, effect: Effect) {
     // SAFETY: as above.
     if let Err(failure) = unsafe { api.configure(context, &mut all) } {
         log::debug!(target: "cairn::ffx", "a library keeps its messages: {failure}");
-    }
-}
-
-/// The field that most likely made a context fail, with what may be wrong with it.
-fn suspect(code: ReturnCode) -> Option<(&'static str, &'static str)> {
-    match code {
-        ReturnCode::NO_PROVIDER => Some(("version_id", "it was offered before, and now there is no such provider")),
-        ReturnCode::RUNTIME_ERROR => {
-            Some(("device", "the device may lack a feature that the provider's shaders use, or memory"))
-        }
-        ReturnCode::PARAMETER => Some(("flags", "flags, sizes and formats may not fit together")),
-        _ => None,
     }
 }
 

@@ -31,6 +31,8 @@ pub struct FourfoldGenerator {
     gpu: Gpu,
     api: Api,
     halfway: Kernel,
+    /// Of the frame before.
+    jitter: Coordinates,
     /// Motion and depth half way, of the size rendered at.
     between: Option<(Dimensions, [ID3D12Resource; 2])>,
     options: TextureOptions,
@@ -72,6 +74,7 @@ impl FourfoldGenerator {
                 include_bytes!("../gpu/shaders/fsr_halfway.dxbc"),
                 Shape { constants: 5, inputs: 2, outputs: 2 },
             )?,
+            jitter: Coordinates::default(),
             between: None,
             options: second,
         })
@@ -153,9 +156,12 @@ impl FourfoldGenerator {
         let Coordinates { x, y } = shot.motion_scale;
         let halved =
             Shot { motion_scale: Coordinates { x: x / 2.0, y: y / 2.0 }, frame_time: shot.frame_time / 2.0, ..*shot };
+        // Motion to the half holds half of what jitter has changed by: as if the half were seen with the mean of both.
+        let before = std::mem::replace(&mut self.jitter, shot.jitter);
+        let mean = Coordinates { x: (before.x + shot.jitter.x) / 2.0, y: (before.y + shot.jitter.y) / 2.0 };
         let [first, last] = quarters;
         let to_half = Pictures { color: pictures.output, output: first, motion, depth, hudless: bare, ..*pictures };
-        self.quarters.generate(&to_half, &halved)?;
+        self.quarters.generate(&to_half, &Shot { jitter: mean, ..halved })?;
         self.quarters.generate(&Pictures { output: last, ..*pictures }, &halved)
     }
 

@@ -106,6 +106,6 @@ pub(super) fn known(answer: Result<(), super::api::Failure>) -> Result<bool> {
     match answer {
         Ok(()) => Ok(true),
         Err(failure) if failure.is_unknown_struct() || failure.code == ReturnCode::PARAMETER => Ok(false),
-        Err(failure) => Err(failure.error(None)),
+        Err(failure) => Err(failure.error()),
     }
 }

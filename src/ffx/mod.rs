@@ -26,6 +26,7 @@ mod requirements;
 mod resource;
 #[cfg(windows)]
 mod self_test;
+mod suspect;
 #[cfg(windows)]
 mod swapchain;
 #[cfg(windows)]

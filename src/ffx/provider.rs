@@ -145,7 +145,7 @@ pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_voi
             ..Default::default()
         });
         // SAFETY: no context; both lists have the room that is named, and the device is what the caller promises.
-        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error(None))?;
+        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         let count = usize::try_from(count).unwrap_or(room);
         // All of the room filled may mean that there are more.
         if count < room || room == MOST {

@@ -363,7 +363,7 @@ impl Swapchain {
         let pacer = &self.pacer;
         // SAFETY: our own context; the struct is alone.
         unsafe { pacer.api().dispatch(pacer.raw(), &mut Chain::new(DispatchWait::default())) }
-            .map_err(|failure| failure.error(None))
+            .map_err(|failure| failure.error())
     }
 
     /// Says what is laid over frames from the next `Present` on; None for nothing. Waits for frames that show the one before.
@@ -390,7 +390,7 @@ impl Swapchain {
         }
         let pacer = &self.pacer;
         // SAFETY: our own context; the picture is held until another is told.
-        unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(told)) }.map_err(|failure| failure.error(None))?;
+        unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(told)) }.map_err(|failure| failure.error())?;
         self.interface = next;
         Ok(())
     }
@@ -419,7 +419,7 @@ impl Swapchain {
         let mut told = Chain::new(ConfigureSwapchainKeyValue { key, pointer, ..Default::default() });
         let pacer = &self.pacer;
         // SAFETY: our own context, and a struct that is read during the call.
-        unsafe { pacer.api().configure(pacer.raw(), &mut told) }.map_err(|failure| failure.error(None))
+        unsafe { pacer.api().configure(pacer.raw(), &mut told) }.map_err(|failure| failure.error())
     }
 
     /// Makes it ready for the size and format that its buffers have now: after `ResizeBuffers`, before the next frame. Where it fails

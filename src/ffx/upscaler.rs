@@ -170,7 +170,7 @@ impl Upscaler {
             ..Default::default()
         });
         // SAFETY: no context, and places for the answers that live during the call.
-        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error(None))?;
+        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         let answer = Dimensions { width, height };
         match answer.fault() {
             Some(why) => Err(Error::new(ErrorKind::Device, format!("a render size of {width} x {height}: {why}"))),
@@ -196,7 +196,7 @@ impl Upscaler {
             ..Default::default()
         });
         // SAFETY: no context, and a place for the answer that lives during the call.
-        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error(None))?;
+        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         u32::try_from(count)
             .ok()
             .filter(|count| *count > 0)
@@ -221,7 +221,7 @@ impl Upscaler {
             ..Default::default()
         });
         // SAFETY: no context, and places for the answers that live during the call.
-        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error(None))?;
+        unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         let answer = Coordinates { x, y };
         if !(x.abs() <= 1.0 && y.abs() <= 1.0) {
             return Err(Error::new(ErrorKind::Device, format!("a jitter of {answer:?} is none")));
@@ -447,3 +447,6 @@ fn fault(frame: &UpscaleFrame, made: &CreateUpscale) -> Option<(&'static str, &'
     }
     shot.camera.fault(has(UpscaleCreateFlags::DEPTH_INFINITE))
 }
+
+#[cfg(test)]
+mod tests;

@@ -117,6 +117,40 @@ fn an_interface_stands_in_all_three_and_a_lens_counts_in_each() {
 }
 
 #[test]
+fn bars_and_jitter_count_in_all_three() {
+    let (stage, library) = playing(&[]);
+    let gpu = gpu();
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let textures = panning(&gpu);
+    let [first, last] = [(); 2].map(|()| Textures::new(&gpu, SIZE).output);
+    let quarters = [first.resting(), last.resting()];
+    let mut options = options();
+    options.head.flags = CreateFlags::MOTION_JITTER;
+    let mut generator = FourfoldGenerator::new(&gpu, api, &options).expect("two generators");
+    let rect = Rect { left: 0, top: 16, width: SIZE.width.cast_signed(), height: 64 };
+    // Motion holds what jitter has changed by since the frame before, of which each half of the way has its half.
+    let jitters = [1.5, -2.5, 3.5];
+    for (number, x) in (0..).zip(jitters) {
+        let before = jitters[usize::try_from(number).expect("few").saturating_sub(1)];
+        textures.fill(&textures.motion, |_, _| halves(-STEP as f32 + before - x, 0.0));
+        textures.fill(&textures.color, moved(STEP * number));
+        let shot = Shot { rect, jitter: Coordinates { x, y: 0.0 }, reset: number == 0, ..Shot::of(SIZE) };
+        generator.generate(&of(&textures), quarters, &shot).expect("generated").wait().expect("it has run");
+        for (found, part) in [(&first, STEP / 4), (&textures.output, HALF), (&last, STEP - STEP / 4)] {
+            let found = textures.pixels(found);
+            for bar in [[0, 0, SIZE.width, 16], [0, 80, SIZE.width, SIZE.height]] {
+                assert_eq!(off(&found, bar, moved(STEP * number)), 0, "frame {number}: the frame's own");
+            }
+            let at = if number == 0 { 0 } else { STEP * (number - 1) + part };
+            let error = off(&found, [32, 16, 96, 80], moved(at));
+            assert!(error <= 3, "frame {number}, {part} of {STEP}: {error}");
+        }
+    }
+    assert!(gpu.removed().is_none());
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+#[test]
 fn what_does_not_fit_is_refused_and_a_failure_starts_anew() {
     let (stage, library) = playing(&[]);
     let gpu = gpu();

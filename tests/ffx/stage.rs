@@ -1,5 +1,6 @@
 //! Folders with copies of the library that plays AMD's, and what its judge found.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -49,6 +50,27 @@ impl Stage {
     /// What was wrong with it.
     pub(crate) fn judgement(&self) -> Vec<String> {
         self.lines("judgement.txt")
+    }
+
+    /// The numbers that it was told in structs with that id, field by field, a map for each.
+    pub(crate) fn told(&self, id: u64) -> Vec<BTreeMap<String, String>> {
+        let id = format!("{id:x}");
+        let fields = |line: &str| {
+            let pairs = line.split(' ').filter_map(|word| word.split_once('='));
+            pairs.map(|(field, value)| (field.to_owned(), value.to_owned())).collect()
+        };
+        let lines = self.lines("told.txt");
+        lines.iter().filter(|line| line.split(' ').next() == Some(&*id)).map(|line| fields(line)).collect()
+    }
+
+    /// From now on calls whose first struct has that id are answered `code`; of a library that plays `refusing`.
+    pub(crate) fn refuse(&self, id: u64, code: u32) {
+        std::fs::write(self.0.join("refuses.txt"), format!("{id:x} {code} so there")).expect("what is refused");
+    }
+
+    /// All calls are answered as they should be again.
+    pub(crate) fn answer(&self) {
+        std::fs::remove_file(self.0.join("refuses.txt")).expect("it was refused");
     }
 
     fn lines(&self, file: &str) -> Vec<String> {

@@ -43,6 +43,9 @@ impl Creates for CreateUpscale {
 
     fn fault(chain: &Chain<Self>) -> Option<(&'static str, &'static str)> {
         let head = chain.head();
+        if head.flags.contains(UpscaleCreateFlags::DEBUG_VISUALIZATION) {
+            return Some(("flags", "frames cannot be asked for as the upscaler's own fields"));
+        }
         let render = head.max_render_size.fault().map(|why| ("max_render_size", why));
         render.or_else(|| head.max_upscale_size.fault().map(|why| ("max_upscale_size", why)))
     }

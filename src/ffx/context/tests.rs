@@ -112,27 +112,54 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
             says: "so there",
             ..Play::default()
         };
-        let says = |error: Error, call: &str, word: &str| {
+        let says = |error: Error, call: &str, word: &str, suspects: [&str; 6]| {
             assert_eq!(error.kind(), kind, "{error}");
+            let of_code = match code {
+                2 | 7 => 0,
+                4 => 1,
+                5 => 2,
+                6 => 3,
+                1 | 3 => 4,
+                _ => 5,
+            };
+            assert_eq!(error.offending_field(), Some(suspects[of_code]), "{error}");
             for part in [call, word, &format!("answered {code} "), "so there"] {
                 assert!(error.cause().contains(part), "{part}: {error}");
             }
             assert!(error.remedy_text().is_some(), "{error}");
         };
         let error = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION))).expect_err("refused");
-        says(error, "ffxCreateContext", "R8G8B8A8_UNORM");
+        // Of a struct that is not known, without a provider, without memory, of a value, of a failure, and of what nobody knows.
+        let of_device = ["provider", "device", "display_size", "flags", "device", "device"];
+        says(error, "ffxCreateContext", "R8G8B8A8_UNORM", of_device);
         let mut context = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION_PREPARE))).expect("a context");
+        let list = "command_list";
         let mut prepare = Chain::new(DispatchPrepare { frame_id: 4711, ..Default::default() });
         // SAFETY: the library played here reads ids only.
-        says(unsafe { context.dispatch(&mut prepare) }.expect_err("refused"), "ffxDispatch", "frame_id: 4711");
+        says(
+            unsafe { context.dispatch(&mut prepare) }.expect_err("refused"),
+            "ffxDispatch",
+            "frame_id: 4711",
+            ["provider", "provider", "device", "depth", list, list],
+        );
         PLAY.with_borrow_mut(|play| play.refuses = refuse(StructId::FRAME_GENERATION_CONFIGURE));
         let mut settings = Chain::new(ConfigureFrameGeneration { frame_id: 4711, ..Default::default() });
         // SAFETY: as above.
-        says(unsafe { context.configure(&mut settings) }.expect_err("refused"), "ffxConfigure", "frame_id: 4711");
+        says(
+            unsafe { context.configure(&mut settings) }.expect_err("refused"),
+            "ffxConfigure",
+            "frame_id: 4711",
+            ["provider", "provider", "device", "flags", "device", "device"],
+        );
         PLAY.with_borrow_mut(|play| play.refuses = refuse(StructId::FRAME_GENERATION_MEMORY));
         let mut memory = Chain::new(QueryFrameGenerationMemory::default());
         // SAFETY: as above.
-        says(unsafe { context.query(&mut memory) }.expect_err("refused"), "ffxQuery", "FRAME_GENERATION_MEMORY");
+        says(
+            unsafe { context.query(&mut memory) }.expect_err("refused"),
+            "ffxQuery",
+            "FRAME_GENERATION_MEMORY",
+            ["provider", "provider", "device", "provider", "device", "device"],
+        );
         // Of a context that is destroyed the log tells; there is nobody to return it to.
         PLAY.with_borrow_mut(|play| play.refuses.clear());
     }

@@ -125,12 +125,29 @@ fn every_code_at_every_call_of_a_frame_is_an_error_that_names_the_call_and_the_n
                 PLAY.with_borrow_mut(|play| play.refuses = vec![(id, ReturnCode(code))]);
                 let failed = record(&mut generator, &frame()).expect_err("it fails");
                 assert!(failed.cause().starts_with(&format!("{call} answered {code} ")), "{failed}");
-                assert!(failed.cause().contains("frame_id"), "{failed}");
+                assert!(failed.cause().contains("frame_id") && failed.offending_field().is_some(), "{failed}");
                 PLAY.with_borrow_mut(|play| play.refuses.clear());
                 record(&mut generator, &frame()).expect("recorded");
                 assert!(asked(&generator).1, "{call} {code}");
             }
         }
+    }
+}
+
+/// What was told of a frame decides what is suspected.
+#[test]
+fn what_settings_name_is_suspected_first() {
+    for (told, suspect) in [
+        (frame(), "flags"),
+        (Frame { distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT), ..frame() }, "distortion"),
+        (Frame { hudless: picture(0x500, SurfaceFormat::R8G8B8A8_UNORM), ..frame() }, "hudless"),
+    ] {
+        let mut generator = generator(ML);
+        PLAY.with_borrow_mut(|play| {
+            play.refuses = vec![(StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::PARAMETER)];
+        });
+        let failed = record(&mut generator, &told).expect_err("it fails");
+        assert_eq!(failed.offending_field(), Some(suspect), "{failed}");
     }
 }
 

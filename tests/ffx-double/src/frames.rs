@@ -31,6 +31,7 @@ const ASYNC: u32 = 1;
 const DISPLAY_RESOLUTION_MOTION: u32 = 2;
 const MOTION_JITTER: u32 = 4;
 const DEPTH_INVERTED: u32 = 8;
+const DEPTH_INFINITE: u32 = 16;
 const HIGH_DYNAMIC_RANGE: u32 = 32;
 
 /// Formats of ffx-api, with DXGI's: those that hosts use most.
@@ -67,6 +68,8 @@ pub(crate) struct Frames {
     presented_by: Option<Arc<Stage>>,
     /// What was told of motion and depth.
     seen: Option<Seen>,
+    /// The jitter of the frame before.
+    jitter_before: [f32; 2],
     /// What was called of the present frame, with its id.
     settings: Option<u64>,
     prepared: Option<u64>,
@@ -106,6 +109,7 @@ impl Frames {
             is_async: false,
             presented_by: None,
             seen: None,
+            jitter_before: [0.0; 2],
             settings: None,
             prepared: None,
             last: None,
@@ -273,8 +277,11 @@ impl Frames {
         // SAFETY: as above.
         let numbers = unsafe { [48, 52, 56, 60, 64, 72, 76, 80, 84].map(|at| get::<f32>(head, at)) };
         let [.., time, near, far, fov, metres] = numbers;
-        let above_0 = [time, near, far, fov, metres].into_iter().all(|number| number > 0.0);
-        if !numbers.iter().all(|number| number.is_finite()) || !above_0 || near == far || fov >= std::f32::consts::PI {
+        // Where depth is infinite nobody looks at the far plane.
+        let far = if self.made.flags & DEPTH_INFINITE != 0 { near + 1.0 } else { far };
+        let above_0 = [time, near, far, fov, metres].into_iter().all(|number| number > 0.0 && number.is_finite());
+        let is_finite = numbers[..4].iter().all(|number| number.is_finite());
+        if !is_finite || !above_0 || near == far || fov >= std::f32::consts::PI {
             fault(format!("jitter, scale, time and camera {numbers:?}"));
         }
         let of_motion = if self.made.flags & DISPLAY_RESOLUTION_MOTION != 0 { self.made.shown } else { size };
@@ -313,6 +320,7 @@ impl Frames {
         if let [Some(depth), Some(motion)] = pictures {
             let [a, b, c, d, ..] = numbers;
             let reset = is_v2.then_some(reset);
+            self.jitter_before = self.seen.map_or([0.0; 2], |seen| seen.jitter);
             self.seen = Some(Seen { motion, depth, size, jitter: [a, b], scale: [c, d], reset });
         }
         self.prepared = Some(id);
@@ -373,7 +381,10 @@ impl Frames {
         let [columns, rows] = self.made.shown.map(u32::cast_signed);
         let (right, bottom) = (left.saturating_add(width), top.saturating_add(height));
         let part = if width == 0 { [0, 0, columns, rows] } else { [left, top, right, bottom] };
-        let jitter = if self.made.flags & MOTION_JITTER != 0 { seen.jitter } else { [0.0; 2] };
+        // What motion holds of jitter is what it was less what it is, as AMD's take it out.
+        let [before, now] = [self.jitter_before, seen.jitter];
+        let has_jitter = self.made.flags & MOTION_JITTER != 0;
+        let jitter = if has_jitter { [before[0] - now[0], before[1] - now[1]] } else { [0.0; 2] };
         let flags: u32 = [
             (reset != 0, work::RESET),
             (self.hudless.is_some(), work::HUDLESS),

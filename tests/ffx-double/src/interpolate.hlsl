@@ -10,7 +10,7 @@ cbuffer Constants : register(b0)
     uint2 MotionSize;
     float2 Scale;       // from motion to render pixels
     int4 Part;          // left, top, right, bottom of what is generated; the rest is copied
-    float2 Jitter;      // what motion holds of the camera's, render pixels
+    float2 Jitter;      // what motion holds of the cameras', render pixels
     float2 Luminance;   // nits
     uint Transfer;      // 0: sRGB, 1: PQ, 2: scRGB
     uint Flags;

@@ -12,9 +12,11 @@ use windows::core::{IUnknown, Interface, PCSTR, s};
 use crate::frames::{CONFIGURE, Frames, Made, PICTURE, PREPARE, PREPARE_V2};
 use crate::memory::{get, links};
 use crate::role::{Role, Sdk};
+use crate::settings;
 use crate::swapchain::{self, Presenting};
+use crate::told;
 use crate::upscale::{Larger, MASK, UPSCALE};
-use crate::work::{CONSTANTS, Work};
+use crate::work::{CONSTANTS, RESET, Work};
 use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, UNKNOWN_STRUCT};
 
 /// Ids of structs, with their effects above.
@@ -58,6 +60,8 @@ pub(crate) struct Judge {
     pub(crate) role: Role,
     /// Live contexts, by their addresses, with the provider of each.
     pub(crate) contexts: HashMap<usize, (u64, CString)>,
+    /// The chain that each was made with, which is to stay as long: the place of each link, and how it starts.
+    chains: HashMap<usize, Vec<(usize, [u64; 2])>>,
     /// Of these, where they are, and what they have on the device.
     pub(crate) frames: HashMap<usize, Worker>,
     /// Those that present.
@@ -128,6 +132,22 @@ impl Judge {
         act(&mut judge)
     }
 
+    /// What a call with these structs is answered at once, where that is what is played.
+    pub(crate) fn refusal(&self, call: &str, chain: &[(u64, *const u8)]) -> Option<u32> {
+        if !self.role.is_refusing {
+            return None;
+        }
+        let text = std::fs::read_to_string(self.role.folder.join("refuses.txt")).ok()?;
+        let mut words = text.trim().splitn(3, ' ');
+        let id = u64::from_str_radix(words.next()?, 16).ok()?;
+        let code = words.next()?.parse().ok()?;
+        if chain.first().is_none_or(|(first, _)| *first != id) {
+            return None;
+        }
+        self.say(words.next().unwrap_or_default());
+        Some(self.note(call, chain, code))
+    }
+
     /// Sends a message to who listens.
     fn say(&self, text: &str) {
         let units: Vec<u16> = text.encode_utf16().chain([0]).collect();
@@ -152,6 +172,14 @@ impl Judge {
         }
         let ids: Vec<_> = links.iter().map(|(id, _)| format!("{id:x}")).collect();
         self.append("calls.txt", &format!("{call} {} {code}", ids.join(",")));
+        if code == OK && !self.role.is_loader {
+            for (id, at) in links {
+                // SAFETY: a link of the call that is being answered, of the kind that its id says.
+                if let Some(line) = unsafe { told::line(*id, *at) } {
+                    self.append("told.txt", &line);
+                }
+            }
+        }
         code
     }
 
@@ -177,6 +205,9 @@ impl Judge {
             Ok(_) => return self.fault("create", "a pointer is null", PARAMETER),
             Err(why) => return self.fault("create", why, PARAMETER),
         };
+        if let Some(code) = self.refusal("create", &chain) {
+            return code;
+        }
         let first = chain[0].0;
         if self.role.is_loader {
             let Some(behind) = self.behind(first & EFFECT) else { return self.note("create", &chain, NO_PROVIDER) };
@@ -193,7 +224,23 @@ impl Judge {
         }
         // SAFETY: the chain's links, of the kinds their ids say.
         let code = unsafe { self.judge_create(context, &chain) };
+        if code == OK {
+            // SAFETY: the caller's links; a header is two numbers long.
+            let links = chain.iter().map(|(_, at)| (*at as usize, [0, 8].map(|of| unsafe { get::<u64>(*at, of) })));
+            // SAFETY: written by the call.
+            self.chains.insert(unsafe { *context } as usize, links.collect());
+        }
         self.note("create", &chain, code)
+    }
+
+    /// Whether what a context was made with is still where it was. What is gone may read as anything.
+    fn has_chain(&self, context: usize) -> bool {
+        self.chains.get(&context).is_none_or(|links| {
+            // SAFETY: a chain stays as long as its context: who breaks that is found out here, one way or the other.
+            let stays =
+                |(at, head): &(usize, [u64; 2])| [0, 8].map(|of| unsafe { get::<u64>(*at as *const u8, of) }) == *head;
+            links.iter().all(stays)
+        })
     }
 
     unsafe fn judge_create(&mut self, place: *mut *mut c_void, chain: &[(u64, *const u8)]) -> u32 {
@@ -293,7 +340,7 @@ impl Judge {
                         Made { flags, shown: one, render: other, format, hudless: hudless.unwrap_or(format) };
                     Does::Generates(Frames::new(made_for))
                 }
-                None => Does::Enlarges(Larger { flags, render: one, shown: other, follows: false }),
+                None => Does::Enlarges(Larger { flags, render: one, shown: other, follows: false, jitter: [0.0; 2] }),
             };
             self.frames.insert(made as usize, Worker { does, device, work: None, mask: None });
         }
@@ -315,6 +362,10 @@ impl Judge {
             let code = unsafe { (behind.destroy)(context, callbacks) };
             return self.note("destroy", &[], code);
         }
+        if !self.has_chain(known) {
+            self.fault("destroy", "the chain that the context was made with is gone", OK);
+        }
+        self.chains.remove(&known);
         if let Some(Worker { does: Does::Generates(frames), .. }) = self.frames.get(&known)
             && let Some(why) = frames.presented_by().and_then(|stage| stage.let_go(known))
         {
@@ -347,6 +398,9 @@ impl Judge {
             Ok(_) => return self.fault("configure", "a pointer is null", PARAMETER),
             Err(why) => return self.fault("configure", why, PARAMETER),
         };
+        if let Some(code) = self.refusal("configure", &chain) {
+            return code;
+        }
         // SAFETY: the caller's place.
         let known = (!context.is_null()).then(|| unsafe { *context } as usize);
         if let Some(effect) = known.and_then(|known| self.owners.get(&known).copied()) {
@@ -380,7 +434,7 @@ impl Judge {
             CONFIGURE => known.map_or(PARAMETER, |known| unsafe { self.frame("configure", known, &chain) }),
             id::INTERFACE | id::SWAPCHAIN_KEY => match known.and_then(|known| self.swapchains.get(&known)) {
                 // SAFETY: as above.
-                Some(presenting) => match unsafe { configure_swapchain(presenting, &chain, self.role.sdk) } {
+                Some(presenting) => match unsafe { settings::configure(presenting, &chain, self.role.sdk) } {
                     Ok(()) => OK,
                     Err(why) => self.fault("configure", &why, PARAMETER),
                 },
@@ -393,6 +447,9 @@ impl Judge {
 
     /// One call of a frame.
     unsafe fn frame(&mut self, call: &str, context: usize, chain: &[(u64, *const u8)]) -> u32 {
+        if !self.has_chain(context) {
+            return self.fault(call, "the chain that the context was made with is gone", PARAMETER);
+        }
         let Some(mut worker) = self.frames.remove(&context) else { return UNKNOWN_STRUCT };
         // SAFETY: as the caller promises.
         let code = unsafe { self.frame_of(call, context, &mut worker, chain) };
@@ -434,6 +491,10 @@ impl Judge {
                 if self.role.only.is_none() || self.role.only.as_ref() == runs {
                     asked.constants[CONSTANTS - 2] |= self.role.plays;
                 }
+                let number = self.pictures + 1;
+                if self.role.cuts.is_some_and(|cut| (cut..cut + 4).contains(&number)) {
+                    asked.constants[CONSTANTS - 2] |= RESET;
+                }
                 asked.constants[CONSTANTS - 1] = self.role.slow;
                 &include_bytes!("interpolate.dxbc")[..]
             }
@@ -462,6 +523,9 @@ impl Judge {
             Ok(_) => return self.fault("dispatch", "a pointer is null", PARAMETER),
             Err(why) => return self.fault("dispatch", why, PARAMETER),
         };
+        if let Some(code) = self.refusal("dispatch", &chain) {
+            return code;
+        }
         // SAFETY: the caller's place.
         let known = unsafe { *context } as usize;
         if let Some(effect) = self.owners.get(&known).copied() {
@@ -518,48 +582,6 @@ impl Judge {
         self.behind.insert(effect, behind);
         Some(behind)
     }
-}
-
-/// Judges what a swap chain is told, and tells it.
-unsafe fn configure_swapchain(
-    presenting: &Presenting,
-    chain: &[(u64, *const u8)],
-    sdk: Sdk,
-) -> std::result::Result<(), String> {
-    let (first, head) = chain[0];
-    if chain.len() > 1 {
-        return Err("the struct is not alone".to_owned());
-    }
-    if first == id::INTERFACE {
-        // SAFETY: fields of the struct, here and below.
-        let (interface, flags) = unsafe { (swapchain::interface(head), get::<u32>(head, 64)) };
-        let mut fault = None;
-        if interface.is_some() {
-            let (size, _) = presenting.stage.shown();
-            // SAFETY: a resource stands there.
-            unsafe { crate::frames::judge_resource(head, 16, size, None, false, &mut |why| fault = Some(why)) };
-        }
-        if flags > 3 || (interface.is_none() && flags != 0) {
-            fault = Some(format!("flags {flags}"));
-        }
-        return fault.map_or_else(
-            || {
-                presenting.stage.set_interface(interface);
-                Ok(())
-            },
-            |why| Err(format!("interface: {why}")),
-        );
-    }
-    // SAFETY: as above.
-    let (key, tuning) = unsafe { (get::<u64>(head, 16), get::<*const u8>(head, 32)) };
-    if key != 2 || tuning.is_null() || sdk == Sdk::V110 {
-        return Err(format!("key {key} is not known, or has no value"));
-    }
-    // SAFETY: the struct of pacing stands there.
-    let (margin, factor, spins, waits) =
-        unsafe { (get::<f32>(tuning, 0), get::<f32>(tuning, 4), get::<u8>(tuning, 8), get::<u8>(tuning, 16)) };
-    let is_right = margin.is_finite() && margin >= 0.0 && (0.0..=1.0).contains(&factor) && spins < 2 && waits < 2;
-    if is_right { Ok(()) } else { Err(format!("pacing {margin}, {factor}, {spins}, {waits}")) }
 }
 
 /// Whether an object is a device of Direct3D 12.

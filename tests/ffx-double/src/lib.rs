@@ -2,7 +2,7 @@
 //!
 //! A copy of it stands under each name of AMD's, and beside it a text with that name and `.txt` behind it says what it plays
 //! (`role`). What it was asked is appended to `calls.txt` in the same folder, and what was wrong with it to
-//! `judgement.txt`.
+//! `judgement.txt`; the numbers that it was told to `told.txt`.
 //!
 //! It generates frames and larger ones with shaders of its own (`interpolate.hlsl`, `upscale.hlsl`), so that pixels show whether what it was told of motion, depth,
 //! states and all else is right.
@@ -16,7 +16,9 @@ mod memory;
 mod proxy;
 mod queries;
 mod role;
+mod settings;
 mod swapchain;
+mod told;
 mod upscale;
 mod work;
 

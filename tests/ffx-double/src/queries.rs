@@ -17,6 +17,9 @@ impl Judge {
             Ok(_) => return self.fault("query", "a pointer is null", PARAMETER),
             Err(why) => return self.fault("query", why, PARAMETER),
         };
+        if let Some(code) = self.refusal("query", &chain) {
+            return code;
+        }
         // SAFETY: the caller's place.
         let known = (!context.is_null()).then(|| unsafe { *context } as usize);
         if self.role.is_loader {

@@ -27,6 +27,8 @@ pub(crate) struct Role {
     pub(crate) runs: Option<(u64, CString)>,
     /// `answers CALL CODE TEXT`: that call fails, and the text is sent to who listens.
     pub(crate) answers: Vec<(String, u32, String)>,
+    /// `refusing`: calls whose first struct has the id in `refuses.txt` fail: its line is `ID CODE TEXT`, and it may change.
+    pub(crate) is_refusing: bool,
     /// `plays FLAG`: what is wrong with its pictures, by the shader's flags: `through`, `black` or `backwards`.
     pub(crate) plays: u32,
     /// `only NAME`: only the provider of that name plays so.
@@ -37,6 +39,9 @@ pub(crate) struct Role {
     pub(crate) quiet: bool,
     /// `removes COUNT`: at which picture the device is taken away.
     pub(crate) removes: Option<u64>,
+    /// `cuts COUNT`: which picture it takes for a cut that nobody told it of; that one and the next three are the frame itself, as AMD's
+    /// are while one of the last four was a cut.
+    pub(crate) cuts: Option<u64>,
     /// `breaks COUNT`: from which picture on it makes none.
     pub(crate) breaks: Option<u64>,
     /// `requires KINDS`: the pictures an upscaler must be given, as a sum; colour, depth and motion where nothing is said.
@@ -87,6 +92,8 @@ impl Role {
                 }
                 "quiet" => role.quiet = true,
                 "loader" => role.is_loader = true,
+                "refusing" => role.is_refusing = true,
+                "cuts" => role.cuts = Some(word()?.parse().map_err(|e| format!("{e}"))?),
                 "effect" => role.effects.push(number(word()?)?),
                 "offers" => role.offers.push((number(word()?)?, name(word()?)?)),
                 "plays" => {

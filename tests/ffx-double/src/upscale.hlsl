@@ -13,6 +13,7 @@ cbuffer Constants : register(b0)
     float Sharpness;
     float PreExposure;  // what the frame was multiplied by
     uint Flags;
+    float2 HeldJitter;  // what motion holds of the cameras', render pixels
 };
 
 static const uint RESET = 1, EXPOSED = 2, REACTIVE = 4, TRANSPARENT = 8, INVERTED = 16, SRGB = 32, PQ = 64, JITTERED = 128;
@@ -106,7 +107,7 @@ void main(uint3 id : SV_DispatchThreadID)
     int2 place = int2((float2(nearest) + 0.5) * float2(MotionSize) / float2(RenderSize));
     float2 v = Motion.Load(int3(place, 0)) * Scale;
     v = all(MotionSize == Size) ? v : v / ratio;
-    v -= (Flags & JITTERED) != 0 ? Jitter / ratio : float2(0, 0);
+    v -= (Flags & JITTERED) != 0 ? HeldJitter / ratio : float2(0, 0);
     float2 then = float2(id.xy) + v;
     if ((Flags & RESET) == 0 && all(then >= 0) && all(then <= float2(Size) - 1))
     {

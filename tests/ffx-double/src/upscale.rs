@@ -43,6 +43,8 @@ pub(crate) struct Larger {
     pub(crate) shown: [u32; 2],
     /// A frame has been before.
     pub(crate) follows: bool,
+    /// The jitter of the last one.
+    pub(crate) jitter: [f32; 2],
 }
 
 impl Larger {
@@ -114,7 +116,7 @@ impl Larger {
         let [_, exposure, near, far, fov, _] = numbers;
         let far_counts = !has(DEPTH_INFINITE);
         let is_above_0 =
-            |(index, number): (usize, &f32)| number.is_finite() && (*number > 0.0 || index == 3 && !far_counts);
+            |(index, number): (usize, &f32)| (number.is_finite() && *number > 0.0) || (index == 3 && !far_counts);
         if !numbers.iter().enumerate().all(is_above_0) || far_counts && near == far || fov >= std::f32::consts::PI {
             fault(format!("time, exposure and camera {numbers:?}"));
         }
@@ -156,6 +158,10 @@ impl Larger {
         .into_iter()
         .map(|(is_set, flag)| if is_set { flag } else { 0 })
         .sum();
+        // What motion holds of jitter is what it was less what it is, as AMD's take it out.
+        let now = [pairs[0], pairs[1]];
+        let held = std::mem::replace(&mut self.jitter, now);
+        let [held_x, held_y] = [held[0] - now[0], held[1] - now[1]].map(f32::to_bits);
         let [jitter_x, jitter_y, scale_x, scale_y] = pairs.map(f32::to_bits);
         let words = [
             shown[0],
@@ -171,6 +177,8 @@ impl Larger {
             sharpness.to_bits(),
             exposure.to_bits(),
             flags,
+            held_x,
+            held_y,
         ];
         let mut constants = [0; CONSTANTS];
         constants[..words.len()].copy_from_slice(&words);

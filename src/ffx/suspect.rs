@@ -1,0 +1,195 @@
+//! Which field most likely made a call fail: a code alone does not say.
+
+use std::any::Any;
+use std::borrow::Cow;
+
+use super::bindings::{
+    ConfigureDistortion, ConfigureFrameGeneration, CreateBackendDx12, OverrideVersion, ReturnCode, StructId,
+};
+use super::{Chain, Described};
+
+/// A field, as a host knows it, and what may be wrong with it.
+#[derive(Debug, Clone)]
+pub(super) struct Suspect {
+    pub(super) field: &'static str,
+    pub(super) why: Cow<'static, str>,
+}
+
+impl Suspect {
+    const fn new(field: &'static str, why: &'static str) -> Self {
+        Self { field, why: Cow::Borrowed(why) }
+    }
+
+    /// What made a context's end fail, which is given no struct.
+    pub(super) const OF_END: Self = Self::new("context", "frames may be under way, or it was ended before");
+
+    /// The suspect of a call that was given `chain` and answered `code`.
+    pub(super) fn of<Head: Described>(chain: &Chain<Head>, code: ReturnCode) -> Self {
+        let makes_context = chain.ids().any(|id| id == CreateBackendDx12::ID);
+        match code {
+            ReturnCode::UNKNOWN_STRUCT | ReturnCode::STRUCT_TOO_NEW => {
+                let old = [CreateBackendDx12::ID, OverrideVersion::ID];
+                let newest = chain.ids().filter(|id| !old.contains(id)).last().unwrap_or(Head::ID);
+                Self { field: "provider", why: format!("its release may not know {newest:?}").into() }
+            }
+            ReturnCode::NO_PROVIDER if chain.ids().any(|id| id == OverrideVersion::ID) => {
+                Self::new("version_id", "it was offered before, and now there is no such provider")
+            }
+            ReturnCode::NO_PROVIDER if makes_context => Self::new("device", "no provider may take it"),
+            ReturnCode::NO_PROVIDER => Self::new("provider", "the library of its effect may be missing"),
+            ReturnCode::MEMORY => match Head::ID {
+                StructId::FRAME_GENERATION => Self::new("display_size", "memory for frames of that size may be short"),
+                StructId::UPSCALE => Self::new("max_upscale_size", "memory for frames of that size may be short"),
+                _ => Self::new("device", "its memory, or that of the process, may be short"),
+            },
+            ReturnCode::PARAMETER => Self::of_value(chain),
+            _ => Self::of_work(chain, makes_context),
+        }
+    }
+
+    /// Where a value is none that the call takes.
+    fn of_value<Head: Described>(chain: &Chain<Head>) -> Self {
+        const OTHERWISE: &str = "it, or another of the pictures, may not be what is said of it";
+        match Head::ID {
+            StructId::FRAME_GENERATION | StructId::UPSCALE => {
+                Self::new("flags", "flags, sizes and formats may not fit together")
+            }
+            StructId::SWAPCHAIN_WRAP => Self::new("swapchain", "it may be of another queue, or of no window"),
+            StructId::SWAPCHAIN_NEW | StructId::SWAPCHAIN_FOR_WINDOW => {
+                Self::new("description", "sizes, format, buffers and window may not fit together")
+            }
+            StructId::GET_VERSIONS => Self::new("device", "it may be none of Direct3D 12"),
+            StructId::FRAME_GENERATION_CONFIGURE => Self::of_settings(chain.head())
+                .or_else(|| {
+                    let has_lens = chain.ids().any(|id| id == ConfigureDistortion::ID);
+                    has_lens.then_some(Self::new("distortion", OTHERWISE))
+                })
+                .unwrap_or(Self::new("flags", "its release may not do without a swap chain of AMD's")),
+            StructId::FRAME_GENERATION_PREPARE => Self::new("depth", OTHERWISE),
+            StructId::FRAME_GENERATION_PREPARE_V2 => Self::new(
+                "depth",
+                "it, or motion, may not be what is said of it; releases before 2.1 do not know the struct",
+            ),
+            StructId::FRAME_GENERATION_DISPATCH | StructId::UPSCALE_DISPATCH | StructId::UPSCALE_REACTIVE_MASK => {
+                Self::new("color", OTHERWISE)
+            }
+            StructId::SWAPCHAIN_INTERFACE => {
+                Self::new("interface", "its size, format or state may not be that of the buffers")
+            }
+            StructId::SWAPCHAIN_KEY_VALUE => Self::new("key", "its release may not have the setting"),
+            StructId::UPSCALE_RENDER_SIZE => Self::new("mode", "there may be no such mode"),
+            StructId::UPSCALE_JITTER_PHASES => Self::new("render_width", "it may be out of range"),
+            StructId::UPSCALE_JITTER_OFFSET => Self::new("phases", "there may be no such sequence"),
+            _ => Self::new("provider", "it may answer so to what it does not know"),
+        }
+    }
+
+    /// Where the call was understood, and what it does failed.
+    fn of_work<Head: Described>(chain: &Chain<Head>, makes_context: bool) -> Self {
+        match Head::ID {
+            StructId::SWAPCHAIN_WRAP => {
+                Self::new("swapchain", "somebody may still hold it or one of its buffers, or it is full screen")
+            }
+            StructId::SWAPCHAIN_NEW | StructId::SWAPCHAIN_FOR_WINDOW => {
+                Self::new("window", "it may have a swap chain already, or be gone")
+            }
+            _ if makes_context => {
+                Self::new("device", "it may lack a feature that the provider's shaders use, or memory")
+            }
+            StructId::FRAME_GENERATION_PREPARE
+            | StructId::FRAME_GENERATION_PREPARE_V2
+            | StructId::FRAME_GENERATION_DISPATCH
+            | StructId::UPSCALE_DISPATCH
+            | StructId::UPSCALE_REACTIVE_MASK => {
+                Self::new("command_list", "it may be closed, of another type or device, or the device was removed")
+            }
+            StructId::FRAME_GENERATION_CONFIGURE => {
+                Self::of_settings(chain.head()).unwrap_or(Self::new("device", "it may have been removed"))
+            }
+            StructId::SWAPCHAIN_INTERFACE => Self::new("interface", "it may be gone, or of another device"),
+            _ => Self::new("device", "it may have been removed"),
+        }
+    }
+
+    /// What settings name that need not be there.
+    fn of_settings(head: &dyn Any) -> Option<Self> {
+        let told = head.downcast_ref::<ConfigureFrameGeneration>()?;
+        if !told.swapchain.is_null() {
+            return Some(Self::new("swapchain", "it may be none of AMD's, or gone"));
+        }
+        let has_world = !told.hudless.resource.is_null();
+        has_world
+            .then_some(Self::new("hudless", "its size, format or state may not be what the generator was made for"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::bindings::*;
+    use super::*;
+
+    /// The suspects of codes 1 to 8.
+    fn of<Head: Described>(chain: &Chain<Head>) -> [&'static str; 8] {
+        [1, 2, 3, 4, 5, 6, 7, 8].map(|code| {
+            let Suspect { field, why } = Suspect::of(chain, ReturnCode(code));
+            assert!(!why.is_empty());
+            field
+        })
+    }
+
+    fn made<Head: Creates>(asks_for_a_provider: bool) -> Chain<Head>
+    where
+        Head: Default,
+    {
+        let chain = Chain::new(Head::default());
+        let chain = if asks_for_a_provider { chain.with(OverrideVersion::default()) } else { chain };
+        chain.with(CreateBackendDx12::default())
+    }
+
+    #[test]
+    fn every_code_at_every_call_that_makes_something_has_a_suspect() {
+        let [p, d, w] = ["provider", "device", "window"];
+        for asks in [false, true] {
+            let version = if asks { "version_id" } else { d };
+            let generator = of(&made::<CreateFrameGeneration>(asks));
+            assert_eq!(generator, [d, p, d, version, "display_size", "flags", p, d]);
+            let upscaler = of(&made::<CreateUpscale>(asks));
+            assert_eq!(upscaler, [d, p, d, version, "max_upscale_size", "flags", p, d]);
+            let wrapped = of(&made::<CreateSwapchainWrap>(asks));
+            let s = "swapchain";
+            assert_eq!(wrapped, [s, p, s, version, d, s, p, s]);
+            for made in [of(&made::<CreateSwapchainNew>(asks)), of(&made::<CreateSwapchainForWindow>(asks))] {
+                assert_eq!(made, [w, p, w, version, d, "description", p, w]);
+            }
+        }
+        assert_eq!(Suspect::OF_END.field, "context");
+    }
+
+    #[test]
+    fn what_is_not_known_is_the_newest_struct_of_the_chain() {
+        let chain = made::<CreateFrameGeneration>(true).with(CreateFrameGenerationHudless::default());
+        assert!(Suspect::of(&chain, ReturnCode::UNKNOWN_STRUCT).why.contains("FRAME_GENERATION_HUDLESS"));
+        let chain = Chain::new(DispatchPrepareV2::default());
+        assert!(Suspect::of(&chain, ReturnCode::STRUCT_TOO_NEW).why.contains("FRAME_GENERATION_PREPARE_V2"));
+    }
+
+    #[test]
+    fn every_code_at_every_other_call_has_a_suspect() {
+        let [p, d, list] = ["provider", "device", "command_list"];
+        let of_work = |value, work| [work, p, work, p, d, value, p, work];
+        assert_eq!(of(&Chain::new(QueryVersions::default())), of_work(d, d));
+        assert_eq!(of(&Chain::new(QueryProviderVersion::default())), of_work(p, d));
+        assert_eq!(of(&Chain::new(DispatchPrepare::default())), of_work("depth", list));
+        assert_eq!(of(&Chain::new(DispatchPrepareV2::default())), of_work("depth", list));
+        assert_eq!(of(&Chain::new(DispatchFrameGeneration::default())), of_work("color", list));
+        assert_eq!(of(&Chain::new(DispatchUpscale::default())), of_work("color", list));
+        assert_eq!(of(&Chain::new(DispatchReactiveMask::default())), of_work("color", list));
+        assert_eq!(of(&Chain::new(ConfigureFrameGeneration::default())), of_work("flags", d));
+        let swapchain = 0x10 as *mut std::ffi::c_void;
+        let presented = Chain::new(ConfigureFrameGeneration { swapchain, ..Default::default() });
+        assert_eq!(of(&presented), of_work("swapchain", "swapchain"));
+        assert_eq!(of(&Chain::new(ConfigureInterface::default())), of_work("interface", "interface"));
+        assert_eq!(of(&Chain::new(ConfigureSwapchainKeyValue::default())), of_work("key", d));
+        assert_eq!(of(&Chain::new(DispatchWait::default())), of_work(p, d));
+    }
+}
