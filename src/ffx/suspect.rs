@@ -137,10 +137,7 @@ mod tests {
         })
     }
 
-    fn made<Head: Creates>(asks_for_a_provider: bool) -> Chain<Head>
-    where
-        Head: Default,
-    {
+    fn made<Head: Creates + Default>(asks_for_a_provider: bool) -> Chain<Head> {
         let chain = Chain::new(Head::default());
         let chain = if asks_for_a_provider { chain.with(OverrideVersion::default()) } else { chain };
         chain.with(CreateBackendDx12::default())
