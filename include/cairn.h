@@ -2060,6 +2060,392 @@ CAIRN_API cairn_result cairn_presenter_submit_d3d12(
  */
 CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter);
 
+/* ---- 16. Experimental: AMD's swap chain -------------------------------------------------------------------------- */
+
+/** The provider that AMD's libraries and the driver prefer. */
+#define CAIRN_FSR_ANY 0
+/** The newest by a network, and where there is none the newest by rules. */
+#define CAIRN_FSR_PREFER_ML 1
+/** The newest by rules, and where there is none the newest by a network. */
+#define CAIRN_FSR_PREFER_ANALYTIC 2
+/** The newest by a network, or none at all. */
+#define CAIRN_FSR_REQUIRE_ML 3
+/** The newest by rules, or none at all. */
+#define CAIRN_FSR_REQUIRE_ANALYTIC 4
+
+/**
+ * A flag of cairn_swapchain_options: frames are generated on a compute queue of the swap chain's own, beside what the engine draws.
+ */
+#define CAIRN_SWAPCHAIN_ASYNC 1
+/** A flag of cairn_swapchain_options: motion has the size of the buffers, and not the size rendered at. */
+#define CAIRN_SWAPCHAIN_SHOWN_MOTION 2
+/** A flag of cairn_swapchain_options: motion holds the camera's jitter. */
+#define CAIRN_SWAPCHAIN_JITTERED_MOTION 4
+/** A flag of cairn_swapchain_options: depth is 1 at the near plane. */
+#define CAIRN_SWAPCHAIN_INVERTED_DEPTH 8
+/** A flag of cairn_swapchain_options: the far plane is infinitely far away. */
+#define CAIRN_SWAPCHAIN_INFINITE_DEPTH 16
+/** A flag of cairn_swapchain_options: buffers are of high dynamic range, as SetColorSpace1 and SetHDRMetaData say. */
+#define CAIRN_SWAPCHAIN_HDR 32
+/** A flag of cairn_swapchain_options: AMD's provider looks at what it is given and logs what it finds. */
+#define CAIRN_SWAPCHAIN_CHECKED 64
+
+/**
+ * A flag of cairn_swapchain_options: the provider need not show first that it puts a picture of known motion where it belongs.
+ */
+#define CAIRN_SWAPCHAIN_UNTRIED 128
+
+/**
+ * A flag of cairn_swapchain_frame: there is none before it, as after a cut. Nothing new is shown between it and the one before.
+ */
+#define CAIRN_SWAPCHAIN_RESET 1
+/** A flag of cairn_swapchain_set_interface: its colours are multiplied by its alpha. */
+#define CAIRN_INTERFACE_PREMULTIPLIED 1
+/** A flag of cairn_swapchain_set_interface: it is copied within Present, so that the next one may be drawn at once. */
+#define CAIRN_INTERFACE_COPIED 2
+
+/**
+ * A flag of cairn_swapchain_pacing: waits by sleeping, and by spinning for the last spin_ticks; else by spinning alone.
+ */
+#define CAIRN_PACING_HYBRID_SPIN 1
+/** A flag of cairn_swapchain_pacing: the system wakes a thread at a fence; else it spins. */
+#define CAIRN_PACING_WAIT_ON_FENCE 2
+
+/**
+ * How a swap chain of AMD's is made. All zero: by any provider that stands the test, with motion and depth of the buffers' size.
+ */
+typedef struct cairn_swapchain_options {
+    /** sizeof(cairn_swapchain_options) */
+    uint32_t struct_size;
+    /** CAIRN_SWAPCHAIN_ASYNC to CAIRN_SWAPCHAIN_UNTRIED */
+    uint32_t flags;
+    /** CAIRN_FSR_ANY to CAIRN_FSR_REQUIRE_ANALYTIC */
+    uint32_t provider;
+    /** A DXGI_FORMAT, of frames without interface; 0 for that of the buffers. */
+    uint32_t hudless_format;
+    /**
+     * The largest size in pixels that motion and depth are rendered at; 0 both ways for that of the buffers, whatever it becomes.
+     */
+    uint32_t max_render_width;
+    /** See max_render_width. */
+    uint32_t max_render_height;
+} cairn_swapchain_options;
+
+/**
+ * Motion and depth of a frame that an engine draws. Textures are of two dimensions with one level, slice and sample, each in its state, a
+ * D3D12_RESOURCE_STATES, when the list runs, before and after; a null pointer for one that may be missing.
+ */
+typedef struct cairn_swapchain_frame {
+    /** sizeof(cairn_swapchain_frame) */
+    uint32_t struct_size;
+    /** CAIRN_SWAPCHAIN_RESET */
+    uint32_t flags;
+    /** Device depth, of the size rendered at. */
+    ID3D12Resource *depth;
+    /**
+     * From this frame to the one before: halves or floats, of the size rendered at, or of the buffers' with CAIRN_SWAPCHAIN_SHOWN_MOTION.
+     */
+    ID3D12Resource *motion;
+    /**
+     * The frame without interface, of the buffers' size and options.hudless_format; may be null. It is read within Present and must not be
+     * drawn to before that came back, with CAIRN_SWAPCHAIN_ASYNC not before the next one did.
+     */
+    ID3D12Resource *hudless;
+    /**
+     * Where a lens puts each pixel less where it was, in parts of the picture, of the buffers' size; may be null, but not in a frame
+     * after one that had it.
+     */
+    ID3D12Resource *distortion;
+    /** Of depth. */
+    uint32_t depth_state;
+    /** Of motion. */
+    uint32_t motion_state;
+    /** Of hudless. */
+    uint32_t hudless_state;
+    /** Of distortion. */
+    uint32_t distortion_state;
+    /** The size rendered at in pixels, at most that of the options. */
+    uint32_t render_width;
+    /** See render_width. */
+    uint32_t render_height;
+    /** What of the buffers is the world, in pixels: the rest is shown as it is. No size for all of it. */
+    uint32_t world_left;
+    /** See world_left. */
+    uint32_t world_top;
+    /** See world_left. */
+    uint32_t world_width;
+    /** See world_left. */
+    uint32_t world_height;
+    /** Of the camera, in pixels rendered. */
+    float jitter_x;
+    /** See jitter_x. */
+    float jitter_y;
+    /** What makes pixels of motion's own size of what it holds; 0 for 1. */
+    float motion_scale_x;
+    /** See motion_scale_x. */
+    float motion_scale_y;
+    /** Milliseconds of the world's time since the frame before, above 0. */
+    float frame_time_ms;
+    /**
+     * Radians from the bottom of the picture to its top, inside (0, pi). 0 for a camera that nobody knows: at the origin, looking along
+     * z with y up, 1 radian, from 0.1 to 100 metres. What follows is not looked at then.
+     */
+    float vertical_fov;
+    /** Distance of the near plane, above 0. */
+    float near_plane;
+    /** Distance of the far plane, above 0 and another; not looked at with CAIRN_SWAPCHAIN_INFINITE_DEPTH. */
+    float far_plane;
+    /** Metres in a unit of the camera's, 0 for 1. */
+    float metres;
+    /** Where the camera is in the world. */
+    float position[3];
+    /** Up on the screen, in the world; of length 1, as the next two. */
+    float up[3];
+    /** To the right on the screen. */
+    float right[3];
+    /** Into the screen. */
+    float forward[3];
+    /** 0 */
+    uint32_t reserved;
+} cairn_swapchain_frame;
+
+/** How presents are spread over time. */
+typedef struct cairn_swapchain_pacing {
+    /** sizeof(cairn_swapchain_pacing) */
+    uint32_t struct_size;
+    /** CAIRN_PACING_HYBRID_SPIN, CAIRN_PACING_WAIT_ON_FENCE */
+    uint32_t flags;
+    /** Milliseconds that are taken off the time from one present to the next, 0 or more; AMD's own is 0.1. */
+    float safety_margin_ms;
+    /** How much of the variance of frame times is taken off besides, from 0 to 1; AMD's own is 0.1. */
+    float variance_factor;
+    /** Ticks of the system's timer that CAIRN_PACING_HYBRID_SPIN spins for; AMD's own is 2. */
+    uint32_t spin_ticks;
+} cairn_swapchain_pacing;
+
+/** What a swap chain of AMD's has done and keeps. */
+typedef struct cairn_swapchain_statistics {
+    /** sizeof(cairn_swapchain_statistics) */
+    uint32_t struct_size;
+    /**
+     * What AMD's generator answered last within Present where it failed, a code of ffx-api's; 0 where it never has. Where it fails
+     * frames are presented without one between.
+     */
+    uint32_t failed;
+    /** Frames generated. */
+    uint64_t generated;
+    /** Bytes that the generator keeps on the device as it reports them; 0 where it cannot say. */
+    uint64_t generator_bytes;
+    /** The part of them that may lie over other memory. */
+    uint64_t generator_aliasable_bytes;
+    /** Bytes that the swap chain itself keeps; 0 where it cannot say. */
+    uint64_t swapchain_bytes;
+    /** The part of them that may lie over other memory. */
+    uint64_t swapchain_aliasable_bytes;
+    /** Who generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8. */
+    char generator[64];
+    /** Who presents them. UTF-8. */
+    char pacer[64];
+} cairn_swapchain_statistics;
+
+/** DXGI's own, declared so that its header is not needed. */
+typedef struct DXGI_SWAP_CHAIN_DESC DXGI_SWAP_CHAIN_DESC;
+
+/** DXGI's own, declared so that its header is not needed. */
+typedef struct DXGI_SWAP_CHAIN_DESC1 DXGI_SWAP_CHAIN_DESC1;
+
+/** DXGI's own, declared so that its header is not needed. */
+typedef struct DXGI_SWAP_CHAIN_FULLSCREEN_DESC DXGI_SWAP_CHAIN_FULLSCREEN_DESC;
+
+/** DXGI's own, declared so that its header is not needed. */
+typedef struct IDXGIFactory IDXGIFactory;
+
+/** DXGI's own, declared so that its header is not needed. */
+typedef struct IDXGISwapChain IDXGISwapChain;
+
+/** DXGI's own, declared so that its header is not needed. */
+typedef struct IDXGISwapChain4 IDXGISwapChain4;
+
+/**
+ * A swap chain of AMD's, which presents generated frames between an engine's own and spreads them over time. Not needed for frames of a
+ * presenter: those go into textures, whoever presents them. Experimental, as all of this chapter; where the library has no Direct3D 12
+ * part there is none.
+ *
+ * An engine draws into its buffers and calls Present as ever; before that it has motion and depth of the frame recorded by
+ * cairn_swapchain_prepare. AMD's swap chain has threads of its own, which present. AMD's libraries are looked for as
+ * cairn_device_requirements says.
+ *
+ * Threads: what is done to the DXGI swap chain, Present among it, counts as a call on this one.
+ */
+typedef struct cairn_swapchain cairn_swapchain;
+
+/**
+ * Has AMD take over an engine's swap chain. It must be in a window and *own the only reference to it; none of its buffers may be held.
+ *
+ * device: whose queue for frames is the direct queue that the engine draws on.
+ * options: may be null for the defaults.
+ * own: becomes null when AMD's library gets the swap chain, also where that fails then; before that a failure leaves it as it was.
+ *
+ * Ownership: on success *swapchain is the caller's, for cairn_swapchain_destroy, and the reference in *own is gone; on failure
+ * *swapchain is not written.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for what AMD's library would hang or crash on: a queue
+ * that is not direct, a swap chain that is full screen, of no size, or that somebody else holds; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_UNSUPPORTED, also where no provider stands the test; CAIRN_ERROR_RUNTIME_MISSING where AMD's libraries are not there;
+ * CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_wrap(
+    const cairn_device *device, const cairn_swapchain_options *options, struct IDXGISwapChain **own,
+    cairn_swapchain **swapchain);
+
+/**
+ * Has AMD make a swap chain as IDXGIFactory::CreateSwapChain does.
+ *
+ * device, options: as for cairn_swapchain_wrap.
+ * description: of the swap chain, in a window.
+ *
+ * Ownership: on success *swapchain is the caller's, for cairn_swapchain_destroy; on failure it is not written. factory stays the
+ * caller's.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK, and the errors of cairn_swapchain_wrap.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_create(
+    const cairn_device *device, const cairn_swapchain_options *options, struct IDXGIFactory *factory,
+    const struct DXGI_SWAP_CHAIN_DESC *description, cairn_swapchain **swapchain);
+
+/**
+ * Has AMD make a swap chain for a window as IDXGIFactory2::CreateSwapChainForHwnd does.
+ *
+ * device, options: as for cairn_swapchain_wrap.
+ * window: a HWND, which lives longer than the swap chain.
+ * fullscreen: may be null; else it must say that the swap chain is windowed.
+ *
+ * Ownership: on success *swapchain is the caller's, for cairn_swapchain_destroy; on failure it is not written. factory stays the
+ * caller's.
+ * Threads: any thread, at any time.
+ * Results: CAIRN_OK, and the errors of cairn_swapchain_wrap.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_create_for_window(
+    const cairn_device *device, const cairn_swapchain_options *options, struct IDXGIFactory *factory, void *window,
+    const struct DXGI_SWAP_CHAIN_DESC1 *description, const struct DXGI_SWAP_CHAIN_FULLSCREEN_DESC *fullscreen,
+    cairn_swapchain **swapchain);
+
+/**
+ * Gives the swap chain itself, to be drawn into and presented by.
+ *
+ * Ownership: on success *dxgi has a reference more, for the caller to release before cairn_swapchain_destroy; on failure it is not
+ * written.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_get_dxgi(cairn_swapchain *swapchain, struct IDXGISwapChain4 **dxgi);
+
+/**
+ * Records motion and depth of the frame that is presented next, which then shows one between it and the one before. A frame that
+ * nothing was recorded of is presented alone. Descriptor heaps, compute root signature and pipeline of the list are others afterwards, and
+ * nothing else.
+ *
+ * list: open for recording, of the device's queue; to be given to it before Present.
+ *
+ * Ownership: all stays the caller's; what frame points to must live until the list has run, and what is read within Present until
+ * the next one came back.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT with nothing recorded; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_BUSY; CAIRN_ERROR_INVALID_STATE where buffers were resized and cairn_swapchain_fit was not called; CAIRN_ERROR_OUT_OF_MEMORY;
+ * CAIRN_ERROR_DEVICE and CAIRN_ERROR_DEVICE_REMOVED, after which the list may hold a part of the work.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_prepare(
+    cairn_swapchain *swapchain, ID3D12GraphicsCommandList *list, const cairn_swapchain_frame *frame);
+
+/**
+ * Says what is laid over real and generated frames alike from the next Present on; waits for frames that show the one before.
+ *
+ * picture: of the buffers' size, with alpha; null for nothing. It is read within Present and after it; unless it is copied it must not be
+ * drawn to before cairn_swapchain_wait.
+ * state: the D3D12_RESOURCE_STATES that it rests in.
+ * flags: CAIRN_INTERFACE_PREMULTIPLIED, CAIRN_INTERFACE_COPIED
+ *
+ * Ownership: picture stays the caller's; the swap chain holds a reference until another is told; on failure it holds what it did.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE;
+ * CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_set_interface(
+    cairn_swapchain *swapchain, ID3D12Resource *picture, uint32_t state, uint32_t flags);
+
+/**
+ * Says how presents are spread over time.
+ *
+ * pacing: null for AMD's own.
+ *
+ * Ownership: pacing is read during the call; nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_UNSUPPORTED of SDK 1.1.1 and earlier; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_set_pacing(cairn_swapchain *swapchain, const cairn_swapchain_pacing *pacing);
+
+/**
+ * Presents frames as they come from now on, none between them, until one is prepared again. Waits until all are shown.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_pause(cairn_swapchain *swapchain);
+
+/**
+ * Waits until all frames that were given to Present are shown.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_wait(cairn_swapchain *swapchain);
+
+/**
+ * Makes it ready for the size and format that its buffers have now: after ResizeBuffers, before the next frame is prepared. Where it
+ * fails frames are presented as they come, until it succeeds.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK, and the errors of cairn_swapchain_wrap.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_fit(cairn_swapchain *swapchain);
+
+/**
+ * Says what a swap chain has done and keeps.
+ *
+ * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
+ * Threads: any thread, at any time; waits for another call on the swap chain.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_get_statistics(
+    const cairn_swapchain *swapchain, cairn_swapchain_statistics *statistics);
+
+/**
+ * Destroys a swap chain in the order that AMD wants: generation off, all presented, the generator, the swap chain, what paces it; null is
+ * allowed. Before it the engine lets go of every reference to the DXGI swap chain and its buffers.
+ *
+ * Ownership: on success swapchain is no handle any more; on failure it is as it was.
+ * Threads: any thread; waits for calls in flight on the swap chain.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY where somebody holds the DXGI swap chain, and from within a callback of
+ * a call on it.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_swapchain_destroy(cairn_swapchain *swapchain);
+
 #ifdef __cplusplus
 } /* extern "C" */
 #endif

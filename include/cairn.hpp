@@ -257,6 +257,10 @@ using rollout_options = sized<cairn_rollout_options>;
 using rollout_info = sized<cairn_rollout_info>;
 using rollout_statistics = sized<cairn_rollout_statistics>;
 using d3d12_options = sized<cairn_d3d12_options>;
+using swapchain_options = sized<cairn_swapchain_options>;
+using swapchain_frame = sized<cairn_swapchain_frame>;
+using swapchain_pacing = sized<cairn_swapchain_pacing>;
+using swapchain_statistics = sized<cairn_swapchain_statistics>;
 using step_info = sized<cairn_step_info>;
 using guidance_data = sized<cairn_guidance_data>;
 using guidance_info = sized<cairn_guidance_info>;
@@ -321,6 +325,7 @@ inline cairn_result destroy(cairn_anchor *raw) noexcept { return cairn_anchor_de
 inline cairn_result destroy(cairn_rollout *raw) noexcept { return cairn_rollout_destroy(raw); }
 inline cairn_result destroy(cairn_guidance *raw) noexcept { return cairn_guidance_destroy(raw); }
 inline cairn_result destroy(cairn_presenter *raw) noexcept { return cairn_presenter_destroy(raw); }
+inline cairn_result destroy(cairn_swapchain *raw) noexcept { return cairn_swapchain_destroy(raw); }
 inline cairn_result destroy(cairn_script *raw) noexcept { return cairn_script_destroy(raw); }
 inline cairn_result destroy(cairn_recorder *raw) noexcept { return cairn_recorder_destroy(raw); }
 
@@ -490,7 +495,7 @@ public:
 #if defined(_WIN32)
     /**
      * An engine's own Direct3D 12 device and queue, and a compute queue for the world's passes or null for one of the library's own:
-     * cairn_device_create_d3d12. Experimental, as all with d3d12 in its name.
+     * cairn_device_create_d3d12. Experimental, as all with d3d12 or swapchain in its name.
      */
     static result<device> d3d12(ID3D12Device *engine, ID3D12CommandQueue *queue, ID3D12CommandQueue *anchors = nullptr)
     {
@@ -888,6 +893,82 @@ public:
             [&](presenter_statistics *to) { return cairn_presenter_get_statistics(get(), to); });
     }
 };
+
+#if defined(_WIN32)
+/**
+ * A swap chain of AMD's, for engines that want AMD to present. Experimental. Let go of every reference to the DXGI swap chain and its
+ * buffers before it goes: while somebody holds one, destroy() answers CAIRN_ERROR_BUSY.
+ */
+class swapchain : public handle<cairn_swapchain> {
+public:
+    using handle::handle;
+
+    /** Has AMD take over an engine's own, the only reference to which `own` is: cairn_swapchain_wrap says when it becomes null. */
+    static result<swapchain> wrap(const cairn::device &device, IDXGISwapChain *&own, const swapchain_options &options = {})
+    {
+        return detail::made<swapchain>([&](cairn_swapchain **to) { return cairn_swapchain_wrap(device.get(), &options, &own, to); });
+    }
+
+    /** Has AMD make one as IDXGIFactory::CreateSwapChain does: cairn_swapchain_create. */
+    static result<swapchain> create(const cairn::device &device, IDXGIFactory *factory, const DXGI_SWAP_CHAIN_DESC &description,
+                                    const swapchain_options &options = {})
+    {
+        return detail::made<swapchain>([&](cairn_swapchain **to) {
+            return cairn_swapchain_create(device.get(), &options, factory, &description, to);
+        });
+    }
+
+    /** Has AMD make one for a window, a HWND: cairn_swapchain_create_for_window. */
+    static result<swapchain> create_for_window(const cairn::device &device, IDXGIFactory *factory, void *window,
+                                               const DXGI_SWAP_CHAIN_DESC1 &description, const swapchain_options &options = {},
+                                               const DXGI_SWAP_CHAIN_FULLSCREEN_DESC *fullscreen = nullptr)
+    {
+        return detail::made<swapchain>([&](cairn_swapchain **to) {
+            return cairn_swapchain_create_for_window(device.get(), &options, factory, window, &description, fullscreen, to);
+        });
+    }
+
+    /** The swap chain itself, with a reference more, the caller's to release: cairn_swapchain_get_dxgi. */
+    result<IDXGISwapChain4 *> dxgi()
+    {
+        return detail::filled<IDXGISwapChain4 *>([&](IDXGISwapChain4 **to) { return cairn_swapchain_get_dxgi(get(), to); });
+    }
+
+    /** Records motion and depth of the frame that is presented next into the engine's command list: cairn_swapchain_prepare. */
+    result<void> prepare(ID3D12GraphicsCommandList *list, const swapchain_frame &frame)
+    {
+        return detail::done(cairn_swapchain_prepare(get(), list, &frame));
+    }
+
+    /** Says what is laid over all frames, in a D3D12_RESOURCE_STATES; null for nothing: cairn_swapchain_set_interface. */
+    result<void> set_interface(ID3D12Resource *shown, std::uint32_t state, std::uint32_t flags = 0)
+    {
+        return detail::done(cairn_swapchain_set_interface(get(), shown, state, flags));
+    }
+
+    /** Says how presents are spread over time: cairn_swapchain_set_pacing. */
+    result<void> set_pacing(const swapchain_pacing &pacing) { return detail::done(cairn_swapchain_set_pacing(get(), &pacing)); }
+
+    /** Has them spread as AMD does on its own: cairn_swapchain_set_pacing. */
+    result<void> set_pacing() { return detail::done(cairn_swapchain_set_pacing(get(), nullptr)); }
+
+    /** Presents frames as they come until one is prepared again: cairn_swapchain_pause. */
+    result<void> pause() { return detail::done(cairn_swapchain_pause(get())); }
+
+    /** Waits until all frames are shown: cairn_swapchain_wait. */
+    result<void> wait() { return detail::done(cairn_swapchain_wait(get())); }
+
+    /** Makes it ready for the size of its buffers after ResizeBuffers: cairn_swapchain_fit. */
+    result<void> fit() { return detail::done(cairn_swapchain_fit(get())); }
+
+    /** What it has done and keeps: cairn_swapchain_get_statistics. */
+    result<swapchain_statistics> statistics() const
+    {
+        return detail::filled<swapchain_statistics>(
+            [&](swapchain_statistics *to) { return cairn_swapchain_get_statistics(get(), to); });
+    }
+};
+#endif
 
 /* ---- 8. Input written down, and played again --------------------------------------------------------------------- */
 

@@ -136,7 +136,19 @@ extern "C" {
     X(cairn_result, cairn_anchor_get_d3d12, (const cairn_anchor *anchor, uint32_t index, struct ID3D12Resource **texture, struct ID3D12Fence **fence, uint64_t *value)) \
     X(cairn_result, cairn_presenter_record_d3d12, (cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12GraphicsCommandList *list, struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame)) \
     X(cairn_result, cairn_presenter_submit_d3d12, (cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame, struct ID3D12Fence **fence, uint64_t *value)) \
-    X(cairn_result, cairn_presenter_release_d3d12, (cairn_presenter *presenter))
+    X(cairn_result, cairn_presenter_release_d3d12, (cairn_presenter *presenter)) \
+    X(cairn_result, cairn_swapchain_wrap, (const cairn_device *device, const cairn_swapchain_options *options, struct IDXGISwapChain **own, cairn_swapchain **swapchain)) \
+    X(cairn_result, cairn_swapchain_create, (const cairn_device *device, const cairn_swapchain_options *options, struct IDXGIFactory *factory, const struct DXGI_SWAP_CHAIN_DESC *description, cairn_swapchain **swapchain)) \
+    X(cairn_result, cairn_swapchain_create_for_window, (const cairn_device *device, const cairn_swapchain_options *options, struct IDXGIFactory *factory, void *window, const struct DXGI_SWAP_CHAIN_DESC1 *description, const struct DXGI_SWAP_CHAIN_FULLSCREEN_DESC *fullscreen, cairn_swapchain **swapchain)) \
+    X(cairn_result, cairn_swapchain_get_dxgi, (cairn_swapchain *swapchain, struct IDXGISwapChain4 **dxgi)) \
+    X(cairn_result, cairn_swapchain_prepare, (cairn_swapchain *swapchain, ID3D12GraphicsCommandList *list, const cairn_swapchain_frame *frame)) \
+    X(cairn_result, cairn_swapchain_set_interface, (cairn_swapchain *swapchain, ID3D12Resource *picture, uint32_t state, uint32_t flags)) \
+    X(cairn_result, cairn_swapchain_set_pacing, (cairn_swapchain *swapchain, const cairn_swapchain_pacing *pacing)) \
+    X(cairn_result, cairn_swapchain_pause, (cairn_swapchain *swapchain)) \
+    X(cairn_result, cairn_swapchain_wait, (cairn_swapchain *swapchain)) \
+    X(cairn_result, cairn_swapchain_fit, (cairn_swapchain *swapchain)) \
+    X(cairn_result, cairn_swapchain_get_statistics, (const cairn_swapchain *swapchain, cairn_swapchain_statistics *statistics)) \
+    X(cairn_result, cairn_swapchain_destroy, (cairn_swapchain *swapchain))
 
 /** A loaded library: its functions by their own names. What is not loaded is all zero. */
 typedef struct cairn_ld {

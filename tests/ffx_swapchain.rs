@@ -2,9 +2,6 @@
 //! them. On Windows, or in the lab.
 #![cfg(windows)]
 
-use std::ffi::c_void;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
 use cairn::ErrorKind;
 use cairn::ffx::bindings::{CreateFlags, Dimensions, Rect, ReturnCode, SurfaceFormat};
 use cairn::ffx::{
@@ -28,83 +25,12 @@ mod pictures;
 #[path = "ffx/stage.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod stage;
+#[path = "ffx/window.rs"]
+mod window;
 use engine::Engine;
 use pictures::{Kept, Textures, run};
 use stage::{ANALYTIC, ANALYTIC_20, ML, Stage};
-
-const SIZE: Dimensions = Dimensions { width: 128, height: 96 };
-/// Pixels that the picture moves to the right from frame to frame.
-const STEP: i32 = 16;
-/// What lies inside the picture in every frame.
-const INNER: std::ops::Range<u32> = 32..96;
-/// What a buffer of a swap chain rests in.
-const PRESENT: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PRESENT;
-
-#[link(name = "user32")]
-unsafe extern "system" {
-    fn CreateWindowExW(
-        style_too: u32,
-        class: *const u16,
-        name: *const u16,
-        style: u32,
-        x: i32,
-        y: i32,
-        width: i32,
-        height: i32,
-        parent: *mut c_void,
-        menu: *mut c_void,
-        module: *mut c_void,
-        parameter: *mut c_void,
-    ) -> *mut c_void;
-    fn DestroyWindow(window: *mut c_void) -> i32;
-}
-
-/// One test at a time: a window that comes up or goes tells the one that was in front, and waits for that window's thread, which handles
-/// no messages while it waits for the device.
-fn alone() -> MutexGuard<'static, ()> {
-    static ONE: Mutex<()> = Mutex::new(());
-    ONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A window without a loop of messages, as frames are shown in it and nobody uses it.
-struct Window(HWND);
-
-impl Window {
-    fn new() -> Self {
-        let text = |text: &str| text.encode_utf16().chain([0]).collect::<Vec<_>>();
-        let (class, name) = (text("STATIC"), text("frames"));
-        let nothing = std::ptr::null_mut();
-        let (width, height) = (SIZE.width.cast_signed(), SIZE.height.cast_signed());
-        // A window with a frame that is seen.
-        const STYLE: u32 = 0x10cf_0000;
-        // SAFETY: texts that end with zeroes and live during the call.
-        let made = unsafe {
-            CreateWindowExW(
-                0,
-                class.as_ptr(),
-                name.as_ptr(),
-                STYLE,
-                0,
-                0,
-                width,
-                height,
-                nothing,
-                nothing,
-                nothing,
-                nothing,
-            )
-        };
-        assert!(!made.is_null(), "a window");
-        Self(HWND(made))
-    }
-}
-
-impl Drop for Window {
-    fn drop(&mut self) {
-        // SAFETY: made by this thread, and used by nobody any more.
-        unsafe { DestroyWindow(self.0.0) };
-    }
-}
+use window::{PRESENT, SIZE, STEP, Window, alone, description, factory, moved, of_engine, off, panning, pixels, shown};
 
 /// What an engine tells of its frames beside depth and motion.
 #[derive(Clone, Copy, Default)]
@@ -139,32 +65,6 @@ struct Show {
     frames: i32,
 }
 
-fn factory() -> IDXGIFactory2 {
-    // SAFETY: no flags.
-    unsafe { CreateDXGIFactory2(DXGI_CREATE_FACTORY_FLAGS(0)) }.expect("a factory")
-}
-
-/// What an engine wants of a swap chain.
-fn description() -> DXGI_SWAP_CHAIN_DESC1 {
-    DXGI_SWAP_CHAIN_DESC1 {
-        Width: SIZE.width,
-        Height: SIZE.height,
-        Format: DXGI_FORMAT_R8G8B8A8_UNORM,
-        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
-        BufferUsage: DXGI_USAGE_RENDER_TARGET_OUTPUT,
-        BufferCount: 3,
-        SwapEffect: DXGI_SWAP_EFFECT_FLIP_DISCARD,
-        ..Default::default()
-    }
-}
-
-/// An engine's own.
-fn of_engine(engine: &Engine, window: &Window) -> IDXGISwapChain4 {
-    // SAFETY: live objects, and a description that lives during the call.
-    let made = unsafe { factory().CreateSwapChainForHwnd(&engine.direct, window.0, &description(), None, None) };
-    made.expect("a swap chain").cast().expect("a newer one")
-}
-
 fn options() -> SwapchainOptions {
     SwapchainOptions::new(SIZE)
 }
@@ -182,8 +82,9 @@ fn made_with(
     window: &Window,
 ) -> cairn::Result<Swapchain> {
     let factory = factory().cast::<IDXGIFactory>().expect("an older one");
+    let mut own = matches!(how, How::Wrap).then(|| of_engine(engine, window));
     let from = match how {
-        How::Wrap => Paced::Wrap(of_engine(engine, window)),
+        How::Wrap => Paced::Wrap(&mut own),
         How::New => Paced::New(
             &factory,
             DXGI_SWAP_CHAIN_DESC {
@@ -258,50 +159,10 @@ impl Show {
     }
 }
 
-/// An endless picture that is smooth and differs everywhere, moved to the right.
-fn moved(by: i32) -> impl Fn(u32, u32) -> [u8; 4] {
-    let wave = |phase: f32| (128.0 + 90.0 * phase.sin()) as u8;
-    move |x, y| {
-        let (x, y) = ((x.cast_signed() - by) as f32, y as f32);
-        [wave(x * 0.11), wave(y * 0.13 + x * 0.05), wave(x * 0.07 - y * 0.09), 255]
-    }
-}
-
-/// Depth and motion of it.
-fn panning(gpu: &Gpu, size: Dimensions) -> Textures {
-    let textures = Textures::new(gpu, size);
-    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
-    let [x, y] = [-STEP as f32, 0.0].map(|v| half::f16::from_f32(v).to_le_bytes());
-    textures.fill(&textures.motion, |_, _| [x[0], x[1], y[0], y[1]]);
-    textures
-}
-
 fn playing(lines: &[&str]) -> (Stage, Library) {
     let stage = Stage::empty().with(Part::FrameGeneration, lines);
     let library = stage.load().expect("loaded");
     (stage, library)
-}
-
-/// What was shown, a line for each present: its number, what it is, and of which frame.
-fn shown(stage: &Stage) -> Vec<String> {
-    let text = std::fs::read_to_string(stage.0.join("shown.txt")).unwrap_or_default();
-    text.lines().map(str::to_owned).collect()
-}
-
-/// The pixels of a present.
-fn pixels(stage: &Stage, number: usize) -> Vec<[u8; 4]> {
-    let bytes = std::fs::read(stage.0.join(format!("shown-{number}.rgba"))).expect("it was shown");
-    bytes.as_chunks::<4>().0.to_vec()
-}
-
-/// The largest difference of a channel inside the picture.
-fn off(found: &[[u8; 4]], wanted: impl Fn(u32, u32) -> [u8; 4]) -> u8 {
-    let places = (0..SIZE.height).flat_map(|y| INNER.map(move |x| (x, y)));
-    let apart = |(x, y): (u32, u32)| {
-        let (a, b) = (found[(y * SIZE.width + x) as usize], wanted(x, y));
-        a.into_iter().zip(b).take(3).map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0)
-    };
-    places.map(apart).max().unwrap_or(0)
 }
 
 #[test]
@@ -504,7 +365,11 @@ fn what_cannot_become_one_is_refused_and_stays_whole() {
     }
     // Somebody else holds it; and where no generator stands the test it is not touched.
     let own = of_engine(&engine, &window);
-    let refused = Swapchain::new(&gpu, api, &options(), Paced::Wrap(own.clone())).expect_err("two references");
+    let mut again = Some(own.clone());
+    let refused = Swapchain::new(&gpu, api, &options(), Paced::Wrap(&mut again)).expect_err("two references");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("swapchain")));
+    assert!(again.take().is_some_and(|again| again == own), "it is its owner's as before");
+    let refused = Swapchain::new(&gpu, api, &options(), Paced::Wrap(&mut None)).expect_err("no swap chain");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("swapchain")));
     // SAFETY: a live swap chain.
     unsafe { own.Present(0, DXGI_PRESENT(0)) }.ok().expect("it presents");

@@ -390,6 +390,6 @@ pub(super) struct To {
 }
 
 /// Refuses a null pointer to an object of Direct3D.
-fn given<T>(pointer: *mut T, name: &str) -> Outcome<()> {
+pub(super) fn given<T>(pointer: *mut T, name: &str) -> Outcome<()> {
     if pointer.is_null() { Err(Failure::argument(name, "a null pointer")) } else { Ok(()) }
 }

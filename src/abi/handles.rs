@@ -36,6 +36,7 @@ pub(super) enum Kind {
     Recorder,
     Guidance,
     Presenter,
+    Swapchain,
 }
 
 /// The opaque type that a handle points to in the header.

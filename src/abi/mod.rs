@@ -13,6 +13,7 @@
 //! | `script`, `recorder` | input written down, and played again |
 //! | `statistics` | what can be asked |
 //! | `d3d12` | experimental: what an engine's own Direct3D 12 objects come through |
+//! | `swapchain` | experimental: AMD's swap chain, for engines that want AMD to present |
 //!
 //! Behind them, and not in the header: `boundary` is the one way in, where panics end; `handles` the table behind every handle,
 //! with a `gate` for each object; `preferences` are what a host wants of frames; `structs` and `text` read and write foreign memory;
@@ -37,6 +38,7 @@ pub mod script;
 pub mod state;
 pub mod statistics;
 pub mod steps;
+pub mod swapchain;
 pub mod version;
 pub mod world;
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::structs::Struct;
 use super::{
     anchor::*, controls::*, d3d12::*, device::*, guidance::*, images::*, logging::*, presenter::*, requirements::*,
-    results::*, rollout::*, statistics::*, steps::*, version::*, world::*,
+    results::*, rollout::*, statistics::*, steps::*, swapchain::*, version::*, world::*,
 };
 
 /// Constants and structs, in the words of `abi.txt`.
@@ -48,6 +48,11 @@ fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
         CAIRN_COLOUR_SRGB CAIRN_COLOUR_LINEAR CAIRN_COLOUR_SCRGB CAIRN_COLOUR_HDR10
         CAIRN_FRAME_ANCHOR CAIRN_FRAME_DECODED CAIRN_FRAME_GENERATED CAIRN_FRAME_EXTRAPOLATED CAIRN_FRAME_HELD
         CAIRN_FRAME_CUT CAIRN_FRAME_REPEATED CAIRN_D3D12_DETERMINISTIC
+        CAIRN_FSR_ANY CAIRN_FSR_PREFER_ML CAIRN_FSR_PREFER_ANALYTIC CAIRN_FSR_REQUIRE_ML CAIRN_FSR_REQUIRE_ANALYTIC
+        CAIRN_SWAPCHAIN_ASYNC CAIRN_SWAPCHAIN_SHOWN_MOTION CAIRN_SWAPCHAIN_JITTERED_MOTION CAIRN_SWAPCHAIN_INVERTED_DEPTH
+        CAIRN_SWAPCHAIN_INFINITE_DEPTH CAIRN_SWAPCHAIN_HDR CAIRN_SWAPCHAIN_CHECKED CAIRN_SWAPCHAIN_UNTRIED
+        CAIRN_SWAPCHAIN_RESET CAIRN_INTERFACE_PREMULTIPLIED CAIRN_INTERFACE_COPIED
+        CAIRN_PACING_HYBRID_SPIN CAIRN_PACING_WAIT_ON_FENCE
     ]
 }
 
@@ -74,6 +79,10 @@ fn structs(text: &mut String) {
     one::<cairn_presenter_statistics>(text);
     one::<cairn_rollout_statistics>(text);
     one::<cairn_d3d12_options>(text);
+    one::<cairn_swapchain_options>(text);
+    one::<cairn_swapchain_frame>(text);
+    one::<cairn_swapchain_pacing>(text);
+    one::<cairn_swapchain_statistics>(text);
 }
 
 fn one<T: Struct>(text: &mut String) {

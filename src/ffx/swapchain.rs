@@ -5,6 +5,7 @@
 //! swap chain, within `Present`, by way of a callback that hands its struct on to the generator.
 
 mod settings;
+mod taken;
 
 use std::cell::Cell;
 use std::ffi::c_void;
@@ -33,6 +34,7 @@ use crate::{Error, ErrorKind, Result};
 pub use settings::{
     Interface, Paced, PacedPictures, Pacing, SwapchainMemory, SwapchainOptions, swapchain_memory_needed,
 };
+use taken::{references, wrapped};
 
 /// A swap chain of AMD's, with the generator of its frames.
 ///
@@ -51,6 +53,8 @@ pub struct Swapchain {
     shared: Box<Shared>,
     // Dropped in this order: the swap chain, and then what paces it.
     swapchain: IDXGISwapChain4,
+    /// References to it as it came, ours and the library's own.
+    held_at_first: u32,
     pacer: Box<dyn Pacer>,
     /// Where the pacer was told that its swap chain, and what it is made of, is.
     _given: Box<Given>,
@@ -143,8 +147,8 @@ unsafe extern "C" fn generate(asked: *mut DispatchFrameGeneration, user: *mut c_
 impl Swapchain {
     /// Makes a swap chain of AMD's on `gpu`, whose queue for frames is the direct queue that the engine draws on.
     ///
-    /// The generator is made first: where it fails, a swap chain that was to be taken over is whole. Of one that is taken over nothing
-    /// is left where the second step fails.
+    /// All else is made first: where that fails, a swap chain that was to be taken over is whole and its owner's. Of one that AMD's
+    /// library has been given nothing is left, also where it fails.
     ///
     /// # Errors
     /// `InvalidArgument` with the field for what AMD's library would fail, hang or crash on: a queue that is not direct, a swap
@@ -157,7 +161,8 @@ impl Swapchain {
         }
         let mut given = Box::<Given>::default();
         let shown = match &from {
-            Paced::Wrap(swapchain) => wrapped(gpu, swapchain)?,
+            Paced::Wrap(Some(swapchain)) => wrapped(gpu, swapchain)?,
+            Paced::Wrap(None) => return refuse("swapchain", "there is none"),
             Paced::New(_, desc) => {
                 given.description = *desc;
                 if !desc.Windowed.as_bool() {
@@ -191,20 +196,24 @@ impl Swapchain {
             generated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
         });
+        let (promises, ring) = (Promises::new(gpu)?, Frames::new(gpu, gpu.frames(), CleanMotion::ROOM)?);
+        let motion = CleanMotion::new(gpu, motion_size_at(&head, head.max_render_size))?;
         let pacer = pace(gpu, api, &mut given, from)?;
         if given.swapchain.is_null() {
             return Err(Error::new(ErrorKind::Device, "AMD's library says that it succeeded, and gave no swap chain"));
         }
+        // SAFETY: the library has written a swap chain there, with a reference for its host.
+        let swapchain = unsafe { IDXGISwapChain4::from_raw(given.swapchain) };
         Ok(Self {
-            // SAFETY: the library has written a swap chain there, with a reference for its host.
-            swapchain: unsafe { IDXGISwapChain4::from_raw(given.swapchain) },
+            held_at_first: references(&swapchain),
+            swapchain,
             pacer,
-            promises: Promises::new(gpu)?,
-            ring: Frames::new(gpu, gpu.frames(), CleanMotion::ROOM)?,
+            promises,
+            ring,
             gpu: gpu.clone(),
             api: *api,
             options,
-            motion: CleanMotion::new(gpu, motion_size_at(&head, head.max_render_size))?,
+            motion,
             generator: Some(generator),
             shared,
             _given: given,
@@ -218,6 +227,11 @@ impl Swapchain {
     /// lets go of before this is dropped.
     pub fn dxgi(&self) -> &IDXGISwapChain4 {
         &self.swapchain
+    }
+
+    /// How many references to it others hold, that are to be let go of before this is dropped. Of its buffers it does not say.
+    pub fn held_by_others(&self) -> u32 {
+        references(&self.swapchain).saturating_sub(self.held_at_first)
     }
 
     /// Who generates frames.
@@ -496,7 +510,7 @@ fn pace(gpu: &Gpu, api: &Api, given: &mut Given, from: Paced<'_>) -> Result<Box<
         match from {
             Paced::Wrap(wrapped) => {
                 // The library's from here on, whatever it answers: it may have let go of it before it failed.
-                given.swapchain = wrapped.into_raw();
+                given.swapchain = wrapped.take().map_or(null_mut(), IDXGISwapChain4::into_raw);
                 let swapchain = &raw mut given.swapchain;
                 let head = CreateSwapchainWrap { swapchain, queue, ..Default::default() };
                 Box::new(Context::create(api, device, Choice::Any, head, |chain| chain)?)
@@ -523,39 +537,6 @@ fn pace(gpu: &Gpu, api: &Api, given: &mut Given, from: Paced<'_>) -> Result<Box<
     })
 }
 
-/// Looks whether a swap chain can be taken over; its size and format.
-fn wrapped(
-    gpu: &Gpu,
-    swapchain: &IDXGISwapChain4,
-) -> Result<(u32, u32, windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT)> {
-    let refuse = |why: String| Error::new(ErrorKind::InvalidArgument, why).field("swapchain");
-    let failed = |call| move |e: windows::core::Error| failed_on(gpu.device(), call, &e);
-    // SAFETY: a live swap chain.
-    let (desc, fullscreen) = unsafe {
-        (
-            swapchain.GetDesc1().map_err(failed("IDXGISwapChain1::GetDesc1"))?,
-            swapchain.GetFullscreenDesc().map_err(failed("IDXGISwapChain1::GetFullscreenDesc"))?,
-        )
-    };
-    // SAFETY: as above; a window is asked for.
-    if unsafe { swapchain.GetHwnd() }.is_err() {
-        return Err(refuse("it is of no window".to_owned()));
-    }
-    if !fullscreen.Windowed.as_bool() {
-        return Err(refuse("it is full screen, and AMD's swap chain lives in a window".to_owned()));
-    }
-    // A clone counts one more, and gives it back.
-    let counted = swapchain.clone();
-    let (raw, vtable) = (counted.into_raw(), IDXGISwapChain4::vtable(swapchain));
-    // SAFETY: the reference that the clone took.
-    let left = unsafe { (vtable.base__.base__.base__.base__.base__.base__.base__.Release)(raw) };
-    if left > 1 {
-        return Err(refuse(format!("somebody else holds {} references to it", left - 1))
-            .remedy("Let go of all references to it and to its buffers but the one that is handed over"));
-    }
-    Ok((desc.Width, desc.Height, desc.Format))
-}
-
 fn same(a: Dimensions, b: Dimensions) -> bool {
     (a.width, a.height) == (b.width, b.height)
 }
@@ -564,7 +545,7 @@ fn head_of(options: &SwapchainOptions, (width, height): (u32, u32), format: Surf
     CreateFrameGeneration {
         flags: options.flags,
         display_size: Dimensions { width, height },
-        max_render_size: options.max_render_size,
+        max_render_size: options.max_render_size.unwrap_or(Dimensions { width, height }),
         back_buffer_format: format,
         ..Default::default()
     }

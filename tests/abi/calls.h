@@ -7,13 +7,15 @@
 
 #include "check.h"
 
-/* Objects that rows are called with: one of each kind of handle, and QUEUE, a held rollout with a step. */
-enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESENTER, KINDS, QUEUE = KINDS, OBJECTS };
+/* Objects that rows are called with: one of each kind of handle, and QUEUE, a held rollout with a step. Of SWAPCHAIN, which is for
+   Windows, there is none, so that its rows refuse the handle once all else is as it should be. */
+enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESENTER, SWAPCHAIN, KINDS, QUEUE = KINDS, OBJECTS };
 
 /* The structs that the library reads. */
 #define READ_STRUCTS(X)                                                                                               \
     X(cairn_cpu_options) X(cairn_world_options) X(cairn_rollout_options) X(cairn_picture) X(cairn_target)             \
-    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)
+    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)     \
+    X(cairn_swapchain_options) X(cairn_swapchain_frame) X(cairn_swapchain_pacing)
 #define NUMBERED(name) NUMBER_OF_##name,
 enum { READ_STRUCTS(NUMBERED) READ_STRUCT_COUNT };
 
@@ -101,7 +103,7 @@ struct row {
 #define FLOATING(a) (a).real
 #define NOTHING(a) NULL
 
-#define CALLS(C1, C2, C3, C4, C5, C6, C8, C9)                                                                         \
+#define CALLS(C1, C2, C3, C4, C5, C6, C7, C8, C9)                                                                         \
     C3(cairn_last_error, ROOM, NUMBER(64), RESULT_OR_NULL(size_t))                                                    \
     C4(cairn_last_error_part, CHOICE(1, 4), ROOM, NUMBER(64), RESULT_OR_NULL(size_t))                                 \
     C3(cairn_set_log_callback, CHOICE(0, 5), NONE, NONE)                                                              \
@@ -182,12 +184,25 @@ struct row {
        FILLED_OR_NULL(cairn_frame))                                                                                   \
     C9(cairn_presenter_submit_d3d12, ALONE(PRESENTER), SHARED(DEVICE), NUMBER(100000000), GIVEN, NUMBER(0), NUMBER(0), \
        FILLED_OR_NULL(cairn_frame), RESULT(void *), RESULT(uint64_t))                                                 \
-    C1(cairn_presenter_release_d3d12, ALONE(PRESENTER))
+    C1(cairn_presenter_release_d3d12, ALONE(PRESENTER))                                                               \
+    C4(cairn_swapchain_wrap, SHARED(DEVICE), READ_OR_NULL(cairn_swapchain_options), RESULT(void *), RESULT(cairn_swapchain *)) \
+    C5(cairn_swapchain_create, SHARED(DEVICE), READ_OR_NULL(cairn_swapchain_options), GIVEN, GIVEN, RESULT(cairn_swapchain *)) \
+    C7(cairn_swapchain_create_for_window, SHARED(DEVICE), READ_OR_NULL(cairn_swapchain_options), GIVEN, GIVEN, GIVEN,  \
+       GIVEN_OR_NULL, RESULT(cairn_swapchain *))                                                                      \
+    C2(cairn_swapchain_get_dxgi, ALONE(SWAPCHAIN), RESULT(void *))                                                    \
+    C3(cairn_swapchain_prepare, ALONE(SWAPCHAIN), GIVEN, READ(cairn_swapchain_frame))                                 \
+    C4(cairn_swapchain_set_interface, ALONE(SWAPCHAIN), GIVEN_OR_NULL, NUMBER(0), CHOICE(0, 3))                       \
+    C2(cairn_swapchain_set_pacing, ALONE(SWAPCHAIN), READ_OR_NULL(cairn_swapchain_pacing))                            \
+    C1(cairn_swapchain_pause, ALONE(SWAPCHAIN))                                                                       \
+    C1(cairn_swapchain_wait, ALONE(SWAPCHAIN))                                                                        \
+    C1(cairn_swapchain_fit, ALONE(SWAPCHAIN))                                                                         \
+    C2(cairn_swapchain_get_statistics, SHARED(SWAPCHAIN), FILLED(cairn_swapchain_statistics))                         \
+    C1(cairn_swapchain_destroy, SHARED(SWAPCHAIN))
 
 /* What only Windows can do is refused elsewhere, whatever it is given. */
 __attribute__((unused)) static int is_for_windows(const char *name)
 {
-    return strstr(name, "d3d12") || strstr(name, "create_adapter");
+    return strstr(name, "d3d12") || strstr(name, "create_adapter") || strstr(name, "swapchain");
 }
 
 enum { WIDTH = 128, HEIGHT = 72 };
@@ -212,6 +227,11 @@ enum { WIDTH = 128, HEIGHT = 72 };
     {                                                         \
         return f(AS_##a0(a[0]), AS_##a1(a[1]), AS_##a2(a[2]), AS_##a3(a[3]), AS_##a4(a[4]), AS_##a5(a[5])); \
     }
+#define CALL7(f, a0, a1, a2, a3, a4, a5, a6)                  \
+    static cairn_result call_##f(const struct argument *a)    \
+    {                                                         \
+        return f(AS_##a0(a[0]), AS_##a1(a[1]), AS_##a2(a[2]), AS_##a3(a[3]), AS_##a4(a[4]), AS_##a5(a[5]), AS_##a6(a[6])); \
+    }
 #define CALL8(f, a0, a1, a2, a3, a4, a5, a6, a7)              \
     static cairn_result call_##f(const struct argument *a)    \
     {                                                         \
@@ -224,7 +244,7 @@ enum { WIDTH = 128, HEIGHT = 72 };
         return f(AS_##a0(a[0]), AS_##a1(a[1]), AS_##a2(a[2]), AS_##a3(a[3]), AS_##a4(a[4]), AS_##a5(a[5]), AS_##a6(a[6]), \
                  AS_##a7(a[7]), AS_##a8(a[8]));               \
     }
-CALLS(CALL1, CALL2, CALL3, CALL4, CALL5, CALL6, CALL8, CALL9)
+CALLS(CALL1, CALL2, CALL3, CALL4, CALL5, CALL6, CALL7, CALL8, CALL9)
 
 #define ROW1(f, a0) {#f, call_##f, 1, {SHAPE_##a0}},
 #define ROW2(f, a0, a1) {#f, call_##f, 2, {SHAPE_##a0, SHAPE_##a1}},
@@ -233,11 +253,13 @@ CALLS(CALL1, CALL2, CALL3, CALL4, CALL5, CALL6, CALL8, CALL9)
 #define ROW5(f, a0, a1, a2, a3, a4) {#f, call_##f, 5, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4}},
 #define ROW6(f, a0, a1, a2, a3, a4, a5) \
     {#f, call_##f, 6, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4, SHAPE_##a5}},
+#define ROW7(f, a0, a1, a2, a3, a4, a5, a6) \
+    {#f, call_##f, 7, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4, SHAPE_##a5, SHAPE_##a6}},
 #define ROW8(f, a0, a1, a2, a3, a4, a5, a6, a7) \
     {#f, call_##f, 8, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4, SHAPE_##a5, SHAPE_##a6, SHAPE_##a7}},
 #define ROW9(f, a0, a1, a2, a3, a4, a5, a6, a7, a8) \
     {#f, call_##f, 9, {SHAPE_##a0, SHAPE_##a1, SHAPE_##a2, SHAPE_##a3, SHAPE_##a4, SHAPE_##a5, SHAPE_##a6, SHAPE_##a7, SHAPE_##a8}},
-static const struct row rows[] = {CALLS(ROW1, ROW2, ROW3, ROW4, ROW5, ROW6, ROW8, ROW9)};
+static const struct row rows[] = {CALLS(ROW1, ROW2, ROW3, ROW4, ROW5, ROW6, ROW7, ROW8, ROW9)};
 enum { ROWS = sizeof rows / sizeof rows[0] };
 
 /* A row that ends a handle. */
@@ -299,6 +321,30 @@ static const struct field fields[] = {
     FIELD(cairn_presenter_options, upscaler, CHOICE_FIELD, 2),
     FIELD(cairn_presenter_options, reserved_also, CHOICE_FIELD, 0),
     FIELD(cairn_d3d12_options, flags, FLAGS_FIELD, 1),
+    FIELD(cairn_swapchain_options, flags, FLAGS_FIELD, 255),
+    FIELD(cairn_swapchain_options, provider, CHOICE_FIELD, 4),
+    FIELD(cairn_swapchain_options, max_render_width, CHOICE_FIELD, 16384),
+    FIELD(cairn_swapchain_options, max_render_height, CHOICE_FIELD, 16384),
+    FIELD(cairn_swapchain_frame, flags, FLAGS_FIELD, 1),
+    FIELD(cairn_swapchain_frame, render_width, CHOICE_FIELD, 16384),
+    FIELD(cairn_swapchain_frame, render_height, CHOICE_FIELD, 16384),
+    FIELD(cairn_swapchain_frame, jitter_x, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, jitter_y, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, motion_scale_x, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, motion_scale_y, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, frame_time_ms, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, vertical_fov, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, near_plane, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, far_plane, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, metres, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, position[1], REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, up[2], REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, right[0], REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, forward[1], REAL_FIELD, 0),
+    FIELD(cairn_swapchain_frame, reserved, CHOICE_FIELD, 0),
+    FIELD(cairn_swapchain_pacing, flags, FLAGS_FIELD, 3),
+    FIELD(cairn_swapchain_pacing, safety_margin_ms, REAL_FIELD, 0),
+    FIELD(cairn_swapchain_pacing, variance_factor, REAL_FIELD, 0),
 };
 enum { FIELDS = sizeof fields / sizeof fields[0] };
 

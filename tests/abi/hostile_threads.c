@@ -23,7 +23,7 @@ static void call_all(void *busy)
         if (!busy && !again) continue;
         good_arguments(row, a, 0);
         cairn_result r = row->call(a);
-        int in_use = first->kind == HANDLE_ARGUMENT && a[0].pointer == busy;
+        int in_use = busy && first->kind == HANDLE_ARGUMENT && a[0].pointer == busy;
         int refused = r == CAIRN_ERROR_BUSY || (r == CAIRN_ERROR_UNSUPPORTED && is_for_windows(row->name));
         if (in_use && first->alone ? r != CAIRN_ERROR_BUSY : r < 0 && !(in_use && refused) && !is_for_windows(row->name)) {
             fprintf(stderr, "%s: %s (%s)\n", row->name, cairn_result_name(r), message());

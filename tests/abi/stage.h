@@ -45,6 +45,14 @@ static void good_struct(int number, void *to)
             .vertical_fov = 1};
     } else if (number == NUMBER_OF_cairn_d3d12_options) {
         *(cairn_d3d12_options *)to = (cairn_d3d12_options){.struct_size = sizeof(cairn_d3d12_options), .captured_passes = 16};
+    } else if (number == NUMBER_OF_cairn_swapchain_options) {
+        *(cairn_swapchain_options *)to = (cairn_swapchain_options){.struct_size = sizeof(cairn_swapchain_options),
+            .max_render_width = WIDTH, .max_render_height = HEIGHT};
+    } else if (number == NUMBER_OF_cairn_swapchain_frame) {
+        *(cairn_swapchain_frame *)to = (cairn_swapchain_frame){.struct_size = sizeof(cairn_swapchain_frame), .depth = to,
+            .motion = to, .render_width = WIDTH, .render_height = HEIGHT, .frame_time_ms = 16};
+    } else if (number == NUMBER_OF_cairn_swapchain_pacing) {
+        *(cairn_swapchain_pacing *)to = (cairn_swapchain_pacing){.struct_size = sizeof(cairn_swapchain_pacing)};
     } else {
         *(cairn_presenter_options *)to = (cairn_presenter_options){
             .struct_size = sizeof(cairn_presenter_options), .interval_ns = 66666667, .capacity = CAIRN_MAX_QUEUE};
@@ -119,6 +127,7 @@ __attribute__((unused)) static cairn_result end_object(enum object kind, void *h
     case RECORDER: return cairn_recorder_destroy(handle);
     case GUIDANCE: return cairn_guidance_destroy(handle);
     case PRESENTER: return cairn_presenter_destroy(handle);
+    case SWAPCHAIN: return cairn_swapchain_destroy(handle);
     default: return cairn_rollout_destroy(handle);
     }
 }

@@ -117,6 +117,30 @@ FRAME_REPEATED = 2
 
 D3D12_DETERMINISTIC = 1
 
+FSR_ANY = 0
+FSR_PREFER_ML = 1
+FSR_PREFER_ANALYTIC = 2
+FSR_REQUIRE_ML = 3
+FSR_REQUIRE_ANALYTIC = 4
+SWAPCHAIN_ASYNC = 1
+SWAPCHAIN_SHOWN_MOTION = 2
+SWAPCHAIN_JITTERED_MOTION = 4
+SWAPCHAIN_INVERTED_DEPTH = 8
+SWAPCHAIN_INFINITE_DEPTH = 16
+SWAPCHAIN_HDR = 32
+SWAPCHAIN_CHECKED = 64
+SWAPCHAIN_UNTRIED = 128
+SWAPCHAIN_RESET = 1
+INTERFACE_PREMULTIPLIED = 1
+INTERFACE_COPIED = 2
+PACING_HYBRID_SPIN = 1
+PACING_WAIT_ON_FENCE = 2
+
+
+def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
+    """Fields of one kind, one after the other."""
+    return [(name, kind) for name in names.split()]
+
 
 class Sized(Structure):
     """A struct that begins with its size, which is set when it is made; what is not given is zero."""
@@ -199,24 +223,12 @@ class WorldOptions(Sized):
 
 class WorldInfo(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("precision", c_uint32),
-        ("render_width", c_uint32),
-        ("render_height", c_uint32),
-        ("decoded_width", c_uint32),
-        ("decoded_height", c_uint32),
-        ("latent_channels", c_uint32),
-        ("latent_height", c_uint32),
-        ("latent_width", c_uint32),
-        ("tokens", c_uint32),
-        ("layers", c_uint32),
-        ("pictures_per_latent", c_uint32),
-        ("local_window", c_uint32),
-        ("global_window", c_uint32),
-        ("max_global_window", c_uint32),
-        ("global_dilation", c_uint32),
-        ("latents_per_second", c_uint32),
-        ("keys", c_uint32),
+        *_each(
+            c_uint32,
+            "struct_size precision render_width render_height decoded_width decoded_height latent_channels "
+            "latent_height latent_width tokens layers pictures_per_latent local_window global_window "
+            "max_global_window global_dilation latents_per_second keys",
+        ),
         ("name", c_char * 128),
         ("licence", c_char * 64),
         ("digest", c_char * 72),
@@ -227,14 +239,7 @@ class WorldMemory(Sized):
     _fields_ = [
         ("struct_size", c_uint32),
         ("reserved", c_uint32),
-        ("bundle", c_uint64),
-        ("weights", c_uint64),
-        ("ring", c_uint64),
-        ("slabs", c_uint64),
-        ("intermediates", c_uint64),
-        ("autoencoder", c_uint64),
-        ("arena", c_uint64),
-        ("total", c_uint64),
+        *_each(c_uint64, "bundle weights ring slabs intermediates autoencoder arena total"),
     ]
 
 
@@ -277,14 +282,7 @@ class AnchorInfo(Sized):
         ("struct_size", c_uint32),
         ("flags", c_uint32),
         ("latent", c_uint64),
-        ("latents_per_second", c_uint32),
-        ("pictures", c_uint32),
-        ("width", c_uint32),
-        ("height", c_uint32),
-        ("latent_channels", c_uint32),
-        ("latent_height", c_uint32),
-        ("latent_width", c_uint32),
-        ("reserved", c_uint32),
+        *_each(c_uint32, "latents_per_second pictures width height latent_channels latent_height latent_width reserved"),
     ]
 
 
@@ -316,12 +314,7 @@ class StepInfo(Sized):
         ("latent", c_uint64),
         ("denoise_passes", c_uint32),
         ("cache_passes", c_uint32),
-        ("encode_ns", c_uint64),
-        ("denoise_ns", c_uint64),
-        ("cache_ns", c_uint64),
-        ("commit_ns", c_uint64),
-        ("decode_ns", c_uint64),
-        ("ring_bytes", c_uint64),
+        *_each(c_uint64, "encode_ns denoise_ns cache_ns commit_ns decode_ns ring_bytes"),
     ]
 
 
@@ -329,31 +322,13 @@ class RolloutStatistics(Sized):
     _fields_ = [
         ("struct_size", c_uint32),
         ("queue_depth", c_uint32),
-        ("latents", c_uint64),
-        ("denoise_passes", c_uint64),
-        ("cache_passes", c_uint64),
-        ("decode_passes", c_uint64),
-        ("encode_ns", c_uint64),
-        ("denoise_ns", c_uint64),
-        ("cache_ns", c_uint64),
-        ("commit_ns", c_uint64),
-        ("decode_ns", c_uint64),
-        ("resize_ns", c_uint64),
-        ("uploaded_bytes", c_uint64),
-        ("copied_bytes", c_uint64),
-        ("read_bytes", c_uint64),
-        ("ring_bytes", c_uint64),
-        ("device_passes", c_uint64),
-        ("device_passes_ns", c_uint64),
-        ("device_pass_longest_ns", c_uint64),
-        ("device_decodes", c_uint64),
-        ("device_decodes_ns", c_uint64),
-        ("device_decode_longest_ns", c_uint64),
-        ("device_commits", c_uint64),
-        ("device_commits_ns", c_uint64),
-        ("runtime_ns", c_uint64),
-        ("waited_ns", c_uint64),
-        ("yields", c_uint64),
+        *_each(
+            c_uint64,
+            "latents denoise_passes cache_passes decode_passes encode_ns denoise_ns cache_ns commit_ns decode_ns "
+            "resize_ns uploaded_bytes copied_bytes read_bytes ring_bytes device_passes device_passes_ns "
+            "device_pass_longest_ns device_decodes device_decodes_ns device_decode_longest_ns device_commits "
+            "device_commits_ns runtime_ns waited_ns yields",
+        ),
         ("captured_passes", c_uint32),
         ("other_passes", c_uint32),
     ]
@@ -365,6 +340,62 @@ class D3d12Options(Sized):
         ("flags", c_uint32),
         ("captured_passes", c_uint32),
         ("longest_submission_us", c_uint32),
+    ]
+
+
+class SwapchainOptions(Sized):
+    _fields_ = [
+        *_each(c_uint32, "struct_size flags provider hudless_format max_render_width max_render_height"),
+    ]
+
+
+class SwapchainFrame(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("flags", c_uint32),
+        ("depth", c_void_p),
+        ("motion", c_void_p),
+        ("hudless", c_void_p),
+        ("distortion", c_void_p),
+        *_each(
+            c_uint32,
+            "depth_state motion_state hudless_state distortion_state render_width render_height world_left "
+            "world_top world_width world_height",
+        ),
+        *_each(
+            c_float,
+            "jitter_x jitter_y motion_scale_x motion_scale_y frame_time_ms vertical_fov near_plane far_plane "
+            "metres",
+        ),
+        ("position", c_float * 3),
+        ("up", c_float * 3),
+        ("right", c_float * 3),
+        ("forward", c_float * 3),
+        ("reserved", c_uint32),
+    ]
+
+
+class SwapchainPacing(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("flags", c_uint32),
+        ("safety_margin_ms", c_float),
+        ("variance_factor", c_float),
+        ("spin_ticks", c_uint32),
+    ]
+
+
+class SwapchainStatistics(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("failed", c_uint32),
+        ("generated", c_uint64),
+        ("generator_bytes", c_uint64),
+        ("generator_aliasable_bytes", c_uint64),
+        ("swapchain_bytes", c_uint64),
+        ("swapchain_aliasable_bytes", c_uint64),
+        ("generator", c_char * 64),
+        ("pacer", c_char * 64),
     ]
 
 
@@ -404,18 +435,11 @@ class PresenterOptions(Sized):
         ("height", c_uint32),
         ("interval_ns", c_uint64),
         ("delay_ns", c_uint64),
-        ("flags", c_uint32),
-        ("capacity", c_uint32),
-        ("motion", c_uint32),
-        ("colour_space", c_uint32),
-        ("fsr", c_uint32),
-        ("shader", c_uint32),
-        ("cpu", c_uint32),
-        ("reserved", c_uint32),
-        ("white_nits", c_uint32),
-        ("reserved_too", c_uint32),
-        ("upscaler", c_uint32),
-        ("reserved_also", c_uint32),
+        *_each(
+            c_uint32,
+            "flags capacity motion colour_space fsr shader cpu reserved white_nits reserved_too upscaler "
+            "reserved_also",
+        ),
     ]
 
 
@@ -437,30 +461,20 @@ class PresenterStatistics(Sized):
     _fields_ = [
         ("struct_size", c_uint32),
         ("reserved", c_uint32),
-        ("anchors", c_uint64),
-        ("late_anchors", c_uint64),
-        ("slipped_ns", c_uint64),
-        ("shown_anchors", c_uint64),
-        ("shown_decoded", c_uint64),
-        ("shown_generated", c_uint64),
-        ("shown_extrapolated", c_uint64),
-        ("shown_held", c_uint64),
-        ("repeated", c_uint64),
-        ("cuts", c_uint64),
-        ("guidance_ns", c_uint64),
-        ("generate_ns", c_uint64),
-        ("resize_ns", c_uint64),
+        *_each(
+            c_uint64,
+            "anchors late_anchors slipped_ns shown_anchors shown_decoded shown_generated shown_extrapolated "
+            "shown_held repeated cuts guidance_ns generate_ns resize_ns",
+        ),
         ("generator", c_char * 32),
         ("preference", c_char * 160),
         ("waiting", c_uint32),
         ("under_way", c_uint32),
-        ("device_frames", c_uint64),
-        ("device_frames_ns", c_uint64),
-        ("device_frame_longest_ns", c_uint64),
-        ("device_frame_last_ns", c_uint64),
-        ("device_lists", c_uint64),
-        ("device_lists_ns", c_uint64),
-        ("device_list_longest_ns", c_uint64),
+        *_each(
+            c_uint64,
+            "device_frames device_frames_ns device_frame_longest_ns device_frame_last_ns device_lists "
+            "device_lists_ns device_list_longest_ns",
+        ),
         ("made_to_anchor", c_uint32),
         ("budget_changes", c_uint32),
         ("upscaler", c_char * 32),

@@ -410,7 +410,7 @@ pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_r
 ///
 /// # Safety
 /// The pointer is of an object of COM, which lives during the call.
-unsafe fn object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
+pub(in crate::abi) unsafe fn object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
     // SAFETY: the caller's promise; every interface of COM starts with IUnknown, and no reference is taken.
     let unknown = unsafe { IUnknown::from_raw_borrowed(&pointer) };
     let cast = unknown.and_then(|unknown| unknown.cast().ok());

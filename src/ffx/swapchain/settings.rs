@@ -22,8 +22,8 @@ use crate::gpu::compute::Resting;
 pub struct SwapchainOptions {
     /// Whose generator.
     pub choice: Choice,
-    /// The largest size that motion and depth are rendered at.
-    pub max_render_size: Dimensions,
+    /// The largest size that motion and depth are rendered at; None for that of the buffers, whatever it becomes.
+    pub max_render_size: Option<Dimensions>,
     /// How the generator is made. [`CreateFlags::ASYNC_WORKLOAD`]: frames are generated on a compute queue of the swap chain's.
     pub flags: CreateFlags,
     /// The format of frames without interface, where it is another than that of the buffers.
@@ -35,14 +35,21 @@ pub struct SwapchainOptions {
 impl SwapchainOptions {
     /// Any provider, tested, for motion and depth of that size.
     pub fn new(max_render_size: Dimensions) -> Self {
-        Self { choice: Choice::Any, max_render_size, flags: CreateFlags::empty(), hudless: None, self_test: true }
+        Self {
+            choice: Choice::Any,
+            max_render_size: Some(max_render_size),
+            flags: CreateFlags::empty(),
+            hudless: None,
+            self_test: true,
+        }
     }
 }
 
 /// What becomes a swap chain of AMD's.
 pub enum Paced<'a> {
-    /// An engine's own, in a window. It is let go of: this must be the only reference to it, and none to its buffers may be left.
-    Wrap(IDXGISwapChain4),
+    /// An engine's own, in a window, which is taken out when AMD's library gets it and let go of there: this must be the only
+    /// reference to it, and none to its buffers may be left.
+    Wrap(&'a mut Option<IDXGISwapChain4>),
     /// A new one, as `IDXGIFactory::CreateSwapChain` makes it.
     New(&'a IDXGIFactory, DXGI_SWAP_CHAIN_DESC),
     /// A new one for a window, as `IDXGIFactory2::CreateSwapChainForHwnd` makes it.

@@ -24,6 +24,7 @@ const CHAPTERS: &[(&str, &[&str])] = &[
     ("Per frame: input written down, and played again", &["script", "recorder"]),
     ("Queries: statistics", &["statistics"]),
     ("Experimental: Direct3D 12", &["d3d12"]),
+    ("Experimental: AMD's swap chain", &["swapchain/structs", "swapchain"]),
 ];
 
 const OPENING: &str = "\

@@ -13,8 +13,17 @@ use crate::shell::Log;
 const VARIABLE: &str = "CAIRN_FFX_DIR";
 
 /// The test programs.
-const PROGRAMS: [&str; 8] =
-    ["ffx", "ffx_amd", "ffx_frames", "ffx_interface", "ffx_mutants", "ffx_presenter", "ffx_swapchain", "ffx_upscale"];
+const PROGRAMS: [&str; 9] = [
+    "ffx",
+    "ffx_amd",
+    "ffx_frames",
+    "ffx_interface",
+    "ffx_mutants",
+    "ffx_presenter",
+    "ffx_swapchain",
+    "ffx_swapchain_interface",
+    "ffx_upscale",
+];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();

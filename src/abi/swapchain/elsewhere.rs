@@ -1,0 +1,90 @@
+//! What stands behind the doors of AMD's swap chain where there is none.
+
+use std::ffi::c_void;
+
+use super::{
+    DXGI_SWAP_CHAIN_DESC, DXGI_SWAP_CHAIN_DESC1, DXGI_SWAP_CHAIN_FULLSCREEN_DESC, ID3D12GraphicsCommandList,
+    ID3D12Resource, IDXGIFactory, IDXGISwapChain, IDXGISwapChain4, cairn_swapchain_frame, cairn_swapchain_options,
+    cairn_swapchain_pacing, cairn_swapchain_statistics,
+};
+use crate::abi::results::{Failure, Outcome};
+use crate::runtime::Device;
+
+/// There is none, so that what follows is never called.
+pub(in crate::abi) enum Showing {}
+
+/// # Safety
+/// Nothing is asked for.
+pub(super) unsafe fn wrap(_: &Device, _: &cairn_swapchain_options, _: &mut *mut IDXGISwapChain) -> Outcome<Showing> {
+    Err(Failure::no_d3d12())
+}
+
+/// # Safety
+/// Nothing is asked for.
+pub(super) unsafe fn create(
+    _: &Device,
+    _: &cairn_swapchain_options,
+    _: *mut IDXGIFactory,
+    _: *const DXGI_SWAP_CHAIN_DESC,
+) -> Outcome<Showing> {
+    Err(Failure::no_d3d12())
+}
+
+/// # Safety
+/// Nothing is asked for.
+pub(super) unsafe fn create_for_window(
+    _: &Device,
+    _: &cairn_swapchain_options,
+    _: *mut IDXGIFactory,
+    _: *mut c_void,
+    _: *const DXGI_SWAP_CHAIN_DESC1,
+    _: *const DXGI_SWAP_CHAIN_FULLSCREEN_DESC,
+) -> Outcome<Showing> {
+    Err(Failure::no_d3d12())
+}
+
+impl Showing {
+    pub(super) fn dxgi(&self) -> *mut IDXGISwapChain4 {
+        match *self {}
+    }
+
+    pub(super) fn held_by_others(&self) -> u32 {
+        match *self {}
+    }
+
+    /// # Safety
+    /// Nothing is asked for.
+    pub(super) unsafe fn prepare(
+        &mut self,
+        _: *mut ID3D12GraphicsCommandList,
+        _: &cairn_swapchain_frame,
+    ) -> Outcome<()> {
+        match *self {}
+    }
+
+    /// # Safety
+    /// Nothing is asked for.
+    pub(super) unsafe fn set_interface(&mut self, _: *mut ID3D12Resource, _: u32, _: u32) -> Outcome<()> {
+        match *self {}
+    }
+
+    pub(super) fn set_pacing(&mut self, _: Option<&cairn_swapchain_pacing>) -> Outcome<()> {
+        match *self {}
+    }
+
+    pub(super) fn pause(&mut self) -> Outcome<()> {
+        match *self {}
+    }
+
+    pub(super) fn wait(&mut self) -> Outcome<()> {
+        match *self {}
+    }
+
+    pub(super) fn fit(&mut self) -> Outcome<()> {
+        match *self {}
+    }
+
+    pub(super) fn statistics(&mut self) -> Outcome<cairn_swapchain_statistics> {
+        match *self {}
+    }
+}

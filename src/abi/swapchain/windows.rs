@@ -1,0 +1,233 @@
+//! What stands behind the doors of AMD's swap chain where it is there.
+
+use std::ffi::c_void;
+use std::mem::ManuallyDrop;
+
+use windows::Win32::Foundation::HWND;
+use windows::Win32::Graphics::Direct3D12 as direct3d;
+use windows::Win32::Graphics::Dxgi as dxgi;
+use windows::core::{IUnknown, Interface as _};
+
+use super::*;
+use crate::abi::d3d12::behind::object;
+use crate::abi::text::fixed_text;
+use crate::ffx::bindings::{Dimensions, MemoryUsage};
+use crate::ffx::{
+    Api, Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Swapchain, SwapchainOptions,
+};
+use crate::gpu::compute::Resting;
+use crate::runtime::Device;
+
+/// A swap chain, and what it was made of.
+pub(in crate::abi) struct Showing {
+    swapchain: Swapchain,
+    /// AMD's modules, which stay loaded as long as it lives.
+    _library: Library,
+}
+
+/// Takes over an engine's swap chain.
+///
+/// # Safety
+/// What `own` points to is null or a swap chain with a reference of the caller's, which becomes null where it is gone.
+pub(super) unsafe fn wrap(
+    device: &Device,
+    options: &cairn_swapchain_options,
+    own: &mut *mut IDXGISwapChain,
+) -> Outcome<Showing> {
+    let given = *own;
+    // SAFETY: the caller's promise.
+    let mut theirs: Option<dxgi::IDXGISwapChain4> = Some(unsafe { object(given.cast(), "own") }?);
+    // SAFETY: the caller's reference, which is counted twice now. AMD's library wants the only one.
+    drop(unsafe { IUnknown::from_raw(given.cast()) });
+    let made = make(device, options, Paced::Wrap(&mut theirs));
+    match theirs {
+        None => *own = std::ptr::null_mut(),
+        Some(_) => {
+            // SAFETY: alive by the reference that is held here; its owner gets another in place of it.
+            let again = ManuallyDrop::new(unsafe { IUnknown::from_raw(given.cast()) });
+            std::mem::forget(IUnknown::clone(&again));
+        }
+    }
+    made
+}
+
+/// Makes one as the factory does.
+///
+/// # Safety
+/// `factory` is an object of COM, and `description` can be read.
+pub(super) unsafe fn create(
+    device: &Device,
+    options: &cairn_swapchain_options,
+    factory: *mut IDXGIFactory,
+    description: *const DXGI_SWAP_CHAIN_DESC,
+) -> Outcome<Showing> {
+    // SAFETY: the caller's promise.
+    let factory: dxgi::IDXGIFactory = unsafe { object(factory.cast(), "factory") }?;
+    // SAFETY: the caller's promise.
+    let description = unsafe { copied(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC>(), "description") }?;
+    make(device, options, Paced::New(&factory, description))
+}
+
+/// Makes one for a window.
+///
+/// # Safety
+/// `factory` is an object of COM; the structs can be read, or `fullscreen` is null.
+pub(super) unsafe fn create_for_window(
+    device: &Device,
+    options: &cairn_swapchain_options,
+    factory: *mut IDXGIFactory,
+    window: *mut c_void,
+    description: *const DXGI_SWAP_CHAIN_DESC1,
+    fullscreen: *const DXGI_SWAP_CHAIN_FULLSCREEN_DESC,
+) -> Outcome<Showing> {
+    // SAFETY: the caller's promise.
+    let factory: dxgi::IDXGIFactory = unsafe { object(factory.cast(), "factory") }?;
+    // SAFETY: the caller's promise.
+    let description = unsafe { copied(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC1>(), "description") }?;
+    let fullscreen = match fullscreen.is_null() {
+        true => None,
+        // SAFETY: the caller's promise.
+        false => Some(unsafe { copied(fullscreen.cast::<dxgi::DXGI_SWAP_CHAIN_FULLSCREEN_DESC>(), "fullscreen") }?),
+    };
+    make(device, options, Paced::ForWindow(&factory, HWND(window), description, fullscreen))
+}
+
+/// A struct of DXGI's.
+///
+/// # Safety
+/// `from` is not null, and can be read where it is aligned.
+unsafe fn copied<T: Copy>(from: *const T, name: &str) -> Outcome<T> {
+    check_out(from.cast_mut(), name)?;
+    // SAFETY: aligned, and the caller's promise.
+    Ok(unsafe { from.read() })
+}
+
+fn make(device: &Device, options: &cairn_swapchain_options, from: Paced<'_>) -> Outcome<Showing> {
+    let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
+    let options = of_host(options)?;
+    let library = Library::load(&LoadOptions::from_environment())?;
+    let api: Api = *library.api(Effect::FrameGeneration)?;
+    Ok(Showing { swapchain: Swapchain::new(gpu, &api, &options, from)?, _library: library })
+}
+
+fn of_host(options: &cairn_swapchain_options) -> Outcome<SwapchainOptions> {
+    let (width, height) = (options.max_render_width, options.max_render_height);
+    Ok(SwapchainOptions {
+        choice: told::choice(options.provider),
+        max_render_size: (width > 0).then_some(Dimensions { width, height }),
+        flags: told::flags(options.flags),
+        hudless: told::hudless(options.hudless_format)?,
+        self_test: options.flags & CAIRN_SWAPCHAIN_UNTRIED == 0,
+    })
+}
+
+/// A texture of a host's and the state it rests in; none for a null pointer.
+type Rested = Option<(direct3d::ID3D12Resource, direct3d::D3D12_RESOURCE_STATES)>;
+
+/// # Safety
+/// What is not null is an object of COM and lives during the call.
+unsafe fn rested(texture: *mut ID3D12Resource, state: u32, name: &str) -> Outcome<Rested> {
+    if texture.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the caller's promise.
+    let texture = unsafe { object(texture.cast(), name) }?;
+    Ok(Some((texture, direct3d::D3D12_RESOURCE_STATES(state.cast_signed()))))
+}
+
+fn resting(rested: &Rested) -> Option<Resting<'_>> {
+    rested.as_ref().map(|(resource, state)| Resting { resource, state: *state })
+}
+
+impl Showing {
+    /// With a reference for whoever gets it.
+    pub(super) fn dxgi(&self) -> *mut IDXGISwapChain4 {
+        self.swapchain.dxgi().clone().into_raw().cast()
+    }
+
+    pub(super) fn held_by_others(&self) -> u32 {
+        self.swapchain.held_by_others()
+    }
+
+    /// # Safety
+    /// What `list` and `frame` point to are null or objects of COM, and live as the header asks for.
+    pub(super) unsafe fn prepare(
+        &mut self,
+        list: *mut ID3D12GraphicsCommandList,
+        frame: &cairn_swapchain_frame,
+    ) -> Outcome<()> {
+        // SAFETY: the caller's promise.
+        let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(list.cast(), "list") }?;
+        // SAFETY: the caller's promise.
+        let [depth, motion, hudless, distortion] = unsafe {
+            [
+                rested(frame.depth, frame.depth_state, "frame.depth")?,
+                rested(frame.motion, frame.motion_state, "frame.motion")?,
+                rested(frame.hudless, frame.hudless_state, "frame.hudless")?,
+                rested(frame.distortion, frame.distortion_state, "frame.distortion")?,
+            ]
+        };
+        let missing = |name| move || Failure::argument(name, "a null pointer");
+        let pictures = PacedPictures {
+            depth: resting(&depth).ok_or_else(missing("frame.depth"))?,
+            motion: resting(&motion).ok_or_else(missing("frame.motion"))?,
+            hudless: resting(&hudless),
+            distortion: resting(&distortion),
+        };
+        Ok(self.swapchain.prepare(&list, &pictures, &told::shot(frame))?)
+    }
+
+    /// # Safety
+    /// What is not null is an object of COM and lives during the call.
+    pub(super) unsafe fn set_interface(&mut self, picture: *mut ID3D12Resource, state: u32, flags: u32) -> Outcome<()> {
+        // SAFETY: the caller's promise.
+        let picture = unsafe { rested(picture, state, "picture") }?;
+        let told = resting(&picture).map(|picture| Interface {
+            picture,
+            premultiplied: flags & CAIRN_INTERFACE_PREMULTIPLIED != 0,
+            copied: flags & CAIRN_INTERFACE_COPIED != 0,
+        });
+        Ok(self.swapchain.set_interface(told)?)
+    }
+
+    pub(super) fn set_pacing(&mut self, pacing: Option<&cairn_swapchain_pacing>) -> Outcome<()> {
+        let pacing = pacing.map_or_else(Pacing::default, |told| Pacing {
+            safety_margin_ms: told.safety_margin_ms,
+            variance_factor: told.variance_factor,
+            hybrid_spin: (told.flags & CAIRN_PACING_HYBRID_SPIN != 0).then_some(told.spin_ticks),
+            wait_on_fence: told.flags & CAIRN_PACING_WAIT_ON_FENCE != 0,
+        });
+        Ok(self.swapchain.set_pacing(&pacing)?)
+    }
+
+    pub(super) fn pause(&mut self) -> Outcome<()> {
+        Ok(self.swapchain.pause()?)
+    }
+
+    pub(super) fn wait(&mut self) -> Outcome<()> {
+        Ok(self.swapchain.wait()?)
+    }
+
+    pub(super) fn fit(&mut self) -> Outcome<()> {
+        Ok(self.swapchain.fit()?)
+    }
+
+    pub(super) fn statistics(&mut self) -> Outcome<cairn_swapchain_statistics> {
+        let memory = self.swapchain.memory()?;
+        let bytes = |usage: Option<MemoryUsage>| usage.map_or((0, 0), |usage| (usage.total, usage.aliasable));
+        let ((generator_bytes, generator_aliasable_bytes), (swapchain_bytes, swapchain_aliasable_bytes)) =
+            (bytes(memory.generator), bytes(memory.swapchain));
+        let generator = self.swapchain.provider().map_or_else(|_| String::new(), |who| who.version.to_string());
+        Ok(cairn_swapchain_statistics {
+            struct_size: 0,
+            failed: self.swapchain.failed().map_or(0, |code| code.0),
+            generated: self.swapchain.generated(),
+            generator_bytes,
+            generator_aliasable_bytes,
+            swapchain_bytes,
+            swapchain_aliasable_bytes,
+            generator: fixed_text(&generator),
+            pacer: fixed_text(&self.swapchain.pacer().version.to_string()),
+        })
+    }
+}
