@@ -59,9 +59,6 @@ class Stage:
     windows: tuple[int, ...] = (128,)  # global windows g to train for
     together: int = 1  # windows computed side by side: on a CPU one, whose activations stay in its caches
     few_step: bool = False  # frames as the schedules' few steps lead to them, not as truth and noise mixed
-    # How much the squared error of a channel's mean over the picture counts beside that of single numbers. A rollout's brightness hangs
-    # on these means and what is wrong in them adds up, but they are 1 in 128 of the error of single numbers: too little to be learnt.
-    whole: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -178,19 +175,19 @@ PRESETS = {
             ),
         ),
     ),
-    # From the bundle that is there (`begin`): new places, and what a long rollout hangs on.
+    # From the bundle that is there (`begin`): new places.
     "further": Preset(
         WORLD,
         AutoencoderPlan(clips=0, steps=0, batch=4, latents=3, crop=(128, 128), rate=1.5e-3),
         WorldPlan(
-            walks=(Walks(40, 18.0),),
+            walks=(Walks(32, 18.0),),
             rate=0.75e-3,
             muon_rate=1.5e-3,
             decay=0.05,
             stages=(
-                Stage(steps=150, frames=64, batch=1, noisy=2, few_step=True, whole=32.0),
-                Stage(steps=100, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True, whole=32.0),
-                Stage(steps=250, frames=64, batch=1, noisy=2, few_step=True, whole=32.0),
+                Stage(steps=150, frames=64, batch=1, noisy=2, few_step=True),
+                Stage(steps=60, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True),
+                Stage(steps=200, frames=64, batch=1, noisy=2, few_step=True),
             ),
         ),
         first=300,

@@ -143,15 +143,13 @@ def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, others: Ar
     x = jnp.concatenate([kept[None], noisy])
     told = jnp.concatenate([jnp.zeros((1, F)), sigma])
     v = transformer.velocity(p, g, x, told, driven, window)[1:, 1:]
-    off = v - truth[:, 1:]
-    error = jnp.mean(jnp.square(off), (2, 3, 4))
-    whole_error = jnp.mean(jnp.square(jnp.mean(off, (2, 3))), 2)
+    error = jnp.mean(jnp.square(v - truth[:, 1:]), (2, 3, 4))
     # The same error, as that of the clean latent which the velocity points to.
     clean_error = jnp.mean(error * jnp.square(sigma[:, 1:]))
     # What is left to mend at a low level is small, and divided by it large: the level is the middle between both errors.
     weight = sigma[:, 1:] if stage.few_step else jnp.ones_like(sigma[:, 1:])
-    mean, whole = jnp.mean(error * weight), jnp.mean(whole_error * weight)
-    return mean + stage.whole * whole, {"loss": mean, "latent_error": clean_error, "whole": whole}
+    mean = jnp.mean(error * weight)
+    return mean, {"loss": mean, "latent_error": clean_error}
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2), donate_argnums=4)
@@ -172,7 +170,7 @@ def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.St
 
     items = latents, others, controls, jax.random.split(key, len(latents))
     items = jax.tree.map(lambda x: x.reshape(parts, together, *x.shape[1:]), items)
-    nothing = jax.tree.map(jnp.zeros_like, state.parameters), dict.fromkeys(("loss", "latent_error", "whole"), jnp.zeros(()))
+    nothing = jax.tree.map(jnp.zeros_like, state.parameters), dict.fromkeys(("loss", "latent_error"), jnp.zeros(()))
     (gradient, figures), _ = jax.lax.scan(add, nothing, items)
     state, norm = optimiser.update(settings, state, gradient)
     return state, {**figures, "gradient": norm}
