@@ -154,7 +154,7 @@ typedef int32_t cairn_result;
 #define CAIRN_ERROR_IO (-7)
 /** The world's bundle is damaged, tampered with, or breaks the format. */
 #define CAIRN_ERROR_INVALID_BUNDLE (-8)
-/** ONNX Runtime is missing or has the wrong version. */
+/** ONNX Runtime, or AMD's libraries for a call that needs them, is missing or has the wrong version. */
 #define CAIRN_ERROR_RUNTIME_MISSING (-9)
 /** ONNX Runtime or the device failed while running. */
 #define CAIRN_ERROR_DEVICE (-10)
@@ -2351,8 +2351,8 @@ CAIRN_API cairn_result cairn_swapchain_get_dxgi(cairn_swapchain *swapchain, stru
  *
  * list: open for recording, of the device's queue; to be given to it before Present.
  *
- * Ownership: all stays the caller's; what frame points to must live until the list has run, and what is read within Present until
- * the next one came back.
+ * Ownership: all stays the caller's, on success and on failure; what frame points to must live until the list has run, and what is
+ * read within Present until the next one came back.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT with nothing recorded; CAIRN_ERROR_STRUCT_SIZE;
  * CAIRN_ERROR_BUSY; CAIRN_ERROR_INVALID_STATE where buffers were resized and cairn_swapchain_fit was not called; CAIRN_ERROR_OUT_OF_MEMORY;
@@ -2370,7 +2370,8 @@ CAIRN_API cairn_result cairn_swapchain_prepare(
  * state: the D3D12_RESOURCE_STATES that it rests in.
  * flags: CAIRN_INTERFACE_PREMULTIPLIED, CAIRN_INTERFACE_COPIED
  *
- * Ownership: picture stays the caller's; the swap chain holds a reference until another is told; on failure it holds what it did.
+ * Ownership: picture stays the caller's; on success the swap chain holds a reference until another is told; on failure it holds what
+ * it did.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE;
  * CAIRN_ERROR_DEVICE_REMOVED.

@@ -935,9 +935,9 @@ public:
     }
 
     /** Records motion and depth of the frame that is presented next into the engine's command list: cairn_swapchain_prepare. */
-    result<void> prepare(ID3D12GraphicsCommandList *list, const swapchain_frame &frame)
+    result<void> prepare(ID3D12GraphicsCommandList *list, const swapchain_frame &told)
     {
-        return detail::done(cairn_swapchain_prepare(get(), list, &frame));
+        return detail::done(cairn_swapchain_prepare(get(), list, &told));
     }
 
     /** Says what is laid over all frames, in a D3D12_RESOURCE_STATES; null for nothing: cairn_swapchain_set_interface. */

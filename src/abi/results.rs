@@ -35,7 +35,7 @@ pub const CAIRN_ERROR_OUT_OF_MEMORY: cairn_result = -6;
 pub const CAIRN_ERROR_IO: cairn_result = -7;
 /// The world's bundle is damaged, tampered with, or breaks the format.
 pub const CAIRN_ERROR_INVALID_BUNDLE: cairn_result = -8;
-/// ONNX Runtime is missing or has the wrong version.
+/// ONNX Runtime, or AMD's libraries for a call that needs them, is missing or has the wrong version.
 pub const CAIRN_ERROR_RUNTIME_MISSING: cairn_result = -9;
 /// ONNX Runtime or the device failed while running.
 pub const CAIRN_ERROR_DEVICE: cairn_result = -10;
