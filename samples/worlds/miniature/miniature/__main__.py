@@ -33,7 +33,8 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--folder", type=Path, default=default_folder(), help="states and clips (%(default)s)")
     top.add_argument("--preset", choices=["cpu", "gpu", "further", "smoke"], default="cpu", help="sizes and steps (cpu)")
     top.add_argument("--renderer", type=Path, help="the scenes program (`scenes` in the folder unless given)")
-    top.add_argument("--bundle", type=Path, default=SHIPPED, help="the world that `begin` takes (%(default)s)")
+    top.add_argument("--bundle", type=Path, default=SHIPPED, help="the world that `begin` and `--share` take (%(default)s)")
+    top.add_argument("--share", type=share, default=1.0, metavar="S", help="`checkpoint`: S of the trained weights, the rest of --bundle's (1)")
     top.add_argument("--minutes", type=float, default=float("inf"), help="stop training after so many minutes, to go on later")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (_, what) in COMMANDS.items():
@@ -42,6 +43,13 @@ def parser() -> argparse.ArgumentParser:
     for name, (_, what) in MOVING.items():
         commands.add_parser(name, help=what)
     return top
+
+
+def share(text: str) -> float:
+    """A number from 0 to 1."""
+    if not 0.0 <= (value := float(text)) <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not from 0 to 1")
+    return value
 
 
 class Job:
@@ -54,6 +62,7 @@ class Job:
         self.renderer: Path = options.renderer or options.folder / "scenes"
         self.bundle: Path = options.bundle
         self.minutes: float = options.minutes
+        self.share: float = options.share
         self.preset = PRESETS[options.preset]
         self.geometry = self.preset.geometry
         self.autoencoder = self.folder / "autoencoder.npz"
@@ -153,11 +162,15 @@ def train_world(job: Job) -> bool:
 
 
 def write_checkpoint(job: Job) -> bool:
-    """Both networks in the released layout."""
-    from . import export, store
+    """Both networks in the released layout, the transformer on the way from another world's to the one that was trained."""
+    from . import begin, export, store
 
-    networks = store.mean_parameters(job.world), store.mean_parameters(job.autoencoder)
-    export.write_checkpoint(job.folder / "checkpoint", job.geometry, *networks)
+    world = store.mean_parameters(job.world)
+    if job.share < 1.0:
+        before, _ = begin.weights(job.bundle, job.geometry)
+        world = {name: job.share * value + (1.0 - job.share) * before[name] for name, value in world.items()}
+        job.say(f"checkpoint: {job.share} of the trained weights, the rest of {job.bundle.name}")
+    export.write_checkpoint(job.folder / "checkpoint", job.geometry, world, store.mean_parameters(job.autoencoder))
     return True
 
 

@@ -18,8 +18,11 @@ class OtherShapes(ValueError):
     """A bundle whose networks are not shaped like those that are trained."""
 
 
-def states(bundle: Path, g: Geometry, autoencoder: Path, world: Path) -> None:
-    """Writes the states before a first step from the numbers of `bundle`, a folder or one file."""
+Parameters = dict[str, np.ndarray]
+
+
+def weights(bundle: Path, g: Geometry) -> tuple[Parameters, Parameters]:
+    """The numbers of `bundle`, a folder or one file, as training has them: the transformer's and the autoencoder's."""
     if (found := archive.read_geometry(bundle)) != g:
         raise OtherShapes(f"{bundle} has other shapes than this preset: {found}, not {g}")
     with tempfile.TemporaryDirectory() as name:
@@ -27,6 +30,12 @@ def states(bundle: Path, g: Geometry, autoencoder: Path, world: Path) -> None:
         transformer, pictures = ({name: _read(folder, placed) for name, placed in group.items()} for group in layouts(g))
     # The bundle has the last bias once for each pixel of a patch, training once for each channel.
     transformer["unpatchify.bias"] = transformer["unpatchify.bias"][:: g.patch[0] * g.patch[1]]
+    return transformer, pictures
+
+
+def states(bundle: Path, g: Geometry, autoencoder: Path, world: Path) -> None:
+    """Writes the states before a first step from the numbers of `bundle`."""
+    transformer, pictures = weights(bundle, g)
     facts = {"seconds": 0.0, "flops": 0.0, "begun": bundle.name}
     store.save(autoencoder, optimiser.start(pictures), facts)
     store.save(world, optimiser.start(transformer, train_world.by_muon), facts)

@@ -59,6 +59,7 @@ class Stage:
     windows: tuple[int, ...] = (128,)  # global windows g to train for
     together: int = 1  # windows computed side by side: on a CPU one, whose activations stay in its caches
     few_step: bool = False  # frames as the schedules' few steps lead to them, not as truth and noise mixed
+    means: float = 0.0  # how much a channel's mean counts beside single numbers, in frames that are made of noise alone
 
 
 @dataclass(frozen=True)
@@ -175,19 +176,18 @@ PRESETS = {
             ),
         ),
     ),
-    # From the bundle that is there (`begin`): new places.
+    # From the bundle that is there (`begin`): new places. Long windows, in which a rollout's first picture is as far away as it becomes.
     "further": Preset(
         WORLD,
         AutoencoderPlan(clips=0, steps=0, batch=4, latents=3, crop=(128, 128), rate=1.5e-3),
         WorldPlan(
             walks=(Walks(32, 18.0),),
-            rate=0.75e-3,
-            muon_rate=1.5e-3,
+            rate=0.5e-3,
+            muon_rate=1e-3,
             decay=0.05,
             stages=(
-                Stage(steps=150, frames=64, batch=1, noisy=2, few_step=True),
-                Stage(steps=60, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True),
-                Stage(steps=200, frames=64, batch=1, noisy=2, few_step=True),
+                Stage(steps=150, frames=64, batch=1, noisy=2, few_step=True, means=16.0),
+                Stage(steps=140, frames=256, batch=1, noisy=1, windows=(112, 128, 384, 384, 384, 512), few_step=True, means=16.0),
             ),
         ),
         first=300,

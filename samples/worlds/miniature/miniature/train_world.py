@@ -58,7 +58,7 @@ def noise_levels(key: Array, shape: tuple[int, ...]) -> Array:
     return jnp.where(jax.random.uniform(c, shape) < EVEN, even, bell)
 
 
-def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Array, controls: Array, key: Array) -> tuple[Array, Array, Array]:
+def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Array, controls: Array, key: Array) -> tuple[Array, Array, Array, Array]:
     """Frames as a sampler meets them, `[copies, F, h, w, C]`, and their levels: of some pass of the stock or of the refined schedule,
     reached by one step of the network itself from the level before. So what a long step gets wrong is seen, and can be mended. Last,
     the clean frames that this step points to.
@@ -74,7 +74,7 @@ def sampled(p, g: Geometry, window: Array, kept: Array, clean: Array, noise: Arr
     x = jnp.concatenate([kept[None], (1 - s) * clean + s * noise])
     told = jnp.concatenate([jnp.zeros_like(before[:1]), before])
     v = transformer.velocity(jax.lax.stop_gradient(p), g, x, told, controls, window)[1:]
-    return x[1:] + (sigma - before)[..., None, None, None] * v, sigma, x[1:] - s * v
+    return x[1:] + (sigma - before)[..., None, None, None] * v, sigma, x[1:] - s * v, before
 
 
 def lasting(key: Array, shape: tuple[int, ...]) -> Array:
@@ -124,7 +124,7 @@ def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, others: Ar
     driven = controls.astype(jnp.float32) * (jax.random.uniform(keys[5]) >= DROPPED)
     if stage.few_step:
         key, key_own, key_twice, key_again = jax.random.split(keys[3], 4)
-        noisy, sigma, made = sampled(p, g, window, kept, clean, noise, driven, key)
+        noisy, sigma, made, before = sampled(p, g, window, kept, clean, noise, driven, key)
         truth = (noisy - clean) / sigma[..., None, None, None]
 
         # A rollout's past is what the network made, from the seed on, and that over what it had made before.
@@ -140,16 +140,21 @@ def loss(p, g: Geometry, stage: Stage, window: Array, latents: Array, others: Ar
         sigma = noise_levels(keys[3], (stage.noisy, F))
         s = sigma[..., None, None, None]
         noisy, truth = (1 - s) * clean + s * noise, noise - clean
+        before = sigma
     x = jnp.concatenate([kept[None], noisy])
     told = jnp.concatenate([jnp.zeros((1, F)), sigma])
     v = transformer.velocity(p, g, x, told, driven, window)[1:, 1:]
-    error = jnp.mean(jnp.square(v - truth[:, 1:]), (2, 3, 4))
+    off = v - truth[:, 1:]
+    error = jnp.mean(jnp.square(off), (2, 3, 4))
+    blind = (before[:, 1:] > 0.999).astype(jnp.float32)
+    means_error = jnp.mean(jnp.square(jnp.mean(off, (2, 3))), 2) * blind
     # The same error, as that of the clean latent which the velocity points to.
     clean_error = jnp.mean(error * jnp.square(sigma[:, 1:]))
     # What is left to mend at a low level is small, and divided by it large: the level is the middle between both errors.
     weight = sigma[:, 1:] if stage.few_step else jnp.ones_like(sigma[:, 1:])
     mean = jnp.mean(error * weight)
-    return mean, {"loss": mean, "latent_error": clean_error}
+    means = jnp.mean(means_error * weight)
+    return mean + stage.means * means, {"loss": mean, "latent_error": clean_error, "means": means}
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2), donate_argnums=4)
@@ -170,7 +175,7 @@ def step(settings, g: Geometry, stage: Stage, window: Array, state: optimiser.St
 
     items = latents, others, controls, jax.random.split(key, len(latents))
     items = jax.tree.map(lambda x: x.reshape(parts, together, *x.shape[1:]), items)
-    nothing = jax.tree.map(jnp.zeros_like, state.parameters), dict.fromkeys(("loss", "latent_error"), jnp.zeros(()))
+    nothing = jax.tree.map(jnp.zeros_like, state.parameters), dict.fromkeys(("loss", "latent_error", "means"), jnp.zeros(()))
     (gradient, figures), _ = jax.lax.scan(add, nothing, items)
     state, norm = optimiser.update(settings, state, gradient)
     return state, {**figures, "gradient": norm}

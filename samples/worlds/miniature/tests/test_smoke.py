@@ -1,6 +1,7 @@
 """The whole path at its smallest: clips, autoencoder, latents, transformer, checkpoint, bundle, and a latent out of it."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from cairn.build.archive import read_geometry
 from miniature import store
 from miniature.shapes import PRESETS, SMOKE
 from rollout import Rollout
+from safetensors.numpy import load_file
 
 ROOT = Path(__file__).resolve().parents[4]
 
@@ -58,3 +60,18 @@ def test_one_command_trains_a_world_from_nothing_in_chunks(renderer, tmp_path):
         assert all(np.array_equal(before[name].astype(np.float16), after[name].astype(np.float16)) for name in before)
     refused = subprocess.run([*command, "begin"], env=variables, capture_output=True, text=True, encoding="utf-8", check=False)
     assert refused.returncode == 1 and "there already" in refused.stderr
+
+    # Half way between two worlds: a checkpoint of the mean of their weights.
+    def checkpoint(*options: str | Path) -> dict[str, np.ndarray]:
+        assert run("--folder", tmp_path, *options, "checkpoint").returncode == 0
+        return load_file(tmp_path / "checkpoint" / "model.safetensors")
+
+    zeros = tmp_path / "zeros"
+    shutil.copytree(tmp_path / "bundle", zeros)
+    (zeros / "transformer.bin").write_bytes(bytes((zeros / "transformer.bin").stat().st_size))
+    whole, half, same = checkpoint(), checkpoint("--share", "0.5", "--bundle", zeros), checkpoint("--share", "0.5", "--bundle", tmp_path / "bundle")
+    assert whole.keys() == half.keys()
+    for name, value in whole.items():
+        exact = np.asarray(value, np.float32)
+        assert np.allclose(np.asarray(half[name], np.float32), exact / 2, rtol=1e-2, atol=1e-6), name
+        assert np.allclose(np.asarray(same[name], np.float32), exact, rtol=1e-2, atol=1e-6), name
