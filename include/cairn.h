@@ -1546,7 +1546,66 @@ CAIRN_API cairn_result cairn_presenter_reset(const cairn_presenter *presenter);
  */
 CAIRN_API cairn_result cairn_presenter_destroy(cairn_presenter *presenter);
 
-/* ---- 13. Per frame: input written down, and played again --------------------------------------------------------- */
+/* ---- 13. Per frame: budgets -------------------------------------------------------------------------------------- */
+
+/** The most worlds of a budget. */
+#define CAIRN_MAX_BUDGET_WORLDS 8
+
+/** What a rollout and its frames may take: time, memory or both. */
+typedef struct cairn_budget {
+    /** sizeof(cairn_budget) */
+    uint32_t struct_size;
+    /**
+     * Frames that are shown for each anchor, at most 64, the presenter's own where there is one; 0 for that, and for 1 without.
+     */
+    uint32_t multiplier;
+    /**
+     * Nanoseconds of the device's time for each frame that is shown, the passes of anchors and all; 0 for as long as it takes.
+     */
+    uint64_t frame_ns;
+    /**
+     * MiB that the world in use and its rollout may need, as cairn_world_get_memory says; 0 for as many as there are.
+     */
+    uint64_t memory_mib;
+    /**
+     * Schedules as in operating points, a space between them, each with fewer passes than the one before, at most 8: "stock
+     * explicit:1:0.5:0"; null for the rollout's own alone.
+     */
+    const char *schedules;
+    /**
+     * Further worlds of the same bundle that the rollout may go on in, loaded with other global windows; may be null.
+     */
+    const cairn_world *const *worlds;
+    /** How many, at most CAIRN_MAX_BUDGET_WORLDS. */
+    uint32_t world_count;
+    /** 0 */
+    uint32_t reserved;
+    /** The presenter whose frames are held to it too; may be null. */
+    const cairn_presenter *presenter;
+} cairn_budget;
+
+/**
+ * Holds a rollout, and the frames of a presenter, to a budget. From what the device has taken so far, by its own clock where it has one,
+ * else by wall time, it picks how many passes latents have, how far back they see, and how many of the frames between anchors are made:
+ * passes are given up first, then frames, the window last, and what was given up comes back where there is time. The window is also narrowed
+ * where the device's memory runs short. The same controls may then give other pictures the next time. A move to another window is made
+ * before a step, goes through the host's memory and takes a while. What it does is logged, and cairn_rollout_statistics has it.
+ *
+ * It takes the place of cairn_rollout_set_budget, which ends it, as a restored state does and the rollout's end, and of
+ * cairn_presenter_set_budget, which takes the presenter out of it.
+ *
+ * budget: null ends it, and leaves things as they are.
+ *
+ * Ownership: the budget is read during the call; its worlds are kept alive until it ends, its presenter is not. On failure nothing has
+ * changed.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_OUT_OF_MEMORY, with figures, where even the narrowest window needs too much.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_govern(cairn_rollout *rollout, const cairn_budget *budget);
+
+/* ---- 14. Per frame: input written down, and played again --------------------------------------------------------- */
 
 /** What a player does, by world time, in the format of docs/control-script.md. It does not change. */
 typedef struct cairn_script cairn_script;
@@ -1710,7 +1769,7 @@ CAIRN_API cairn_result cairn_recorder_make_script(
  */
 CAIRN_API cairn_result cairn_recorder_destroy(cairn_recorder *recorder);
 
-/* ---- 14. Queries: statistics ------------------------------------------------------------------------------------- */
+/* ---- 15. Queries: statistics ------------------------------------------------------------------------------------- */
 
 /** What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time. */
 typedef struct cairn_rollout_statistics {
@@ -1777,6 +1836,30 @@ typedef struct cairn_rollout_statistics {
     uint32_t captured_passes;
     /** Those that do not, or have not shown yet that their bits are the same. */
     uint32_t other_passes;
+    /**
+     * Nanoseconds of a frame that was shown, as measured last by cairn_rollout_govern; of it, or of the last that ended, is all below.
+     */
+    uint64_t governed_frame_ns;
+    /** Latents that it measured. */
+    uint64_t governed_latents;
+    /** Frames that it measured. */
+    uint64_t governed_frames;
+    /** How often it gave something up as frames took too long. */
+    uint64_t governed_less;
+    /** How often something came back. */
+    uint64_t governed_more;
+    /** How often the window became narrower as the device's memory was short. */
+    uint64_t governed_short_of_memory;
+    /** How often frames took too long although nothing was left to give up. */
+    uint64_t governed_beyond;
+    /** Passes that latents have from now on; 0 where there never was a budget, as of the two below. */
+    uint32_t governed_passes;
+    /** The global window from now on. */
+    uint32_t governed_window;
+    /** Frames to an anchor that are made. */
+    uint32_t governed_made;
+    /** 0 */
+    uint32_t reserved;
 } cairn_rollout_statistics;
 
 /** What a presenter has done since it was made. */
@@ -1874,7 +1957,7 @@ CAIRN_API cairn_result cairn_rollout_get_statistics(const cairn_rollout *rollout
 CAIRN_API cairn_result cairn_presenter_get_statistics(
     const cairn_presenter *presenter, cairn_presenter_statistics *statistics);
 
-/* ---- 15. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
+/* ---- 16. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
 
 /** A flag of cairn_d3d12_options: ONNX Runtime's deterministic kernels only, and no captured passes. */
 #define CAIRN_D3D12_DETERMINISTIC 1
@@ -2060,7 +2143,7 @@ CAIRN_API cairn_result cairn_presenter_submit_d3d12(
  */
 CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter);
 
-/* ---- 16. Experimental: AMD's swap chain -------------------------------------------------------------------------- */
+/* ---- 17. Experimental: AMD's swap chain -------------------------------------------------------------------------- */
 
 /** The provider that AMD's libraries and the driver prefer. */
 #define CAIRN_FSR_ANY 0

@@ -256,6 +256,7 @@ using anchor_info = sized<cairn_anchor_info>;
 using rollout_options = sized<cairn_rollout_options>;
 using rollout_info = sized<cairn_rollout_info>;
 using rollout_statistics = sized<cairn_rollout_statistics>;
+using budget = sized<cairn_budget>;
 using d3d12_options = sized<cairn_d3d12_options>;
 using swapchain_options = sized<cairn_swapchain_options>;
 using swapchain_frame = sized<cairn_swapchain_frame>;
@@ -691,6 +692,12 @@ public:
     {
         return detail::done(cairn_rollout_set_budget(get(), latent_ns, schedules));
     }
+
+    /** Holds it, and the frames of a presenter, to a budget: cairn_rollout_govern. */
+    result<void> govern(const budget &given) { return detail::done(cairn_rollout_govern(get(), &given)); }
+
+    /** Ends that. */
+    result<void> ungovern() { return detail::done(cairn_rollout_govern(get(), nullptr)); }
 
     /** Back to the start with the same seed: cairn_rollout_reset. Not the reset() of every object, which ends it. */
     result<void> restart() { return detail::done(cairn_rollout_reset(get())); }

@@ -111,6 +111,7 @@ extern "C" {
     X(cairn_result, cairn_presenter_set_budget, (const cairn_presenter *presenter, uint64_t frame_ns)) \
     X(cairn_result, cairn_presenter_reset, (const cairn_presenter *presenter)) \
     X(cairn_result, cairn_presenter_destroy, (cairn_presenter *presenter)) \
+    X(cairn_result, cairn_rollout_govern, (cairn_rollout *rollout, const cairn_budget *budget)) \
     X(cairn_result, cairn_script_create, (const char *text, size_t length, cairn_script **script)) \
     X(cairn_result, cairn_script_get_controls, (const cairn_script *script, uint64_t latent, uint32_t latents_per_second, cairn_controls *controls)) \
     X(cairn_result, cairn_script_get_duration, (const cairn_script *script, uint64_t *microseconds)) \

@@ -19,7 +19,7 @@ use cairn::gpu::{Gpu, Target};
 use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
 use cairn::present::device::{DeviceDrawer, ScaledBy};
 use cairn::present::pacing::Interval;
-use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, Shown, ShownSource};
+use cairn::present::presenter::{Presenter, PresenterOptions, Shown, ShownSource};
 use cairn::world::KeptAnchor;
 use cairn::{Colours, Picture};
 use half::f16;
@@ -106,14 +106,9 @@ impl Stream {
         let options = PresenterOptions {
             interval: Some(Interval::of_ns(INTERVAL).expect("an interval")),
             multiplier,
-            delay_ns: None,
-            catch_up: false,
-            extrapolate: true,
-            decoded: true,
             size,
-            letterbox: false,
             capacity: 8,
-            motion: MotionSource::PictureFlow,
+            ..PresenterOptions::default()
         };
         Self {
             presenter: Presenter::new(options, None).expect("a presenter"),

@@ -9,7 +9,7 @@
 //! | `requirements`, `device`, `world` | what is created first |
 //! | `images`, `controls` | what crosses the border in every frame |
 //! | `rollout`, `steps`, `anchor`, `state` | a rollout step by step, by its queue, what it makes, and its state kept |
-//! | `guidance`, `presenter` | motion and depth, and frames when they are due |
+//! | `guidance`, `presenter`, `budget` | motion and depth, frames when they are due, and what it all may take |
 //! | `script`, `recorder` | input written down, and played again |
 //! | `statistics` | what can be asked |
 //! | `d3d12` | experimental: what an engine's own Direct3D 12 objects come through |
@@ -22,6 +22,7 @@
 #![allow(clippy::missing_safety_doc, reason = "the header says once, for all functions, what pointers must be")]
 
 pub mod anchor;
+pub mod budget;
 pub mod controls;
 pub mod d3d12;
 pub mod device;

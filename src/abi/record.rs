@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use super::structs::Struct;
 use super::{
-    anchor::*, controls::*, d3d12::*, device::*, guidance::*, images::*, logging::*, presenter::*, requirements::*,
-    results::*, rollout::*, statistics::*, steps::*, swapchain::*, version::*, world::*,
+    anchor::*, budget::*, controls::*, d3d12::*, device::*, guidance::*, images::*, logging::*, presenter::*,
+    requirements::*, results::*, rollout::*, statistics::*, steps::*, swapchain::*, version::*, world::*,
 };
 
 /// Constants and structs, in the words of `abi.txt`.
@@ -52,6 +52,7 @@ fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
         CAIRN_SWAPCHAIN_ASYNC CAIRN_SWAPCHAIN_SHOWN_MOTION CAIRN_SWAPCHAIN_JITTERED_MOTION CAIRN_SWAPCHAIN_INVERTED_DEPTH
         CAIRN_SWAPCHAIN_INFINITE_DEPTH CAIRN_SWAPCHAIN_HDR CAIRN_SWAPCHAIN_CHECKED CAIRN_SWAPCHAIN_UNTRIED
         CAIRN_SWAPCHAIN_RESET CAIRN_INTERFACE_PREMULTIPLIED CAIRN_INTERFACE_COPIED
+        CAIRN_MAX_BUDGET_WORLDS
         CAIRN_PACING_HYBRID_SPIN CAIRN_PACING_WAIT_ON_FENCE
     ]
 }
@@ -78,6 +79,7 @@ fn structs(text: &mut String) {
     one::<cairn_frame>(text);
     one::<cairn_presenter_statistics>(text);
     one::<cairn_rollout_statistics>(text);
+    one::<cairn_budget>(text);
     one::<cairn_d3d12_options>(text);
     one::<cairn_swapchain_options>(text);
     one::<cairn_swapchain_frame>(text);

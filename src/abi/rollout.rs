@@ -8,7 +8,7 @@ use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
 use super::handles::{Handle, Kind, destroy, enter, enter_alone, insert};
 use super::images::{cairn_picture, read_picture};
-use super::results::{CAIRN_OK, Failure, cairn_result};
+use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{fixed_text, optional_text, required_text};
 use super::worker::{Job, Running};
@@ -282,7 +282,7 @@ pub unsafe extern "C" fn cairn_rollout_set_budget(
         let running = enter_alone(rollout)?;
         // SAFETY: the host's promise about `schedules`.
         let text = unsafe { required_text(schedules, "schedules") }?;
-        let schedules: Vec<Schedule> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+        let schedules = read_schedules(text)?;
         running.alone()?.rollout.set_budget(Duration::from_nanos(latent_ns), &schedules)?;
         Ok(CAIRN_OK)
     })
@@ -309,6 +309,11 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
         unsafe { anchor.write(handle) };
         Ok(CAIRN_OK)
     })
+}
+
+/// Schedules with spaces between them.
+pub(super) fn read_schedules(text: &str) -> Outcome<Vec<Schedule>> {
+    Ok(text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?)
 }
 
 /// A step as the header has it.

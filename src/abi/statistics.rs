@@ -10,6 +10,7 @@ use super::results::{CAIRN_OK, cairn_result};
 use super::rollout::{cairn_rollout, nanoseconds};
 use super::structs::{Out, describe};
 use super::text::fixed_text;
+use super::worker::Figures;
 
 /// What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time.
 #[repr(C)]
@@ -74,12 +75,36 @@ pub struct cairn_rollout_statistics {
     pub captured_passes: u32,
     /// Those that do not, or have not shown yet that their bits are the same.
     pub other_passes: u32,
+    /// Nanoseconds of a frame that was shown, as measured last by cairn_rollout_govern; of it, or of the last that ended, is all below.
+    pub governed_frame_ns: u64,
+    /// Latents that it measured.
+    pub governed_latents: u64,
+    /// Frames that it measured.
+    pub governed_frames: u64,
+    /// How often it gave something up as frames took too long.
+    pub governed_less: u64,
+    /// How often something came back.
+    pub governed_more: u64,
+    /// How often the window became narrower as the device's memory was short.
+    pub governed_short_of_memory: u64,
+    /// How often frames took too long although nothing was left to give up.
+    pub governed_beyond: u64,
+    /// Passes that latents have from now on; 0 where there never was a budget, as of the two below.
+    pub governed_passes: u32,
+    /// The global window from now on.
+    pub governed_window: u32,
+    /// Frames to an anchor that are made.
+    pub governed_made: u32,
+    /// 0
+    pub reserved: u32,
 }
-describe!(cairn_rollout_statistics, [120], {
+describe!(cairn_rollout_statistics, [120, 216], {
     struct_size, queue_depth, latents, denoise_passes, cache_passes, decode_passes, encode_ns, denoise_ns, cache_ns,
     commit_ns, decode_ns, resize_ns, uploaded_bytes, copied_bytes, read_bytes, ring_bytes, device_passes, device_passes_ns,
     device_pass_longest_ns, device_decodes, device_decodes_ns, device_decode_longest_ns, device_commits, device_commits_ns,
-    runtime_ns, waited_ns, yields, captured_passes, other_passes,
+    runtime_ns, waited_ns, yields, captured_passes, other_passes, governed_frame_ns, governed_latents, governed_frames,
+    governed_less, governed_more, governed_short_of_memory, governed_beyond, governed_passes, governed_window, governed_made,
+    reserved,
 });
 
 /// Says what a rollout has done so far. Does not wait for a step that is running.
@@ -97,12 +122,12 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
         let running = enter(rollout)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
-        let (figures, device, depth) = running.statistics();
-        let (stages, bytes) = (figures.stages, figures.bytes);
+        let (Figures { done, device, governor }, depth) = running.statistics();
+        let (stages, bytes) = (done.stages, done.bytes);
         statistics.write(&cairn_rollout_statistics {
             struct_size: 0,
             queue_depth: u32::try_from(depth).unwrap_or(u32::MAX),
-            latents: figures.latents,
+            latents: done.latents,
             denoise_passes: stages.denoise.count,
             cache_passes: stages.cache.count,
             decode_passes: stages.decode.count,
@@ -115,7 +140,7 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
             uploaded_bytes: bytes.uploaded,
             copied_bytes: bytes.copied,
             read_bytes: bytes.read,
-            ring_bytes: figures.ring_bytes,
+            ring_bytes: done.ring_bytes,
             device_passes: device.passes.count,
             device_passes_ns: in_ns(device.passes.total),
             device_pass_longest_ns: in_ns(device.passes.longest),
@@ -129,6 +154,17 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
             yields: device.yields,
             captured_passes: u32::try_from(device.captured).unwrap_or(u32::MAX),
             other_passes: u32::try_from(device.others).unwrap_or(u32::MAX),
+            governed_frame_ns: in_ns(governor.frame),
+            governed_latents: governor.latents,
+            governed_frames: governor.frames,
+            governed_less: governor.less,
+            governed_more: governor.more,
+            governed_short_of_memory: governor.short_of_memory,
+            governed_beyond: governor.beyond,
+            governed_passes: governor.passes,
+            governed_window: governor.window,
+            governed_made: governor.made,
+            reserved: 0,
         });
         Ok(CAIRN_OK)
     })

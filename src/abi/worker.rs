@@ -16,7 +16,9 @@ use super::results::{
     Failure, Outcome,
 };
 use crate::Picture;
-use crate::world::{ControlInput, KeptAnchor, Rollout, Statistics, StepInfo};
+use crate::world::{
+    Budget, ControlInput, Governor, GovernorStatistics, KeptAnchor, Rollout, Statistics, StepInfo, World,
+};
 
 /// What lies behind a handle of a rollout.
 pub(super) struct Running {
@@ -36,7 +38,15 @@ struct Shared {
     /// A step on the worker ended by a fault of the library.
     broken: AtomicBool,
     /// As of the end of the last step, so that asking does not wait for one.
-    statistics: Mutex<(Statistics, RolloutFigures)>,
+    statistics: Mutex<Figures>,
+}
+
+/// What a rollout has done, on the device too, and what its governor has, of the last one that it had.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Figures {
+    pub(super) done: Statistics,
+    pub(super) device: RolloutFigures,
+    pub(super) governor: GovernorStatistics,
 }
 
 /// The rollout itself.
@@ -140,7 +150,7 @@ impl Running {
     pub(super) fn run(&self, job: &Job) -> Outcome<StepInfo> {
         let mut core = self.alone()?;
         let result = core.run(job);
-        *self.shared.statistics.lock() = core.figures();
+        core.tell(&self.shared.statistics);
         result
     }
 
@@ -229,10 +239,23 @@ impl Running {
     }
 
     /// Figures as of the last step's end, and steps that wait or run.
-    pub(super) fn statistics(&self) -> (Statistics, RolloutFigures, usize) {
+    pub(super) fn statistics(&self) -> (Figures, usize) {
         let depth = self.shared.queue.lock().depth();
-        let (figures, device) = *self.shared.statistics.lock();
-        (figures, device, depth)
+        (*self.shared.statistics.lock(), depth)
+    }
+
+    /// Holds the rollout to a budget.
+    pub(super) fn govern(&self, budget: &Budget, worlds: &[Arc<World>]) -> Outcome<Arc<Governor>> {
+        let mut core = self.alone()?;
+        let governor = core.rollout.govern(budget, worlds)?;
+        self.shared.statistics.lock().governor = governor.statistics();
+        Ok(governor)
+    }
+
+    /// Holds it to none.
+    pub(super) fn ungovern(&self) -> Outcome<()> {
+        self.alone()?.rollout.ungovern();
+        Ok(())
     }
 
     fn start(&self) -> Outcome<()> {
@@ -268,9 +291,13 @@ impl Core {
         Ok(info)
     }
 
-    /// What it has done, and what that took on the device.
-    fn figures(&mut self) -> (Statistics, RolloutFigures) {
-        (self.rollout.statistics(), behind::rollout_figures(&mut self.rollout))
+    /// Says what it has done, and what that took on the device.
+    fn tell(&mut self, figures: &Mutex<Figures>) {
+        let (done, device) = (self.rollout.statistics(), behind::rollout_figures(&mut self.rollout));
+        let governor = self.rollout.governor().map(|governor| governor.statistics());
+        let mut figures = figures.lock();
+        let governor = governor.unwrap_or(figures.governor);
+        *figures = Figures { done, device, governor };
     }
 
     /// Notes that the past is another one.
@@ -299,10 +326,12 @@ impl Shared {
         while let Some((ticket, job)) = self.next() {
             let result = guard(|| {
                 let mut core = self.core.lock();
+                // A move to another world takes its room along, and is made first.
+                core.rollout.obey();
                 // A step whose anchor found no room would be made, and yet fail.
                 let mut anchor = KeptAnchor::room(&mut core.rollout)?;
                 let info = core.run(&job)?;
-                *self.statistics.lock() = core.figures();
+                core.tell(&self.statistics);
                 let cut = core.cut;
                 anchor.copy(&mut core.rollout, cut)?;
                 Ok(Done { info, anchor: Arc::new(anchor) })

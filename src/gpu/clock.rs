@@ -29,6 +29,16 @@ impl Spent {
         self.longest = self.longest.max(took);
         self.last = took;
     }
+
+    /// Both, where `later` follows.
+    pub(crate) fn and(self, later: Self) -> Self {
+        Self {
+            frames: self.frames + later.frames,
+            total: self.total.saturating_add(later.total),
+            longest: self.longest.max(later.longest),
+            last: if later.frames > 0 { later.last } else { self.last },
+        }
+    }
 }
 
 /// Pairs of the clock's marks, one before some work and one behind it.

@@ -43,6 +43,11 @@ const MOST_PATIENCE: u64 = 256;
 /// Frames that may be under way when a decision is made.
 const UNDER_WAY: u64 = 3;
 
+/// The frame of an interval of `multiplier`, of which `made` are made, that is shown as frame `step` of it: the last one that is made.
+pub(super) fn step(multiplier: u32, made: u32, step: u32) -> u32 {
+    step - step % (multiplier / made)
+}
+
 impl Governor {
     /// For `multiplier` frames to an interval, of which all are made at first.
     pub(super) fn new(budget: Duration, multiplier: u32) -> Self {
@@ -58,9 +63,9 @@ impl Governor {
         }
     }
 
-    /// The frame of an interval that is shown as frame `step` of it: the last one that is made.
-    pub(super) fn step(&self, step: u32) -> u32 {
-        step - step % (self.multiplier / self.made)
+    /// Frames of an interval, and those of them that are made.
+    pub(super) fn held(&self) -> (u32, u32) {
+        (self.multiplier, self.made)
     }
 
     /// Takes note of what the device has spent on so many frames more; what follows from it, if anything.
@@ -114,9 +119,9 @@ mod tests {
     fn run(governor: &mut Governor, intervals: u32, [made, repeated, anchor]: [Duration; 3]) -> (u32, u32) {
         let mut changes = 0;
         for _ in 0..intervals {
-            for step in 0..governor.multiplier {
-                let is_made = governor.step(step) == step;
-                let spent = if is_made { made } else { repeated } + if step == 0 { anchor } else { Duration::ZERO };
+            for at in 0..governor.multiplier {
+                let is_made = step(governor.multiplier, governor.made, at) == at;
+                let spent = if is_made { made } else { repeated } + if at == 0 { anchor } else { Duration::ZERO };
                 changes += u32::from(governor.note(1, spent).is_some());
             }
         }
@@ -155,7 +160,10 @@ mod tests {
     #[test]
     fn the_others_repeat_the_last_one_that_is_made() {
         let mut governor = Governor::new(MS, 6);
-        let shown = |governor: &Governor| (0..6).map(|step| governor.step(step)).collect::<Vec<_>>();
+        let shown = |governor: &Governor| {
+            let (multiplier, made) = governor.held();
+            (0..6).map(|at| step(multiplier, made, at)).collect::<Vec<_>>()
+        };
         assert_eq!(shown(&governor), [0, 1, 2, 3, 4, 5]);
         for expected in [[0, 0, 2, 2, 4, 4], [0, 0, 0, 3, 3, 3], [0; 6], [0; 6]] {
             let decisions: Vec<_> = (0..18).filter_map(|_| governor.note(1, 9 * MS)).collect();

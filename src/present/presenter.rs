@@ -1,8 +1,7 @@
 //! Anchors in as they come, pictures out when they are due.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
-use std::time::Duration;
+use std::sync::{Arc, Weak};
 
 use parking_lot::Mutex;
 
@@ -13,7 +12,7 @@ use super::pacing::{Due, DueFrame, Interval, Pacer, Pacing};
 pub use super::statistics::PresenterStatistics;
 use crate::framegen::{FrameGenerator, Outcome, Phases};
 use crate::guidance::Guidance;
-use crate::world::KeptAnchor;
+use crate::world::{self, KeptAnchor};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// How a presenter works.
@@ -39,6 +38,24 @@ pub struct PresenterOptions {
     pub capacity: usize,
     /// Where motion comes from when an anchor comes without guidance.
     pub motion: MotionSource,
+}
+
+impl Default for PresenterOptions {
+    /// Two frames to an anchor, at the rate of the first anchor's world, an interval late: as in the C interface, all zero.
+    fn default() -> Self {
+        Self {
+            interval: None,
+            multiplier: 2,
+            delay_ns: None,
+            catch_up: false,
+            extrapolate: true,
+            decoded: true,
+            size: None,
+            letterbox: false,
+            capacity: 4,
+            motion: MotionSource::PictureFlow,
+        }
+    }
 }
 
 /// A frame as it is shown.
@@ -98,6 +115,8 @@ struct Stream {
     overlay: Option<Arc<Overlay>>,
     /// Where frames are held to a budget.
     governor: Option<Governor>,
+    /// Where a rollout's governor holds them, for as long as it is there.
+    followed: Option<Weak<world::Governor>>,
     statistics: PresenterStatistics,
 }
 
@@ -201,6 +220,7 @@ impl Presenter {
             wanted: options.size,
             overlay: None,
             governor: None,
+            followed: None,
             statistics: PresenterStatistics::default(),
         };
         let phases = generator.as_ref().map(|generator| generator.phases());
@@ -312,38 +332,9 @@ impl Presenter {
         Ok(())
     }
 
-    /// Holds frames to so much of a device's time for each that is shown, on average over an interval, what is done once to an anchor among it;
-    /// `None`: to nothing. Where it is too little, only every second, third or sixth frame of an interval is made, as the multiplier has
-    /// it, and the others repeat the one before; where it is enough again, more are. It goes by what the device says of frames that have
-    /// run, and does nothing where frames are made by the processor. What it does is logged, and [`statistics`](Self::statistics) has it.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a time of 0.
-    pub fn set_budget(&self, per_frame: Option<Duration>) -> Result<()> {
-        if per_frame == Some(Duration::ZERO) {
-            return Err(Error::new(ErrorKind::InvalidArgument, "no frame takes no time").field("budget"));
-        }
-        let governor = per_frame.map(|budget| Governor::new(budget, self.options.multiplier));
-        let mut stream = self.stream.lock();
-        stream.statistics.made_to_anchor = self.options.multiplier;
-        stream.governor = governor;
-        Ok(())
-    }
-
-    /// Takes note of what a device has spent on so many frames more, and decides how many are made.
-    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "a device says it"))]
-    pub(super) fn note_spent(&self, frames: u64, spent: Duration) {
-        let mut stream = self.stream.lock();
-        let Stream { governor: Some(governor), statistics, .. } = &mut *stream else { return };
-        if let Some(decision) = governor.note(frames, spent) {
-            statistics.made_to_anchor = decision.made;
-            statistics.budget_changes += 1;
-            drop(stream);
-            let (before, made, took) = (decision.before, decision.made, decision.took);
-            log::info!(
-                "{made} frames to an anchor are made instead of {before}: one took {took:?} of the device's time"
-            );
-        }
+    /// Frames that are shown for each anchor.
+    pub fn multiplier(&self) -> u32 {
+        self.options.multiplier
     }
 
     /// Whether anchors keep their shape in frames of another.
@@ -429,7 +420,15 @@ impl Presenter {
 
     /// What it has done.
     pub fn statistics(&self) -> PresenterStatistics {
-        self.stream.lock().statistics
+        let stream = self.stream.lock();
+        match stream.followed().map(|governor| governor.statistics()) {
+            None => stream.statistics,
+            Some(told) => PresenterStatistics {
+                made_to_anchor: told.made,
+                budget_changes: told.less + told.more,
+                ..stream.statistics
+            },
+        }
     }
 
     /// Anchors that are there and not due at `now`.
@@ -518,26 +517,6 @@ impl Presenter {
     }
 }
 
-impl Stream {
-    /// The frame that is due at `now`, or the one before it that is shown in its place.
-    fn due(&mut self, now: u64) -> Option<Due> {
-        let due = self.pacer.as_mut()?.due(now)?;
-        let Some(governor) = &self.governor else { return Some(due) };
-        let frame = match due.frame {
-            DueFrame::Between { previous, step } => match governor.step(step) {
-                0 => DueFrame::Anchor(previous),
-                step => DueFrame::Between { previous, step },
-            },
-            DueFrame::Beyond { last, step } => match governor.step(step) {
-                0 => DueFrame::Anchor(last),
-                step => DueFrame::Beyond { last, step },
-            },
-            other => other,
-        };
-        Some(Due { frame, ..due })
-    }
-}
-
 /// A late anchor's frames where nothing is extrapolated: the last anchor.
 fn stands(frame: DueFrame) -> DueFrame {
     match frame {
@@ -565,5 +544,6 @@ fn check_size(size: Option<(u32, u32)>) -> Result<()> {
     }
 }
 
+mod budget;
 #[cfg(test)]
 mod tests;

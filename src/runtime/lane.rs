@@ -58,6 +58,18 @@ impl std::ops::Sub for Bytes {
     }
 }
 
+impl std::ops::Add for Bytes {
+    type Output = Bytes;
+
+    fn add(self, other: Bytes) -> Bytes {
+        Bytes {
+            uploaded: self.uploaded + other.uploaded,
+            copied: self.copied + other.copied,
+            read: self.read + other.read,
+        }
+    }
+}
+
 /// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the lane, so a handle can
 /// never outlive what it names; a lane belongs to one user at a time.
 ///
@@ -169,6 +181,18 @@ pub struct Elsewhere {
     pub waited: std::time::Duration,
     /// How often it waited so that other queues' work gets its turn before more is given to this one.
     pub yields: u64,
+}
+
+#[cfg(windows)]
+impl Elsewhere {
+    /// Both together.
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self {
+            inside: self.inside.saturating_add(other.inside),
+            waited: self.waited.saturating_add(other.waited),
+            yields: self.yields + other.yields,
+        }
+    }
 }
 
 /// What a lane times on its device.

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::{Rollout, Schedule};
+use crate::bundle::Sampler;
 use crate::{Error, ErrorKind, Result};
 
 /// Latents that are looked at before anything is changed.
@@ -62,16 +63,9 @@ impl Rollout {
         if per_latent.is_zero() {
             return refuse("per_latent", "no latent takes no time".into());
         }
-        if schedules.len() > MOST_SCHEDULES {
-            return refuse("schedules", format!("{} are more than {MOST_SCHEDULES}", schedules.len()));
-        }
-        let sampler = &self.world().manifest().sampler;
-        let passes = |schedule: &Schedule| Ok(schedule.table(sampler)?.passes() as u32);
-        let passes = schedules.iter().map(passes).collect::<Result<Vec<_>>>()?;
-        if !passes.windows(2).all(|pair| pair[0] > pair[1]) {
-            return refuse("schedules", format!("{passes:?} passes: each must have fewer than the one before"));
-        }
+        let passes = passes_of(schedules, &self.world().manifest().sampler, "schedules")?;
         self.set_schedule(first)?;
+        self.governed = None;
         self.budget = Some(LatentBudget { schedules: schedules.to_vec(), governor: Governor::new(per_latent, passes) });
         Ok(())
     }
@@ -89,6 +83,20 @@ impl Rollout {
         }
         self.budget = Some(budget);
     }
+}
+
+/// Passes of schedules of which each has fewer than the one before.
+pub(super) fn passes_of(schedules: &[Schedule], sampler: &Sampler, field: &str) -> Result<Vec<u32>> {
+    let refuse = |why: String| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+    if schedules.len() > MOST_SCHEDULES {
+        return refuse(format!("{} are more than {MOST_SCHEDULES}", schedules.len()));
+    }
+    let passes = |schedule: &Schedule| Ok(schedule.table(sampler)?.passes() as u32);
+    let passes = schedules.iter().map(passes).collect::<Result<Vec<_>>>()?;
+    if !passes.windows(2).all(|pair| pair[0] > pair[1]) {
+        return refuse(format!("{passes:?} passes: each must have fewer than the one before"));
+    }
+    Ok(passes)
 }
 
 impl Governor {

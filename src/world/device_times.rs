@@ -24,13 +24,13 @@ impl Rollout {
     /// 12 one. All is zero where the queue for anchors has no clock. [`Statistics`](super::Statistics) has the processor's view.
     pub fn device_times(&mut self) -> Option<DeviceTimes> {
         let mut spent = |work| self.lane.spent(work);
-        let world = &self.world;
+        let (world, before) = (&self.world, self.times_before);
         Some(DeviceTimes {
-            encode: spent(Work::Runs(&world.encoder))?,
-            passes: spent(Work::Runs(&world.transformer))?,
-            decode: spent(Work::Runs(&world.decoder))?,
-            commit: spent(Work::Repeated)?,
-            elsewhere: self.lane.elsewhere()?,
+            encode: before.encode.and(spent(Work::Runs(&world.encoder))?),
+            passes: before.passes.and(spent(Work::Runs(&world.transformer))?),
+            decode: before.decode.and(spent(Work::Runs(&world.decoder))?),
+            commit: before.commit.and(spent(Work::Repeated)?),
+            elsewhere: before.elsewhere.and(self.lane.elsewhere()?),
         })
     }
 

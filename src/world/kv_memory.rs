@@ -107,3 +107,16 @@ fn regions(shapes: &Shapes, element: usize, global: bool, slot: usize) -> Vec<Re
     let to = |head| (head * shapes.buckets(global) + slot) * len;
     (0..shapes.kv_heads).map(|head| Region { to: to(head), from: head * len, len }).collect()
 }
+
+impl Shapes {
+    /// Copies slots of K or V of a global layer from a ring of this many slots into one of another number.
+    pub(super) fn move_slots(&self, precision: Precision, from: &[u8], to: &mut [u8], slots: &[(usize, usize)]) {
+        let len = self.tokens * self.head_width * element_size(precision);
+        let heads = from.chunks_exact(from.len() / self.kv_heads).zip(to.chunks_exact_mut(to.len() / self.kv_heads));
+        for (from, to) in heads {
+            for (there, here) in slots {
+                to[here * len..][..len].copy_from_slice(&from[there * len..][..len]);
+            }
+        }
+    }
+}

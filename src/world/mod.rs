@@ -11,6 +11,7 @@ mod device_times;
 mod fault_tests;
 #[cfg(test)]
 mod fixture;
+mod governor;
 mod keys;
 mod kv_memory;
 mod noise;
@@ -31,6 +32,7 @@ mod script;
 mod state;
 mod statistics;
 mod time;
+mod window;
 #[expect(clippy::module_inception, reason = "a world is what this room is about")]
 mod world;
 
@@ -38,6 +40,7 @@ pub use anchor::KeptAnchor;
 pub use controls::{ControlInput, MAX_MOUSE};
 #[cfg(windows)]
 pub use device_times::DeviceTimes;
+pub use governor::{Budget, Governor, GovernorStatistics};
 pub use keys::{Key, KeySet};
 pub use kv_memory::Part;
 pub use noise::{NoiseKey, fill_noise};

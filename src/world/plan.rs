@@ -275,6 +275,14 @@ impl Planner {
         self.global.clear();
     }
 
+    /// Takes over the clocks and flags of a planner of the same world at another global window: the newest latents there are slots for.
+    /// Gives the slots of global layers that go from there to here.
+    pub(super) fn take_over(&mut self, other: &Planner) -> Vec<(usize, usize)> {
+        self.clocks = other.clocks;
+        self.local = other.local.clone();
+        self.global.take_over(&other.global, other.clocks.commits)
+    }
+
     /// The rollout's seed.
     pub fn seed(&self) -> u64 {
         self.seed

@@ -8,6 +8,7 @@ use std::time::Instant;
 use super::autoencoder::Autoencoder;
 use super::budget::LatentBudget;
 use super::controls::ControlInput;
+use super::governor::Governed;
 use super::kv_memory::{KvMemory, Part};
 use super::numbers;
 use super::operating_point::OperatingPoint;
@@ -49,6 +50,11 @@ pub struct Rollout {
     stop: Arc<AtomicBool>,
     /// What latents are held to.
     pub(super) budget: Option<LatentBudget>,
+    /// What latents and frames are held to together.
+    pub(super) governed: Option<Governed>,
+    /// Times on devices of worlds that it has left.
+    #[cfg(windows)]
+    pub(super) times_before: super::DeviceTimes,
 }
 
 /// What a frozen pass computes, for parity tests and research.
@@ -70,10 +76,19 @@ impl Rollout {
     /// loaded with; `OutOfMemory`, with figures, when its memory cannot be had; `Device` when ONNX Runtime refuses a
     /// binding.
     pub fn new(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Result<Self> {
+        Self::with_stop(world, point, seed, Arc::default())
+    }
+
+    /// As [`new`](Self::new), with the flag that ends its steps.
+    pub(super) fn with_stop(
+        world: &Arc<World>,
+        point: &OperatingPoint,
+        seed: u64,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self> {
         world.check_point(point)?;
         world.check_room_for_rollout()?;
         let planner = Planner::new(world.manifest(), point, seed)?;
-        let stop = Arc::<AtomicBool>::default();
         let mut lane: Box<dyn Lane> = Box::new(StopLane::new(world.device(), stop.clone())?);
         let kv = KvMemory::new(&mut *lane, world)?;
         let passes = Passes::new(&mut *lane, world, &kv)?;
@@ -98,6 +113,9 @@ impl Rollout {
             statistics: Statistics::default(),
             stop,
             budget: None,
+            governed: None,
+            #[cfg(windows)]
+            times_before: super::DeviceTimes::default(),
             world: world.clone(),
         })
     }
@@ -137,9 +155,12 @@ impl Rollout {
     /// # Errors
     /// As [`append`](Self::append).
     pub fn step(&mut self, input: &ControlInput) -> Result<StepInfo> {
+        self.obey();
+        let spent = self.governed.is_some().then(|| self.spent_on_device()).flatten();
         let start = Instant::now();
         let made = self.with_plan(|planner, plan| planner.plan_step_into(input, plan), Self::execute)?;
         self.note_latent(start.elapsed());
+        self.tell_governor(start, spent);
         Ok(made)
     }
 
@@ -330,7 +351,17 @@ impl Rollout {
 
     /// Figures since it was made; [`reset`](Self::reset) and [`restore`](Self::restore) do not touch them.
     pub fn statistics(&self) -> Statistics {
-        Statistics { bytes: self.lane.bytes(), ..self.statistics }
+        // What lanes before this one moved is kept there.
+        Statistics { bytes: self.statistics.bytes + self.lane.bytes(), ..self.statistics }
+    }
+
+    /// Goes on counting where `other`, whose place it takes, leaves off.
+    pub(super) fn take_figures(&mut self, other: &mut Self) {
+        self.statistics = other.statistics();
+        #[cfg(windows)]
+        {
+            self.times_before = other.device_times().unwrap_or_default();
+        }
     }
 
     /// The flag that ends a step or an append from another thread: while it is set no pass begins, the call fails with

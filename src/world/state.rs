@@ -131,6 +131,7 @@ impl Rollout {
         self.planner = planner;
         self.point = point;
         self.budget = None;
+        self.governed = None;
         self.forget_host_latent();
         Ok(())
     }

@@ -15,6 +15,7 @@ enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESEN
 #define READ_STRUCTS(X)                                                                                               \
     X(cairn_cpu_options) X(cairn_world_options) X(cairn_rollout_options) X(cairn_picture) X(cairn_target)             \
     X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)     \
+    X(cairn_budget)                                                                                                   \
     X(cairn_swapchain_options) X(cairn_swapchain_frame) X(cairn_swapchain_pacing)
 #define NUMBERED(name) NUMBER_OF_##name,
 enum { READ_STRUCTS(NUMBERED) READ_STRUCT_COUNT };
@@ -129,6 +130,7 @@ struct row {
     C3(cairn_rollout_append, ALONE(ROLLOUT), READ(cairn_picture), FILLED_OR_NULL(cairn_step_info))                    \
     C3(cairn_rollout_step, ALONE(ROLLOUT), READ(cairn_controls), FILLED_OR_NULL(cairn_step_info))                     \
     C3(cairn_rollout_set_budget, ALONE(ROLLOUT), NUMBER(100000000), TEXT)                                             \
+    C2(cairn_rollout_govern, ALONE(ROLLOUT), READ_OR_NULL(cairn_budget))                                              \
     C1(cairn_rollout_reset, ALONE(ROLLOUT))                                                                           \
     C2(cairn_rollout_get_anchor, SHARED(ROLLOUT), RESULT(cairn_anchor *))                                             \
     C3(cairn_rollout_submit, SHARED(QUEUE), READ(cairn_controls), RESULT(uint64_t))                                   \
@@ -320,6 +322,10 @@ static const struct field fields[] = {
     FIELD(cairn_presenter_options, reserved_too, CHOICE_FIELD, 0),
     FIELD(cairn_presenter_options, upscaler, CHOICE_FIELD, 2),
     FIELD(cairn_presenter_options, reserved_also, CHOICE_FIELD, 0),
+    FIELD(cairn_budget, multiplier, CHOICE_FIELD, 64),
+    FIELD(cairn_budget, schedules, TEXT_FIELD, 0),
+    FIELD(cairn_budget, world_count, CHOICE_FIELD, CAIRN_MAX_BUDGET_WORLDS),
+    FIELD(cairn_budget, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_d3d12_options, flags, FLAGS_FIELD, 1),
     FIELD(cairn_swapchain_options, flags, FLAGS_FIELD, 255),
     FIELD(cairn_swapchain_options, provider, CHOICE_FIELD, 4),

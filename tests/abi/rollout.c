@@ -274,6 +274,60 @@ static void latents_are_held_to_a_budget(void)
 }
 #endif
 
+#ifdef CAIRN_MAX_BUDGET_WORLDS
+static void one_budget_holds_latents_and_frames(void)
+{
+    cairn_rollout *rollout = make_seeded(1);
+    cairn_presenter_options options = {.struct_size = sizeof options, .interval_ns = 66666667, .multiplier = 4};
+    cairn_presenter *presenter = NULL;
+    OK(cairn_presenter_create(&options, &presenter));
+    cairn_controls c = controls(0);
+    /* Nothing is made in a nanosecond. */
+    cairn_budget budget = {.struct_size = sizeof budget, .frame_ns = 1, .schedules = "stock explicit:1:0.5:0",
+                           .worlds = (const cairn_world *const *)&world, .world_count = 1, .presenter = presenter};
+    OK(cairn_rollout_govern(rollout, &budget));
+    cairn_rollout_statistics s = {.struct_size = sizeof s};
+    OK(cairn_rollout_get_statistics(rollout, &s));
+    CHECK(s.governed_latents == 0 && s.governed_passes > 2 && s.governed_window > 0 && s.governed_made == 4);
+    for (int i = 0; i < 8; i++) {
+        cairn_step_info info = {.struct_size = sizeof info};
+        OK(cairn_rollout_step(rollout, &c, &info));
+        CHECK(i < 3 ? info.denoise_passes > 2 : info.denoise_passes == 2);
+    }
+    OK(cairn_rollout_get_statistics(rollout, &s));
+    CHECK(s.governed_latents == 8 && s.governed_less == 1 && s.governed_more == 0 && s.governed_beyond > 0);
+    CHECK(s.governed_passes == 2 && s.governed_made == 1 && s.governed_frame_ns > 1 && s.reserved == 0);
+    cairn_presenter_statistics shown = {.struct_size = sizeof shown};
+    OK(cairn_presenter_get_statistics(presenter, &shown));
+    CHECK(shown.made_to_anchor == 1 && shown.budget_changes == 1);
+    /* What is no budget changes nothing. */
+    cairn_budget wrong = budget;
+    wrong.multiplier = 3;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_govern(rollout, &wrong));
+    wrong = budget, wrong.frame_ns = 0;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_govern(rollout, &wrong));
+    wrong = budget, wrong.worlds = NULL;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_govern(rollout, &wrong));
+    wrong = budget, wrong.world_count = CAIRN_MAX_BUDGET_WORLDS + 1;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_govern(rollout, &wrong));
+    const cairn_world *none[] = {(const cairn_world *)rollout};
+    wrong = budget, wrong.worlds = none;
+    ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_rollout_govern(rollout, &wrong));
+    wrong = budget, wrong.presenter = (const cairn_presenter *)rollout;
+    ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_rollout_govern(rollout, &wrong));
+    wrong = budget, wrong.schedules = "explicit:1:0.5:0 stock";
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_govern(rollout, &wrong));
+    wrong = budget, wrong.memory_mib = 1;
+    ANSWERS(CAIRN_ERROR_OUT_OF_MEMORY, cairn_rollout_govern(rollout, &wrong));
+    OK(cairn_presenter_get_statistics(presenter, &shown));
+    CHECK(shown.made_to_anchor == 1);
+    OK(cairn_rollout_govern(rollout, NULL));
+    OK(cairn_presenter_destroy(presenter));
+    OK(cairn_rollout_step(rollout, &c, NULL));
+    OK(cairn_rollout_destroy(rollout));
+}
+#endif
+
 static void wrong_controls_are_refused(void)
 {
     cairn_rollout *rollout = make_seeded(1);
@@ -391,6 +445,9 @@ int main(void)
     RUN(a_state_goes_on_bit_for_bit);
 #ifdef CAIRN_WORLD_FIT_WINDOW
     RUN(latents_are_held_to_a_budget);
+#endif
+#ifdef CAIRN_MAX_BUDGET_WORLDS
+    RUN(one_budget_holds_latents_and_frames);
 #endif
     RUN(wrong_controls_are_refused);
     RUN(destroying_ends_who_waits);

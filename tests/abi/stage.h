@@ -43,6 +43,9 @@ static void good_struct(int number, void *to)
         *(cairn_guidance_data *)to = (cairn_guidance_data){.struct_size = sizeof(cairn_guidance_data), .width = WIDTH,
             .height = HEIGHT, .motion = still, .motion_count = WIDTH * HEIGHT * 2, .near_plane = 0.5f, .far_plane = 50,
             .vertical_fov = 1};
+    } else if (number == NUMBER_OF_cairn_budget) {
+        *(cairn_budget *)to = (cairn_budget){.struct_size = sizeof(cairn_budget), .frame_ns = 1000000000,
+            .presenter = objects[PRESENTER]};
     } else if (number == NUMBER_OF_cairn_d3d12_options) {
         *(cairn_d3d12_options *)to = (cairn_d3d12_options){.struct_size = sizeof(cairn_d3d12_options), .captured_passes = 16};
     } else if (number == NUMBER_OF_cairn_swapchain_options) {

@@ -331,6 +331,26 @@ class RolloutStatistics(Sized):
         ),
         ("captured_passes", c_uint32),
         ("other_passes", c_uint32),
+        *_each(
+            c_uint64,
+            "governed_frame_ns governed_latents governed_frames governed_less governed_more governed_short_of_memory "
+            "governed_beyond",
+        ),
+        *_each(c_uint32, "governed_passes governed_window governed_made reserved"),
+    ]
+
+
+class Budget(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("multiplier", c_uint32),
+        ("frame_ns", c_uint64),
+        ("memory_mib", c_uint64),
+        ("schedules", c_char_p),
+        ("worlds", POINTER(c_void_p)),
+        ("world_count", c_uint32),
+        ("reserved", c_uint32),
+        ("presenter", c_void_p),
     ]
 
 
@@ -519,6 +539,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "rollout_append": (_handle, POINTER(Picture), POINTER(StepInfo)),
     "rollout_step": (_handle, POINTER(Controls), POINTER(StepInfo)),
     "rollout_set_budget": (_handle, c_uint64, _text),
+    "rollout_govern": (_handle, POINTER(Budget)),
     "rollout_reset": (_handle,),
     "rollout_get_anchor": (_handle, _new),
     "rollout_submit": (_handle, POINTER(Controls), _ticket),

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from ctypes import POINTER, byref, c_char, c_float, c_size_t, c_uint64, c_void_p
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,10 @@ from ._library import call, encoded, make
 from .controls import Controls
 from .errors import Error, refuse
 from .pictures import Bytes, Floats, Order, source, target
+
+if TYPE_CHECKING:
+    from .presenter import Presenter
+    from .world import World
 
 # Between two looks at whether Ctrl+C was pressed, as a call into the library cannot be interrupted.
 _GLANCE_NS = 100_000_000
@@ -153,6 +157,16 @@ class RolloutStatistics:
     yields: int
     captured_passes: int
     other_passes: int
+    governed_frame_ns: int
+    governed_latents: int
+    governed_frames: int
+    governed_less: int
+    governed_more: int
+    governed_short_of_memory: int
+    governed_beyond: int
+    governed_passes: int
+    governed_window: int
+    governed_made: int
 
 
 class Rollout(Object):
@@ -204,6 +218,43 @@ class Rollout(Object):
         if not 0 <= latent_ns < 1 << 64:
             raise refuse("latent_ns", f"{latent_ns} is no time", "Give nanoseconds")
         call("rollout_set_budget", self._handle, latent_ns, " ".join(schedules).encode())
+
+    def govern(
+        self,
+        frame_ns: int = 0,
+        *,
+        memory_mib: int = 0,
+        multiplier: int = 0,
+        schedules: Sequence[str] = (),
+        worlds: Sequence[World] = (),
+        presenter: Presenter | None = None,
+    ) -> None:
+        """Holds the rollout, and a presenter's frames, to a budget: `frame_ns` nanoseconds of the device's time for each frame that is
+        shown, and `memory_mib`; 0 for no limit. From the times so far it picks the passes of latents, the window, one of `worlds`, which are
+        of the same bundle, or the rollout's own, and how many frames to an anchor are made. Passes are given up first, then frames, the
+        window last, and all come back where there is time. `multiplier` are the frames that are shown for each anchor: 0 for the
+        presenter's own, and for 1 without. `statistics` says what it did. It takes the place of `set_budget`, which ends it.
+
+        Raises `InvalidArgument`; `OutOfMemory` where even the narrowest window needs too much; `Busy` while steps are queued.
+        """
+        for name, number, most in (("frame_ns", frame_ns, 1 << 64), ("memory_mib", memory_mib, 1 << 64), ("multiplier", multiplier, 65)):
+            if not 0 <= number < most:
+                raise refuse(name, f"{number} is out of range", f"Give 0 to {most - 1}")
+        handles = (c_void_p * len(worlds))(*(world._handle for world in worlds))
+        budget = c.Budget(
+            multiplier=multiplier,
+            frame_ns=frame_ns,
+            memory_mib=memory_mib,
+            schedules=" ".join(schedules).encode() or None,
+            worlds=handles,
+            world_count=len(worlds),
+            presenter=None if presenter is None else presenter._handle,
+        )
+        call("rollout_govern", self._handle, byref(budget))
+
+    def ungovern(self) -> None:
+        """Ends what `govern` began, and leaves things as they are. Raises `Busy` while steps are queued."""
+        call("rollout_govern", self._handle, None)
 
     def reset(self) -> None:
         """Back to the start with the same seed: no latents, empty memory."""

@@ -310,6 +310,25 @@ def test_latents_are_held_to_a_budget(rollout):
     rollout.set_budget(0, [])
 
 
+def test_one_budget_holds_latents_and_frames(world, rollout):
+    with cairn.Presenter(4, interval_ns=66_666_667) as presenter:
+        # Nothing is made in a nanosecond.
+        rollout.govern(1, schedules=["stock", "explicit:1:0.5:0"], worlds=[world], presenter=presenter)
+        passes = [rollout.step(controls).denoise_passes for controls in WALK]
+        assert passes[0] == passes[1] == passes[2] > 2 and passes[3:] == [2, 2]
+        told = rollout.statistics
+        assert (told.governed_less, told.governed_more, told.governed_made, told.governed_passes) == (1, 0, 1, 2)
+        assert told.governed_latents == 5 and told.governed_frame_ns > 1 and told.governed_window > 0
+        assert presenter.statistics.made_to_anchor == 1
+        for wrong in ({}, {"frame_ns": -1}, {"frame_ns": 1, "multiplier": 3}, {"frame_ns": 1, "worlds": [world, world]}):
+            with pytest.raises(cairn.InvalidArgument):
+                rollout.govern(**wrong, presenter=presenter)
+        with pytest.raises(cairn.OutOfMemory):
+            rollout.govern(memory_mib=1)
+        rollout.ungovern()
+    rollout.step()
+
+
 def test_a_second_step_beside_a_queued_one_is_busy(rollout):
     rollout.pause()
     ticket = rollout.submit()

@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use super::*;
 use crate::framegen::GenerateReport;
 use crate::framegen::cpu::CpuGenerator;
@@ -19,18 +21,7 @@ fn anchor(number: u64, cut: bool) -> Arc<KeptAnchor> {
 }
 
 fn options() -> PresenterOptions {
-    PresenterOptions {
-        interval: Some(Interval::of_ns(60 * MS).unwrap()),
-        multiplier: 2,
-        delay_ns: None,
-        catch_up: false,
-        extrapolate: true,
-        decoded: true,
-        size: None,
-        letterbox: false,
-        capacity: 4,
-        motion: MotionSource::PictureFlow,
-    }
+    PresenterOptions { interval: Some(Interval::of_ns(60 * MS).unwrap()), ..PresenterOptions::default() }
 }
 
 fn presenter(options: PresenterOptions) -> Presenter {
@@ -314,4 +305,37 @@ fn frames_are_left_out_where_they_take_more_than_the_budget() {
     assert_eq!(shown(7), (ShownSource::Generated, 0.75, false));
     let done = presenter.statistics();
     assert_eq!((done.generated, done.held, done.shown_anchors), (5, 1, 1));
+}
+
+#[test]
+fn frames_follow_a_rollout_s_governor_for_as_long_as_there_is_one() {
+    let presenter = presenter(PresenterOptions { multiplier: 4, ..options() });
+    let governor = |multiplier, frame| Arc::new(world::Governor::of_passes(Some(frame), multiplier, vec![4, 1]));
+    let other = governor(2, Duration::from_millis(2));
+    assert_eq!(presenter.follow(Some(&other)).unwrap_err().offending_field(), Some("budget.multiplier"));
+    let followed = governor(4, Duration::from_micros(2_100));
+    presenter.follow(Some(&followed)).unwrap();
+    (0..2).for_each(|number| assert!(presenter.push(anchor(number, number == 0), None, number * 60 * MS).unwrap()));
+    let shown = |at: u64| {
+        let (shown, _) = draw(&presenter, 60 * MS + at * 15 * MS);
+        (shown.source, shown.t, shown.repeated)
+    };
+    assert_eq!(shown(1), (ShownSource::Generated, 0.25, false));
+    // A latent of 4 ms for 4 frames, and frames that take 4 ms each: 5 ms of the 2.1.
+    for _ in 0..3 {
+        presenter.note_spent(4, Duration::from_millis(16));
+        followed.note_latent(Duration::from_millis(4), None);
+    }
+    let done = presenter.statistics();
+    // Fewer passes help too little; one frame instead of four makes it 2 ms.
+    assert_eq!((done.made_to_anchor, done.budget_changes), (1, 1));
+    assert_eq!((followed.statistics().passes, followed.statistics().frames), (4, 12));
+    assert_eq!(shown(2).0, ShownSource::Held);
+    drop(followed);
+    assert_eq!(shown(3), (ShownSource::Generated, 0.75, false));
+    let followed = governor(4, Duration::from_millis(2));
+    presenter.follow(Some(&followed)).unwrap();
+    presenter.set_budget(None).unwrap();
+    presenter.note_spent(4, Duration::from_millis(16));
+    assert_eq!(followed.statistics().frames, 0, "it is followed no more");
 }

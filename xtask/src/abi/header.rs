@@ -21,6 +21,7 @@ const CHAPTERS: &[(&str, &[&str])] = &[
     ("Per frame: the state of a rollout", &["state"]),
     ("Per frame: guidance", &["guidance"]),
     ("Per frame: presenters", &["presenter"]),
+    ("Per frame: budgets", &["budget"]),
     ("Per frame: input written down, and played again", &["script", "recorder"]),
     ("Queries: statistics", &["statistics"]),
     ("Experimental: Direct3D 12", &["d3d12"]),

@@ -9,7 +9,7 @@ use cairn::gpu::{Gpu, Target, read_texture, texture_of};
 use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
 use cairn::present::device::DeviceDrawer;
 use cairn::present::pacing::Interval;
-use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, ShownSource};
+use cairn::present::presenter::{Presenter, PresenterOptions, ShownSource};
 use cairn::world::{ControlScript, KeptAnchor};
 use cairn::{Colours, Picture};
 use half::f16;
@@ -113,15 +113,9 @@ impl Maker {
     fn new(name: &str, drawer: Option<(Gpu, DeviceDrawer)>) -> Outcome<Self> {
         let options = PresenterOptions {
             interval: Some(Interval::per_second(RATE)?),
-            multiplier: 2,
-            delay_ns: None,
-            catch_up: false,
             extrapolate: false,
             decoded: false,
-            size: None,
-            letterbox: false,
-            capacity: 4,
-            motion: MotionSource::PictureFlow,
+            ..PresenterOptions::default()
         };
         let presenter = match drawer {
             Some(_) => Presenter::new(options, None)?,

@@ -1,0 +1,101 @@
+//! Frames of a presenter held to a budget, its own or a rollout's.
+
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+use super::super::governor::{self, Governor};
+use super::super::pacing::{Due, DueFrame};
+use super::{Presenter, Stream};
+use crate::world;
+use crate::{Error, ErrorKind, Result};
+
+impl Presenter {
+    /// Holds frames to so much of a device's time for each that is shown, on average over an interval, what is done once to an anchor among it;
+    /// `None`: to nothing. Where it is too little, only every second, third or sixth frame of an interval is made, as the multiplier has
+    /// it, and the others repeat the one before; where it is enough again, more are. It goes by what the device says of frames that have
+    /// run, and does nothing where frames are made by the processor. What it does is logged, and [`statistics`](Self::statistics) has it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a time of 0.
+    pub fn set_budget(&self, per_frame: Option<Duration>) -> Result<()> {
+        if per_frame == Some(Duration::ZERO) {
+            return Err(Error::new(ErrorKind::InvalidArgument, "no frame takes no time").field("budget"));
+        }
+        let governor = per_frame.map(|budget| Governor::new(budget, self.options.multiplier));
+        let mut stream = self.stream.lock();
+        stream.statistics.made_to_anchor = self.options.multiplier;
+        stream.governor = governor;
+        stream.followed = None;
+        Ok(())
+    }
+
+    /// Makes as many frames of an interval as a rollout's governor says, and tells it what the device has spent on them, for as long as
+    /// the rollout is governed; it takes the place of [`set_budget`](Self::set_budget), which ends it. None: makes all of them again. Frames
+    /// that the processor makes take none of the device's time, and are left out like others.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a governor of another multiplier.
+    pub fn follow(&self, governor: Option<&Arc<world::Governor>>) -> Result<()> {
+        if let Some(theirs) = governor.map(|governor| governor.multiplier())
+            && theirs != self.options.multiplier
+        {
+            let cause = format!("{theirs} frames to an anchor where the presenter shows {}", self.options.multiplier);
+            return Err(Error::new(ErrorKind::InvalidArgument, cause).field("budget.multiplier"));
+        }
+        if let Some(governor) = governor {
+            governor.makes_frames();
+        }
+        let mut stream = self.stream.lock();
+        stream.governor = None;
+        stream.followed = governor.map(Arc::downgrade);
+        Ok(())
+    }
+
+    /// Takes note of what a device has spent on so many frames more, and decides how many are made.
+    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "a device says it"))]
+    pub(in crate::present) fn note_spent(&self, frames: u64, spent: Duration) {
+        let mut stream = self.stream.lock();
+        if let Some(governor) = stream.followed() {
+            drop(stream);
+            return governor.note_frames(frames, spent);
+        }
+        let Stream { governor: Some(governor), statistics, .. } = &mut *stream else { return };
+        if let Some(decision) = governor.note(frames, spent) {
+            statistics.made_to_anchor = decision.made;
+            statistics.budget_changes += 1;
+            drop(stream);
+            let (before, made, took) = (decision.before, decision.made, decision.took);
+            log::info!(
+                "{made} frames to an anchor are made instead of {before}: one took {took:?} of the device's time"
+            );
+        }
+    }
+}
+
+impl Stream {
+    /// The governor that frames follow, while it is there.
+    pub(super) fn followed(&self) -> Option<Arc<world::Governor>> {
+        self.followed.as_ref().and_then(Weak::upgrade)
+    }
+
+    /// The frame that is due at `now`, or the one before it that is shown in its place.
+    pub(super) fn due(&mut self, now: u64) -> Option<Due> {
+        let due = self.pacer.as_mut()?.due(now)?;
+        let followed = self.followed().map(|governor| (governor.multiplier(), governor.made()));
+        let held = followed.or_else(|| self.governor.as_ref().map(Governor::held));
+        let Some((multiplier, made)) = held else { return Some(due) };
+        let made_step = |step| governor::step(multiplier, made, step);
+        let frame = match due.frame {
+            DueFrame::Between { previous, step } => match made_step(step) {
+                0 => DueFrame::Anchor(previous),
+                step => DueFrame::Between { previous, step },
+            },
+            DueFrame::Beyond { last, step } => match made_step(step) {
+                0 => DueFrame::Anchor(last),
+                step => DueFrame::Beyond { last, step },
+            },
+            other => other,
+        };
+        Some(Due { frame, ..due })
+    }
+}

@@ -1,0 +1,184 @@
+//! A rollout in windows that change, and under budgets of time and of memory.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use cairn::ErrorKind;
+use cairn::bundle::Precision;
+use cairn::world::{Budget, GovernorStatistics, Rollout, Schedule, World, WorldOptions};
+
+mod common;
+use common::{bundle, controls, device, fingerprint, point, seeded};
+
+const HOUR: Duration = Duration::from_secs(3600);
+/// The test world's dilation, and the windows that it is loaded with.
+const DILATION: u64 = 4;
+const WIDE: u32 = 32;
+const NARROW: u32 = 8;
+
+fn world_at(window: u32) -> Arc<World> {
+    let options =
+        WorldOptions { precision: Some(Precision::F32), global_window: Some(window), ..WorldOptions::default() };
+    World::load(&device(), &bundle("tiny"), options).expect("a world")
+}
+
+fn steps(rollout: &mut Rollout, count: u64) {
+    (0..count).for_each(|i| _ = rollout.step(&controls(i)).expect("a step"));
+}
+
+/// The largest difference of two latents.
+fn apart(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none() {
+    let (wide, narrow) = (world_at(WIDE), world_at(NARROW));
+    let slots = u64::from(NARROW) / DILATION;
+    // On a write step of the global layers, and between two.
+    for latents in [23, 25] {
+        let mut whole = seeded(&wide, &point(&wide), 3);
+        steps(&mut whole, latents);
+        let state = whole.save().expect("a state");
+        let mut moved = seeded(&wide, &point(&wide), 9);
+        moved.restore(&state).expect("a state");
+        moved.move_to(&narrow).expect("a narrower world");
+        assert_eq!((moved.world().global_window(), moved.operating_point().global_window), (NARROW, NARROW));
+        assert_eq!(moved.planner().latents(), latents + 1);
+        assert_eq!(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
+        assert!(moved.decoded().expect("pictures") == whole.decoded().expect("pictures"));
+
+        // The same pass in the wide world, with all hidden from it but what the narrow one has.
+        let mut plan = whole.planner().plan_step(&controls(77)).expect("a plan");
+        let clock = whole.planner().ring_clock();
+        let newest = (clock - 1) / DILATION;
+        // What is about to be evicted is hidden already.
+        let seen = if clock.is_multiple_of(DILATION) { slots - 1 } else { slots };
+        let slot = |bucket: u64| (bucket % u64::from(WIDE / DILATION as u32)) as usize;
+        let visible: Vec<_> = (newest + 1 - seen..=newest).map(slot).collect();
+        let all = plan.global.visible.clone();
+        for (slot, sees) in plan.global.visible.iter_mut().enumerate() {
+            *sees &= visible.contains(&slot);
+        }
+        assert!(plan.global.visible != all, "the wide one sees more");
+        whole.execute(&plan).expect("a step");
+        moved.step(&controls(77)).expect("a step");
+        let difference = apart(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
+        assert!(difference < 1e-4, "{difference} after {latents} latents");
+        // Which is told from what the wide one would have made.
+        whole.restore(&state).expect("a state");
+        whole.step(&controls(77)).expect("a step");
+        let difference = apart(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
+        assert!(difference > 1e-3, "{difference} after {latents} latents");
+    }
+}
+
+#[test]
+fn there_and_back_is_as_if_it_had_stayed() {
+    let (wide, narrow) = (world_at(WIDE), world_at(NARROW));
+    let mut rollout = seeded(&narrow, &point(&narrow), 4);
+    steps(&mut rollout, 21);
+    let before = (fingerprint(&mut rollout).expect("bits"), rollout.statistics());
+    rollout.move_to(&wide).expect("a wider world");
+    assert_eq!(rollout.statistics().latents, before.1.latents);
+    assert!(rollout.statistics().bytes.copied >= before.1.bytes.copied, "it goes on counting");
+    rollout.move_to(&narrow).expect("the first world");
+    assert!(fingerprint(&mut rollout).expect("bits") == before.0);
+    // What would have stopped it still does.
+    rollout.stop_flag().store(true, std::sync::atomic::Ordering::SeqCst);
+    assert_eq!(rollout.step(&controls(0)).expect_err("it is stopped").kind(), ErrorKind::Cancelled);
+    rollout.stop_flag().store(false, std::sync::atomic::Ordering::SeqCst);
+    let half = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+    let half = World::load(&device(), &bundle("tiny"), half);
+    if let Ok(half) = half {
+        let refused = rollout.move_to(&half).expect_err("another precision");
+        assert_eq!(refused.offending_field(), Some("world"), "{refused}");
+    }
+    assert!(fingerprint(&mut rollout).expect("bits") == before.0);
+}
+
+/// Schedules of four, two and one pass.
+fn schedules() -> Vec<Schedule> {
+    vec![Schedule::Stock, Schedule::Explicit(vec![1.0, 0.5, 0.0]), Schedule::Explicit(vec![1.0, 0.0])]
+}
+
+/// Passes of the latents that are made next, and the window that each was made in.
+fn made(rollout: &mut Rollout, count: u64) -> Vec<(u64, u32)> {
+    let mut one = |i| {
+        let passes = rollout.step(&controls(i)).expect("a step").stages.denoise.count;
+        (passes, rollout.world().global_window())
+    };
+    (0..count).map(&mut one).collect()
+}
+
+#[test]
+fn passes_and_the_window_are_given_up_for_time() {
+    let (wide, narrow) = (world_at(WIDE), world_at(NARROW));
+    let mut rollout = seeded(&wide, &point(&wide), 7);
+    let budget = |frame| Budget { frame: Some(frame), multiplier: 4, schedules: schedules(), ..Budget::default() };
+    let governor = rollout.govern(&budget(HOUR), std::slice::from_ref(&narrow)).expect("a budget");
+    assert_eq!(made(&mut rollout, 7), [(4, WIDE); 7], "there is time enough");
+    let done = governor.statistics();
+    assert!(done.frame > Duration::ZERO);
+    let expected = GovernorStatistics { frame: done.frame, latents: 7, passes: 4, window: WIDE, made: 4, ..done };
+    assert_eq!((done, done.less + done.more + done.beyond), (expected, 0));
+
+    let governor = rollout.govern(&budget(Duration::from_nanos(1)), std::slice::from_ref(&narrow)).expect("a budget");
+    let latents = made(&mut rollout, 8);
+    assert_eq!(latents, [[(4, WIDE); 3].as_slice(), &[(1, NARROW); 5]].concat(), "there is none");
+    let done = governor.statistics();
+    assert_eq!((done.less, done.more, done.passes, done.window, done.made), (1, 0, 1, NARROW, 4));
+    assert_eq!(rollout.operating_point().schedule, schedules()[2]);
+    assert!(made(&mut rollout, 6).iter().all(|one| *one == (1, NARROW)));
+    assert!(governor.statistics().beyond > 0, "nothing is left to give up");
+
+    // A state is of its window: it ends the budget, and so do another budget and whoever gave it.
+    let state = rollout.save().expect("a state");
+    rollout.govern(&budget(HOUR), std::slice::from_ref(&wide)).expect("a budget");
+    rollout.restore(&state).expect("a state");
+    assert!(rollout.governor().is_none());
+    rollout.govern(&budget(HOUR), &[]).expect("a budget");
+    rollout.set_budget(HOUR, &schedules()).expect("a budget");
+    assert!(rollout.governor().is_none());
+    rollout.govern(&budget(HOUR), &[]).expect("a budget");
+    rollout.ungovern();
+    assert!(rollout.governor().is_none());
+}
+
+#[test]
+fn the_widest_window_that_the_memory_allows_is_used() {
+    let (wide, narrow) = (world_at(WIDE), world_at(NARROW));
+    let mut rollout = seeded(&wide, &point(&wide), 7);
+    let need = |world: &World| world.memory_need().total;
+    let budget = |memory| Budget { memory: Some(memory), multiplier: 1, ..Budget::default() };
+    for (memory, expected) in [(need(&wide), WIDE), (need(&wide) - 1, NARROW), (need(&narrow), NARROW)] {
+        let governor = rollout.govern(&budget(memory), &[wide.clone(), narrow.clone()]).expect("a budget");
+        assert_eq!(made(&mut rollout, 5), [(4, expected); 5], "{memory} bytes");
+        assert_eq!(governor.statistics().window, expected);
+    }
+    let refused = rollout.govern(&budget(need(&narrow) - 1), &[]).expect_err("too little for any");
+    assert_eq!(refused.kind(), ErrorKind::OutOfMemory, "{refused}");
+    assert!(rollout.governor().is_some(), "nothing has changed");
+}
+
+#[test]
+fn what_is_no_budget_is_refused() {
+    let wide = world_at(WIDE);
+    let mut rollout = seeded(&wide, &point(&wide), 7);
+    let good = Budget { frame: Some(HOUR), multiplier: 4, schedules: schedules(), ..Budget::default() };
+    let swapped = vec![schedules()[1].clone(), schedules()[0].clone()];
+    let same = [world_at(WIDE), world_at(WIDE)];
+    for (budget, worlds, field) in [
+        (Budget { frame: None, ..good.clone() }, &[][..], "budget"),
+        (Budget { frame: Some(Duration::ZERO), ..good.clone() }, &[], "budget.frame"),
+        (Budget { multiplier: 0, ..good.clone() }, &[], "budget.multiplier"),
+        (Budget { multiplier: 65, ..good.clone() }, &[], "budget.multiplier"),
+        (Budget { schedules: swapped, ..good.clone() }, &[], "budget.schedules"),
+        (Budget { schedules: vec![Schedule::Stock; 9], ..good.clone() }, &[], "budget.schedules"),
+        (good.clone(), &same, "worlds"),
+    ] {
+        let refused = rollout.govern(&budget, worlds).expect_err(field);
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
+    }
+    assert!(rollout.governor().is_none());
+}
