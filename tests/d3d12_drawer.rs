@@ -32,18 +32,8 @@ use textures::{Recording, Wanted};
 const INTERVAL: u64 = 80_000_000;
 
 fn options(motion: MotionSource) -> PresenterOptions {
-    PresenterOptions {
-        interval: Some(Interval::of_ns(INTERVAL).expect("an interval")),
-        multiplier: 4,
-        delay_ns: None,
-        catch_up: false,
-        extrapolate: true,
-        decoded: true,
-        size: None,
-        letterbox: false,
-        capacity: 4,
-        motion,
-    }
+    let interval = Some(Interval::of_ns(INTERVAL).expect("an interval"));
+    PresenterOptions { interval, multiplier: 4, motion, ..PresenterOptions::default() }
 }
 
 fn device_of(engine: &Engine, queue: &ID3D12CommandQueue) -> Gpu {
@@ -456,4 +446,37 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
     let ground_pixels = (0..count).filter(|i| !is_over(*i)).count();
     let counts = [moved(&still, 6), moved(&again, 9)];
     assert!(counts[0] * 2 < ground_pixels && counts[1] * 10 > 9 * ground_pixels, "{counts:?} of {ground_pixels}");
+}
+
+#[test]
+fn a_list_that_an_engine_drops_leaves_nothing_that_is_copied_later() {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (75, 46);
+    // As the generator writes it, and scaled.
+    for frames in [None, Some((150, 92))] {
+        let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+        for number in 0..2 {
+            let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
+            both.push(&anchor, (number > 0).then(|| going(size, 3.0)).as_ref(), number * INTERVAL);
+        }
+        both.resize(frames);
+        let wanted = both.host.size().expect("a size");
+        for (quarter, drops) in [(0, 1), (1, 1), (2, 3)] {
+            let now = INTERVAL + quarter * INTERVAL / 4;
+            for _ in 0..drops {
+                let texture = Wanted { size: wanted, ..Wanted::default() }.make(&engine.device);
+                let target = Target { texture, before: PRESENT, after: PRESENT };
+                let dropped = Recording::on(&engine.device, &engine.direct);
+                let shown = both.device.record(now, &mut both.drawer, dropped.list(), &target).expect("it is recorded");
+                let of_host = both.host.draw(now, wanted, |_| ()).expect("it is drawn");
+                assert_eq!(shown, of_host);
+            }
+            assert!(both.compare(&engine, now, KINDS[0], false).repeated);
+            // Now it is there.
+            assert!(both.compare(&engine, now, KINDS[0], quarter == 1).repeated);
+            both.check();
+        }
+        assert_eq!(both.device.statistics().cuts, 0, "what never ran tells of no cut");
+    }
 }

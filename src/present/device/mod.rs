@@ -40,7 +40,8 @@ use supply::{Supplied, Supply};
 /// another size than that before, and an anchor only what has another size than those before.
 ///
 /// Belongs to one presenter. Lists must be given to the device's queue for frames in the order that they are recorded in, each before
-/// the next one is recorded.
+/// the next one is recorded, or never: of one that is dropped nothing is used later. Until it is known that a list has run, a frame that is
+/// shown again is made again.
 ///
 /// Threads: one at a time; may move between them.
 pub struct DeviceDrawer {
@@ -72,6 +73,8 @@ pub struct DeviceDrawer {
     /// Resets, the later anchor, and what lay over the anchors, of the pair that the generator knows.
     prepared: Option<(u64, u64, u64)>,
     drawn: Option<Drawn>,
+    /// Where the picture of that was recorded to be made in an engine's list, which may never have run: a place of the ring.
+    doubtful: Option<usize>,
     /// Frames whose time the presenter knows, and all time that it knows of.
     noted: (u64, Duration),
 }
@@ -103,6 +106,7 @@ impl DeviceDrawer {
             reports: Reports::new(gpu)?,
             prepared: None,
             drawn: None,
+            doubtful: None,
             noted: (0, Duration::ZERO),
         })
     }
@@ -232,7 +236,11 @@ impl DeviceDrawer {
             let key = (taken.epoch, *index, self.supply.overlays);
             self.prepare(&supplied.pair()?, key)?;
         }
-        let again = taken.shown.repeated;
+        // A list that was dropped has made nothing that could be copied: it is made anew as long as it is not known to be there.
+        if self.doubtful.is_some_and(|place| self.reports.has_run(place)) {
+            self.doubtful = None;
+        }
+        let again = taken.shown.repeated && self.doubtful.is_none();
         let (promises, generator, canvas) = (&mut self.promises, &mut self.generator, &mut self.canvas);
         let place = self.frames.place();
         let (mut frame, promised) = match list {
@@ -249,14 +257,20 @@ impl DeviceDrawer {
             _ => c"Cairn: an anchor",
         });
         let half = half.as_ref();
-        match canvas {
-            None if again && generator.again(&mut frame, &to)? => {}
-            None => generate(generator, &mut frame, &taken.plan, &supplied, half, &to)?,
-            Some(canvas) if again && canvas.again(&mut frame, format, self.colours, &to)? => {}
-            Some(canvas) => {
-                generate(generator, &mut frame, &taken.plan, &supplied, half, &canvas.picture())?;
-                canvas.record(&mut frame, format, self.colours, &to)?;
+        let is_copied = again
+            && match canvas {
+                None => generator.again(&mut frame, &to)?,
+                Some(canvas) => canvas.again(&mut frame, format, self.colours, &to)?,
+            };
+        if !is_copied {
+            match canvas {
+                None => generate(generator, &mut frame, &taken.plan, &supplied, half, &to)?,
+                Some(canvas) => {
+                    generate(generator, &mut frame, &taken.plan, &supplied, half, &canvas.picture())?;
+                    canvas.record(&mut frame, format, self.colours, &to)?;
+                }
             }
+            self.doubtful = list.is_some().then_some(place);
         }
         self.reports.record(&mut frame, place, &generator.report())?;
         frame.leave(&target.texture, target.after);

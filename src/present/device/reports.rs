@@ -18,13 +18,18 @@ pub(super) struct Reports {
 
 struct Slot {
     memory: Shared,
-    /// When a report that somebody wants is there.
+    /// When the frame has run, if it ever does: an engine may drop its list.
     comes: Option<Moment>,
+    /// Whether somebody wants to know of a cut.
+    is_asked: bool,
 }
+
+/// What no frame reports of cuts: it stands there until the frame has run.
+const NOTHING: u32 = u32::MAX;
 
 impl Reports {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let slot = || Ok(Slot { memory: Shared::new(gpu, Heap::Readback, BYTES)?, comes: None });
+        let slot = || Ok(Slot { memory: Shared::new(gpu, Heap::Readback, BYTES)?, comes: None, is_asked: false });
         Ok(Self { slots: (0..FRAMES_IN_FLIGHT).map(|_| slot()).collect::<Result<_>>()?, cuts: 0 })
     }
 
@@ -32,19 +37,29 @@ impl Reports {
     pub(super) fn record(&mut self, frame: &mut Frame<'_>, place: usize, report: &Resting<'_>) -> Result<()> {
         // What was there before has run.
         self.look(place);
+        let slot = &mut self.slots[place];
+        slot.comes = None;
+        slot.memory.write(4 * WORD_OF_CUT as usize, &NOTHING.to_ne_bytes());
         let to = Resting { resource: self.slots[place].memory.resource(), state: D3D12_RESOURCE_STATE_COPY_DEST };
         frame.copy_bytes(report, BYTES as u64, &to, 0)
     }
 
-    /// The report of a frame is there at `moment`; looked at only where it may be that there is a cut.
+    /// The report of a frame is there at `moment`, where it runs at all; cuts are counted only where it may be that there is one.
     pub(super) fn comes_at(&mut self, place: usize, moment: &Moment, may_be_cut: bool) {
-        self.slots[place].comes = may_be_cut.then(|| moment.clone());
+        let slot = &mut self.slots[place];
+        (slot.comes, slot.is_asked) = (Some(moment.clone()), may_be_cut);
+    }
+
+    /// Whether it is known that the frame that was recorded last in a place has run.
+    pub(super) fn has_run(&self, place: usize) -> bool {
+        let slot = &self.slots[place];
+        slot.comes.as_ref().is_some_and(Moment::reached) && slot.cut() != NOTHING
     }
 
     /// How many frames that have run since it was asked are anchors and not generated, as a cut was found.
     pub(super) fn cuts(&mut self) -> u64 {
         for slot in 0..self.slots.len() {
-            if self.slots[slot].comes.as_ref().is_some_and(Moment::reached) {
+            if self.slots[slot].is_asked && self.slots[slot].comes.as_ref().is_some_and(Moment::reached) {
                 self.look(slot);
             }
         }
@@ -52,12 +67,19 @@ impl Reports {
     }
 
     fn look(&mut self, slot: usize) {
-        let Slot { memory, comes } = &mut self.slots[slot];
-        if comes.take().is_some() {
-            let mut bytes = [0; BYTES];
-            memory.read(&mut bytes);
-            let words = bytes.as_chunks::<4>().0;
-            self.cuts += u64::from(words[WORD_OF_CUT as usize] != [0; 4]);
+        let slot = &mut self.slots[slot];
+        if std::mem::take(&mut slot.is_asked) {
+            // Of a list that was dropped there is no report.
+            self.cuts += u64::from(![0, NOTHING].contains(&slot.cut()));
         }
+    }
+}
+
+impl Slot {
+    /// What is said of cuts.
+    fn cut(&self) -> u32 {
+        let mut word = [0; 4];
+        self.memory.read_at(4 * WORD_OF_CUT as usize, &mut word);
+        u32::from_ne_bytes(word)
     }
 }
