@@ -144,8 +144,9 @@ def test_few_steps_are_trained_where_the_networks_own_step_leads(walks):
     moving = still | {"unpatchify.bias": np.full(g.latent_channels, 2.0, np.float32)}
     ways = [train_world.sampled(p, g, 128, clean, clean, noise, jnp.asarray(controls, jnp.float32), KEY) for p in (still, moving)]
     # A network that goes nowhere stays at the level before; one whose velocity is 2 goes two differences of level.
-    (at, sigma, made), (further, same, _) = ways
+    (at, sigma, made, told), (further, same, *_) = ways
     before = jnp.median((at - clean) / (noise - clean), (2, 3, 4))
+    assert np.allclose(told, before, atol=1e-4)
     pairs = {(round(float(a), 4), round(float(b), 4)) for a, b in zip(before.ravel(), sigma.ravel())}
     stock = g.schedule
     assert pairs == set(schedules.passes(stock)) | set(schedules.passes(schedules.refined(stock, train_world.REFINED)))
@@ -192,13 +193,25 @@ def test_gradients_are_those_of_differences(walks):
         assert np.isclose(slope, jnp.linalg.norm(gradient[name]), rtol=0.02), name
 
 
+def test_channels_means_count_in_frames_of_noise_alone(walks):
+    g = SMOKE.with_(layers=2, control_period=2, global_period=2)
+    latents_, others, controls = (x[0] for x in train_world.batch(np.random.default_rng(3), walks, Stage(1, frames=8, batch=1, noisy=1)))
+
+    def loss(**how):
+        return train_world.loss(transformer.initial(g, 1), g, Stage(1, 8, 1, 4, **how), 128, latents_, others, controls, KEY)
+
+    (plain, figures), (heavy, same) = (loss(few_step=True, means=means) for means in (0.0, 16.0))
+    assert figures["means"] > 0 and np.isclose(heavy - plain, 16 * same["means"], rtol=1e-3)
+    assert loss(means=16.0)[1]["means"] == 0, "at levels below 1 a frame tells its own means"
+
+
 def test_windows_side_by_side_are_windows_one_by_one(walks):
     g = SMOKE.with_(layers=2, control_period=2, global_period=2)
     settings = optimiser.Settings(rate=0.0, steps=10, muon_rate=0.0)
     batch = train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=4, batch=4, noisy=2))
     figures = []
     for together in (1, 2, 4):
-        stage = Stage(1, frames=4, batch=4, noisy=2, together=together)
+        stage = Stage(1, frames=4, batch=4, noisy=2, together=together, few_step=True, means=16.0)
         state = optimiser.start(transformer.initial(g, 1))
         figures.append(train_world.step(settings, g, stage, 128, state, *batch, KEY)[1])
     for name, value in figures[0].items():
