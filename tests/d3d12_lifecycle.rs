@@ -61,8 +61,12 @@ fn resident() -> u64 {
 
 /// The library's view of an engine's device, for worlds.
 fn device(engine: &Engine) -> Result<Device> {
+    device_with(engine, DirectMlOptions::default())
+}
+
+fn device_with(engine: &Engine, options: DirectMlOptions) -> Result<Device> {
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute))?;
-    Device::directml(&ort(), &gpu, DirectMlOptions::default())
+    Device::directml(&ort(), &gpu, options)
 }
 
 fn options() -> WorldOptions {
@@ -181,6 +185,25 @@ fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
     seeded(&world, &point(&world), 1).step(&controls(0)).expect("a step");
 }
 
+/// Has the device removed in the midst of the step after `steps` more, or nearly so; what that step says.
+fn removed_while_stepping(rollout: &mut Rollout, steps: u64) -> cairn::Error {
+    let world = rollout.world().clone();
+    let stepping = AtomicU64::new(0);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while stepping.load(Ordering::Relaxed) < steps {
+                std::thread::yield_now();
+            }
+            remove(world.device().gpu().expect("a Direct3D 12 device"));
+        });
+        let step = |i| {
+            stepping.store(i, Ordering::Relaxed);
+            rollout.step(&controls(i)).err()
+        };
+        (0_u64..).find_map(step).expect("it ends")
+    })
+}
+
 #[test]
 fn a_device_may_be_removed_while_a_rollout_steps() {
     let _alone = alone();
@@ -189,22 +212,48 @@ fn a_device_may_be_removed_while_a_rollout_steps() {
     {
         let world = World::load(&device(&engine).expect("a device"), &bundle("tiny"), options()).expect("a world");
         let mut rollout = seeded(&world, &point(&world), 1);
-        let stepping = AtomicU64::new(0);
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
-                // In the midst of the third step, or nearly so.
-                while stepping.load(Ordering::Relaxed) < 2 {
-                    std::thread::yield_now();
-                }
-                remove(world.device().gpu().expect("a Direct3D 12 device"));
-            });
-            let step = |i| {
-                stepping.store(i, Ordering::Relaxed);
-                rollout.step(&controls(i)).err()
-            };
-            let ended = (0_u64..).find_map(step).expect("it ends");
+        let ended = removed_while_stepping(&mut rollout, 2);
+        assert_eq!(ended.kind(), ErrorKind::DeviceRemoved, "{ended}");
+    }
+    comes_back(|| held(&engine), before);
+}
+
+#[test]
+fn a_device_may_be_removed_while_passes_are_captured_and_run_so() {
+    let _alone = alone();
+    let captured = || DirectMlOptions { captured_passes: 16, ..DirectMlOptions::default() };
+    let load = |engine: &Engine| {
+        let device = device_with(engine, captured()).expect("a device");
+        let world = World::load(&device, &bundle("tiny"), options()).expect("a world");
+        let rollout = seeded(&world, &point(&world), 1);
+        (world, rollout)
+    };
+    // While passes are run both ways to be compared, and when they run by capture alone.
+    for steps in [0, 4] {
+        let engine = engine::engine();
+        let before = held(&engine);
+        {
+            let (world, mut rollout) = load(&engine);
+            (0..steps).for_each(|i| _ = rollout.step(&controls(i)).expect("a step"));
+            let told = rollout.captured().expect("a Direct3D 12 device");
+            assert!(told.unused == 0 && told.unproven > 0 && (told.used >= 4) == (steps > 0), "{told:?}");
+            let ended = removed_while_stepping(&mut rollout, 1);
             assert_eq!(ended.kind(), ErrorKind::DeviceRemoved, "{ended}");
-        });
+            gone("a step", rollout.step(&controls(1)));
+            gone("an append", rollout.append(&picture(8, 8, 1)));
+            gone("a state", rollout.save());
+            gone("another rollout", Rollout::new(&world, &point(&world), 1));
+        }
+        comes_back(|| held(&engine), before);
+    }
+    // Captures work on a new device of the same adapter.
+    let engine = engine::engine();
+    let before = held(&engine);
+    {
+        let (_world, mut rollout) = load(&engine);
+        (0..4).for_each(|i| _ = rollout.step(&controls(i)).expect("a step"));
+        let told = rollout.captured().expect("a Direct3D 12 device");
+        assert!(told.used > 0 && told.unused == 0, "{told:?}");
     }
     comes_back(|| held(&engine), before);
 }

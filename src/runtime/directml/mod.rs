@@ -45,8 +45,8 @@ pub struct DirectMlOptions {
     /// How many passes of each graph ONNX Runtime may capture at most: it keeps their commands and submits them again, which spares the
     /// processor almost all of a pass. A rollout has at most two to a graph, and ONNX Runtime keeps those of rollouts that are gone for
     /// as long as the world is there. Captured passes are used where they give the same bits as others, which the first runs of each show;
-    /// [`Rollout::captured`](crate::world::Rollout::captured) tells. 0, the default, turns it off; 16 are enough for eight
-    /// rollouts.
+    /// [`Rollout::captured`](crate::world::Rollout::captured) tells. 0 turns it off; it is the default, as what is
+    /// kept grows with rollouts that come and go. 16 are enough for eight rollouts.
     pub captured_passes: usize,
     /// How much work a rollout may have on the queue for anchors at a time, by the device's own clock, so that an engine's frames get
     /// their turn in between: before a pass that would make it more, the rollout waits for what is there. A pass is never divided:
