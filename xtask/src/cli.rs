@@ -41,7 +41,7 @@ pub(crate) enum Command {
     Test(TestOptions),
     /// Measure what the runtime costs over bare ONNX Runtime, as ratios of one run
     Bench {
-        /// Measure the compute shaders on Direct3D 12 instead, in the lab or on Windows
+        /// Measure the compute shaders and latent steps on Direct3D 12 instead, in the lab or on Windows
         #[arg(long)]
         lab: bool,
         /// Handed on to the bench program

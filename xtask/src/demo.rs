@@ -62,12 +62,16 @@ pub(crate) fn bench(clone: &Clone, arguments: &[String]) -> Result<(), String> {
     pass_through(command.args(arguments))
 }
 
-/// Builds for Windows and runs in the lab, or on Windows itself: the bench of the compute shaders, and the table of how near each
-/// generator's frames come to the true ones.
+/// Builds for Windows and runs in the lab, or on Windows itself: the bench of the compute shaders, what latent steps cost on DirectML and
+/// an engine beside them, and the table of how near each generator's frames come to the true ones.
 pub(crate) fn bench_in_lab(clone: &Clone, arguments: &[String]) -> Result<(), String> {
-    for (package, bench) in [("cairn", "gpu"), ("scenes", "generators")] {
+    let console = Console::new();
+    let library = provision::onnxruntime_for_windows(&console).map_err(text)?;
+    let bundles = provision::test_bundles(&console).map_err(text)?;
+    for (package, bench) in [("cairn", "gpu"), ("cairn", "anchors"), ("scenes", "generators")] {
         let mut command = clone.cargo(["bench", "--quiet", "--package", package, "--bench", bench]);
         for_windows(&mut command)?;
+        command.env("CAIRN_ONNXRUNTIME", &library).env("CAIRN_TEST_BUNDLE", &bundles);
         pass_through(command.arg("--").args(arguments))?;
     }
     Ok(())

@@ -1,0 +1,25 @@
+//! What a world's latent steps cost on a Direct3D 12 device, and what they cost an engine's frames beside them, as ratios of one run:
+//! `cargo xtask bench --lab`, or `cargo bench --bench anchors` on Windows.
+//!
+//! Without `--bench`, as under `cargo test`, nothing is run: a world on DirectML takes gigabytes.
+
+#[cfg(windows)]
+#[path = "gpu/blend.rs"]
+#[allow(dead_code, reason = "the other bench uses all of it")]
+mod blend;
+#[cfg(windows)]
+#[path = "anchors/lines.rs"]
+mod lines;
+#[cfg(windows)]
+#[path = "../tests/d3d12/pictures.rs"]
+mod pictures;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    #[cfg(windows)]
+    if std::env::args().any(|argument| argument == "--bench") {
+        return lines::run();
+    }
+    #[cfg(not(windows))]
+    println!("Direct3D 12 is Windows only: cargo xtask bench --lab measures it here");
+    Ok(())
+}

@@ -1,0 +1,160 @@
+//! What is measured.
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use cairn::Picture;
+use cairn::bundle::{Bundle, Precision};
+use cairn::gpu::Gpu;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
+use cairn::runtime::{Device, DirectMlOptions, Ort};
+use cairn::world::{CacheMode, ControlInput, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions};
+
+use crate::blend::Blend;
+use crate::pictures::{self, filled, texture};
+
+/// Steps that are not counted: captured passes are proven in them.
+const WARM_UP: u64 = 4;
+const STEPS: u64 = 12;
+/// Frames of an engine, and what each draws: so many blends of two pictures.
+const FRAMES: usize = 40;
+const BLENDS: usize = 4;
+const SIZE: (u32, u32) = (1280, 720);
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+pub(crate) fn run() -> Outcome<()> {
+    let ort = Ort::find(None)?;
+    let folder = std::env::var_os("CAIRN_TEST_BUNDLE").map(PathBuf::from);
+    let folder = folder.ok_or("CAIRN_TEST_BUNDLE names no folder with the test worlds: cargo xtask bench sets it")?;
+    let bundle = Bundle::open(&folder.join("tiny"))?;
+    let gpu = Gpu::on_adapter(None)?;
+    let device = Device::directml(&ort, &gpu, DirectMlOptions::default())?;
+    println!("{}", device.describe());
+    for (name, options) in [
+        ("passes run anew", DirectMlOptions::default()),
+        ("captured passes", DirectMlOptions { captured_passes: 16, ..DirectMlOptions::default() }),
+    ] {
+        device.set_directml_options(options.clone())?;
+        let world_options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+        let world = World::load(&device, &bundle, world_options)?;
+        println!("\n{name}: {world:?}");
+        step_costs(&world)?;
+        frames_beside(&gpu, &world, &options)?;
+    }
+    Ok(())
+}
+
+fn rollout(world: &Arc<World>) -> Outcome<Rollout> {
+    let point = OperatingPoint {
+        global_window: world.global_window(),
+        schedule: Schedule::Stock,
+        cache_mode: CacheMode::Separate,
+        latents_per_second: 15,
+        pictures_per_latent: 1,
+        ..Preset::Decoded60.operating_point()
+    };
+    let mut rollout = Rollout::new(world, &point, 1)?;
+    rollout.append(&Picture::from_rgba(64, 36, vec![128; 64 * 36 * 4])?)?;
+    Ok(rollout)
+}
+
+/// A latent step's time that is the library's own, and the bytes that it moves.
+fn step_costs(world: &Arc<World>) -> Outcome<()> {
+    let mut rollout = rollout(world)?;
+    for _ in 0..WARM_UP {
+        rollout.step(&ControlInput::default())?;
+    }
+    rollout.latent()?;
+    let before = rollout.device_times().ok_or("no Direct3D 12 device")?.elsewhere;
+    let (mut took, mut ring, mut uploaded, mut copied, mut read, mut least) = (Duration::ZERO, 0, 0, 0, 0, 0);
+    for _ in 0..STEPS {
+        let global_too = rollout.planner().plan_step(&ControlInput::default())?.global.slot.is_some();
+        let start = Instant::now();
+        let made = rollout.step(&ControlInput::default())?;
+        took += start.elapsed();
+        ring += made.ring_bytes;
+        (uploaded, copied, read) = (uploaded + made.bytes.uploaded, copied + made.bytes.copied, read + made.bytes.read);
+        least += world.slab_bytes(global_too);
+    }
+    let after = rollout.device_times().ok_or("no Direct3D 12 device")?.elsewhere;
+    let (inside, waited) = (after.inside - before.inside, after.waited - before.waited);
+    let own = took.saturating_sub(inside).saturating_sub(waited);
+    let of = |time: Duration| 1e3 * time.as_secs_f64() / STEPS as f64;
+    println!("  a latent step, of it inside ONNX Runtime   {:>10.2} ms, {:.2} ms", of(took), of(inside));
+    println!("  waiting for the device                     {:>10.2} ms", of(waited));
+    println!(
+        "  all else, of the time inside (aim: 3 %)    {:>10.2} ms, {:.2} %",
+        of(own),
+        100.0 * own.as_secs_f64() / inside.as_secs_f64()
+    );
+    println!(
+        "  into the ring, of the new K and V          {:>10} bytes, {:.3}",
+        ring / STEPS,
+        ring as f64 / least as f64
+    );
+    println!("  copied besides: latents, noise levels      {:>10} bytes", (copied - ring) / STEPS);
+    println!("  up: noise, angles, masks, controls         {:>10} bytes", uploaded / STEPS);
+    println!("  down                                       {:>10} bytes", read / STEPS);
+    println!("  {:?}", rollout.captured().ok_or("no Direct3D 12 device")?);
+    Ok(())
+}
+
+/// How long an engine's frame takes with a rollout beside it and without.
+fn frames_beside(gpu: &Gpu, world: &Arc<World>, options: &DirectMlOptions) -> Outcome<()> {
+    let pixels = vec![127; SIZE.0 as usize * SIZE.1 as usize * 4];
+    let [before, after] = [(); 2].map(|()| filled(gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, &pixels));
+    let out = texture(gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+    let blend = Blend::new(gpu, [&before, &after, &out], SIZE);
+    let frame = || {
+        let start = Instant::now();
+        pictures::run(gpu, |list| (0..BLENDS).for_each(|_| blend.record(list)));
+        start.elapsed()
+    };
+    let frames = || {
+        let mut times: Vec<_> = (0..FRAMES).map(|_| frame()).collect();
+        times.sort();
+        [times[FRAMES / 2], times[FRAMES * 9 / 10]]
+    };
+    frames();
+    let alone = frames();
+    println!("  an engine's frame, median and 9 of 10      {:>10.2} ms, {:.2} ms", ms(alone[0]), ms(alone[1]));
+    for longest_submission in [None, Some(Duration::from_millis(1))] {
+        world.device().set_directml_options(DirectMlOptions { longest_submission, ..options.clone() })?;
+        let mut rollout = rollout(world)?;
+        for _ in 0..WARM_UP {
+            rollout.step(&ControlInput::default())?;
+        }
+        let (over, steps) = (AtomicBool::new(false), AtomicU64::new(0));
+        let beside = std::thread::scope(|scope| {
+            let stepping = scope.spawn(|| {
+                while !over.load(Ordering::Relaxed) {
+                    rollout.step(&ControlInput::default()).map_err(|e| e.to_string())?;
+                    steps.fetch_add(1, Ordering::Relaxed);
+                }
+                Ok::<(), String>(())
+            });
+            let start = Instant::now();
+            let beside = frames();
+            let took = start.elapsed();
+            over.store(true, Ordering::Relaxed);
+            stepping.join().map_err(|_| "the rollout's thread ended".to_owned())??;
+            Ok::<_, String>((beside, took))
+        });
+        let (beside, took) = beside?;
+        let name = if longest_submission.is_some() { "yielding after 1 ms" } else { "as they come" };
+        let ratio = |i: usize| beside[i].as_secs_f64() / alone[i].as_secs_f64();
+        let rate = steps.load(Ordering::Relaxed) as f64 / took.as_secs_f64();
+        println!("  beside latents {name:<24} {:>9.2} x, {:.2} x; {rate:.1} latents a second", ratio(0), ratio(1));
+    }
+    world.device().set_directml_options(options.clone())?;
+    Ok(())
+}
+
+fn ms(time: Duration) -> f64 {
+    1e3 * time.as_secs_f64()
+}
