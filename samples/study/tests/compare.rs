@@ -150,3 +150,17 @@ fn a_world_without_the_windows_is_refused_before_anything_is_made() {
     assert!(status == Some(2) && text.contains("global_window"), "{status:?}: {text}");
     assert!(!out.path().join("compare").exists());
 }
+
+#[test]
+fn weights_that_are_missing_are_told_before_anything_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, nowhere) = (folder.path().join("compare"), folder.path().join("no-weights"));
+    let mut program = Command::new(env!("CARGO_BIN_EXE_study"));
+    program
+        .args(["compare", "--scene", "forest", "--seconds", "0.2", "--size", "128x72", "--quiet", "--out"])
+        .arg(&out);
+    let Output { status, stderr, .. } = program.env("CAIRN_LPIPS", &nowhere).output().expect("the program starts");
+    let text = String::from_utf8_lossy(&stderr);
+    assert!(status.code() == Some(1) && text.contains("no-weights"), "{status}: {text}");
+    assert!(!out.exists(), "{text}");
+}

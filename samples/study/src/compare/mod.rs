@@ -15,7 +15,7 @@ mod plan;
 mod report;
 mod score;
 mod series;
-mod summary;
+pub(crate) mod summary;
 mod truth;
 mod turn;
 mod video;
@@ -29,6 +29,7 @@ pub(crate) use plan::Settings;
 
 use crate::inputs;
 use crate::media::{RealDisk, describe_io, write_whole};
+use crate::metrics::Net;
 use crate::progress::Progress;
 
 /// The report, in the folder of everything: as text, and as a page.
@@ -50,8 +51,10 @@ pub(crate) struct Outcome {
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
     let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
+    // First of all: hours of rollouts are no use to who learns at their end that they cannot be measured.
+    let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
     let made = make::make(settings, &bundle, progress, stop)?;
-    let scored = score::score(settings, &made, progress, stop)?;
+    let scored = score::score(settings, &made, lpips.as_ref(), progress, stop)?;
     let budgets = budget::budgets(&made.cells, &bundle)?;
     let mut files: Vec<PathBuf> = scored.iter().map(|scored| scored.file.clone()).collect();
     let videos = scored.iter().map(|scored| {

@@ -13,10 +13,9 @@ use super::series::{Comparison, RATE, Series, Stream, from_csv, to_csv};
 use super::summary::{Figures, figures};
 use super::truth;
 use super::turn;
-use crate::inputs;
 use crate::manifest::{Manifest, sha256, to_json};
 use crate::media::{RealDisk, describe_io, write_whole};
-use crate::metrics::{Lpips, Net};
+use crate::metrics::Lpips;
 use crate::progress::Progress;
 
 /// The per-frame series of a place.
@@ -44,14 +43,19 @@ pub(super) struct Scored {
 /// Measures every place of what was made.
 ///
 /// # Errors
-/// Weights of LPIPS that cannot be had; what drawing and measuring fail with; `Cancelled` when `stop` was set.
-pub(super) fn score(settings: &Settings, made: &Made, progress: &Progress, stop: &AtomicBool) -> Result<Vec<Scored>> {
-    let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
+/// What drawing and measuring fail with; `Cancelled` when `stop` was set.
+pub(super) fn score(
+    settings: &Settings,
+    made: &Made,
+    lpips: Option<&Lpips>,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> Result<Vec<Scored>> {
     settings
         .places()
         .map(|place| {
             let cells: Vec<&(Cell, Manifest)> = made.cells.iter().filter(|(cell, _)| cell.place == place).collect();
-            let mut scored = score_place(place, settings, &cells, lpips.as_ref(), progress, stop)?;
+            let mut scored = score_place(place, settings, &cells, lpips, progress, stop)?;
             let mut turned = false;
             for (straight, _) in made.straight.iter().filter(|(cell, _)| cell.place == place) {
                 turns(*straight, settings, &mut scored, progress, stop)?;

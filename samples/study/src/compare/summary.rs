@@ -149,14 +149,14 @@ fn horizon(stream: &Series) -> Option<f64> {
 
 /// A mean over places.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Estimate {
-    pub(super) mean: f64,
+pub(crate) struct Estimate {
+    pub(crate) mean: f64,
     /// 95 % of resampled means; none for a single place.
-    pub(super) interval: Option<[f64; 2]>,
+    pub(crate) interval: Option<[f64; 2]>,
 }
 
 /// Mean over places with a percentile bootstrap of places; the same bits everywhere. None where there is no value.
-pub(super) fn estimate(values: &[f64]) -> Option<Estimate> {
+pub(crate) fn estimate(values: &[f64]) -> Option<Estimate> {
     let n = values.len();
     let mean_of = |sum: f64| sum / n as f64;
     let interval = (n > 1 && values.iter().all(|value| value.is_finite())).then(|| {
