@@ -1144,12 +1144,14 @@ CAIRN_API cairn_result cairn_rollout_restore_file(cairn_rollout *rollout, const 
 
 /* ---- 11. Per frame: guidance ------------------------------------------------------------------------------------- */
 
-/** Motion from what scores best; today CAIRN_MOTION_PICTURES. */
+/** Motion from what scores best (docs/motion.md); today CAIRN_MOTION_PICTURES. */
 #define CAIRN_MOTION_AUTO 0
 /** Motion from the two pictures: dense optical flow. */
 #define CAIRN_MOTION_PICTURES 1
 /** Motion from the two latents, as the paper has it. Only anchors of a world have latents. */
 #define CAIRN_MOTION_PAPER 2
+/** Motion from what cells of the two latents look alike. Only anchors of a world have latents. */
+#define CAIRN_MOTION_LATENTS 3
 /** A flag of cairn_guidance_data: depth is 1 near and 0 far. */
 #define CAIRN_DEPTH_INVERTED 1
 /** A flag of cairn_guidance_data: depth is the distance along the view axis, in the units of near_plane. */
@@ -1214,7 +1216,7 @@ typedef struct cairn_guidance_info {
  * Finds motion and depth of a pair of anchors. Takes milliseconds, on the calling thread: a presenter does it by itself when
  * a frame first needs it, so this is for hosts that would rather do it off the render thread, or look at it.
  *
- * source: CAIRN_MOTION_AUTO, CAIRN_MOTION_PICTURES or CAIRN_MOTION_PAPER.
+ * source: CAIRN_MOTION_AUTO, CAIRN_MOTION_PICTURES, CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS.
  *
  * Ownership: on success *guidance is the caller's, for cairn_guidance_destroy; on failure it is not written.
  * Threads: any thread, at any time.
@@ -1474,7 +1476,7 @@ CAIRN_API cairn_result cairn_presenter_query(const cairn_presenter *presenter, u
  * Ownership: the pixels are copied and frame is filled, on success; on failure, and when there is none, neither is written.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
- * when CAIRN_MOTION_PAPER meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
  * CAIRN_ERROR_OUT_OF_MEMORY.
  * Since: 0.1.0
  */
@@ -2106,7 +2108,7 @@ CAIRN_API cairn_result cairn_anchor_get_d3d12(
  * recorded or cairn_presenter_release_d3d12 is called; frame is filled on success; on failure it is not written and no frame is recorded.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
- * when CAIRN_MOTION_PAPER meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
+ * when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
  * a CPU device, and where options.shader is CAIRN_PREFER_REQUIRE and shaders cannot make it; CAIRN_ERROR_OUT_OF_MEMORY;
  * CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0

@@ -5,7 +5,7 @@ use std::cell::Cell;
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
-use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, paper, picture_flow};
+use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, latent_flow, paper, picture_flow};
 use cairn::present::upscale::{Filter, Upscaler};
 use cairn::{Picture, Pixel, Raster};
 use half::f16;
@@ -71,6 +71,15 @@ fn frames_are_made_without_allocating() {
         }),
         0,
         "guidance"
+    );
+    let mut found = Guidance::new(128, 72, latent_flow::PROJECTION).expect("guidance");
+    let mut extractor = latent_flow::Extractor::new();
+    assert_eq!(
+        allocations_when_warm(|| {
+            extractor.extract(view(z0), view(z1), (128, 72), &mut found).expect("motion");
+        }),
+        0,
+        "motion from latents"
     );
 
     let mut previous = Picture::new(128, 72).expect("a picture");

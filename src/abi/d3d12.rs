@@ -290,7 +290,7 @@ pub unsafe extern "C" fn cairn_anchor_get_d3d12(
 /// recorded or cairn_presenter_release_d3d12 is called; frame is filled on success; on failure it is not written and no frame is recorded.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
-/// when CAIRN_MOTION_PAPER meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
+/// when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
 /// a CPU device, and where options.shader is CAIRN_PREFER_REQUIRE and shaders cannot make it; CAIRN_ERROR_OUT_OF_MEMORY;
 /// CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0

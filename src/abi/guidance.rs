@@ -10,12 +10,14 @@ use super::structs::{Out, check_out, describe, read, slice, slice_mut};
 use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, Projection, paper, picture_flow};
 use crate::present::presenter::{MotionSource, extract};
 
-/// Motion from what scores best; today CAIRN_MOTION_PICTURES.
+/// Motion from what scores best (docs/motion.md); today CAIRN_MOTION_PICTURES.
 pub const CAIRN_MOTION_AUTO: u32 = 0;
 /// Motion from the two pictures: dense optical flow.
 pub const CAIRN_MOTION_PICTURES: u32 = 1;
 /// Motion from the two latents, as the paper has it. Only anchors of a world have latents.
 pub const CAIRN_MOTION_PAPER: u32 = 2;
+/// Motion from what cells of the two latents look alike. Only anchors of a world have latents.
+pub const CAIRN_MOTION_LATENTS: u32 = 3;
 
 /// A flag of cairn_guidance_data: depth is 1 near and 0 far.
 pub const CAIRN_DEPTH_INVERTED: u32 = 1;
@@ -93,7 +95,7 @@ describe!(cairn_guidance_info, [], { struct_size, width, height, near_plane, far
 /// Finds motion and depth of a pair of anchors. Takes milliseconds, on the calling thread: a presenter does it by itself when
 /// a frame first needs it, so this is for hosts that would rather do it off the render thread, or look at it.
 ///
-/// source: CAIRN_MOTION_AUTO, CAIRN_MOTION_PICTURES or CAIRN_MOTION_PAPER.
+/// source: CAIRN_MOTION_AUTO, CAIRN_MOTION_PICTURES, CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS.
 ///
 /// Ownership: on success *guidance is the caller's, for cairn_guidance_destroy; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -242,8 +244,10 @@ pub unsafe extern "C" fn cairn_guidance_destroy(guidance: *mut cairn_guidance) -
 /// What the header's number means.
 pub(super) fn motion_source(number: u32, name: &str) -> Outcome<MotionSource> {
     match number {
-        CAIRN_MOTION_AUTO | CAIRN_MOTION_PICTURES => Ok(MotionSource::PictureFlow),
+        CAIRN_MOTION_AUTO => Ok(MotionSource::BEST),
+        CAIRN_MOTION_PICTURES => Ok(MotionSource::PictureFlow),
         CAIRN_MOTION_PAPER => Ok(MotionSource::Paper),
+        CAIRN_MOTION_LATENTS => Ok(MotionSource::LatentFlow),
         other => Err(Failure::argument(name, format!("{other} is no source of motion"))),
     }
 }

@@ -310,7 +310,7 @@ pub unsafe extern "C" fn cairn_presenter_query(
 /// Ownership: the pixels are copied and frame is filled, on success; on failure, and when there is none, neither is written.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
-/// when CAIRN_MOTION_PAPER meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+/// when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
 /// CAIRN_ERROR_OUT_OF_MEMORY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]

@@ -4,9 +4,12 @@
 //! pointing from the current picture to the previous one, y down. **Depth** is device depth in [0, 1], 0 near, of a
 //! stated near plane, far plane and vertical field of view. Both live at render size.
 
+pub mod camera;
 mod depth;
 mod larger;
 mod latent;
+pub mod latent_flow;
+mod lift;
 mod motion;
 pub mod paper;
 pub mod picture_flow;
@@ -106,6 +109,18 @@ fn checked_tiles(width: u32, height: u32, tile: u32) -> Result<usize> {
         return refuse(format!("guidance in tiles of {tile} pixels"), "tile", "Use tiles of 1, 8 or 16 pixels".into());
     }
     Ok(width.div_ceil(tile) as usize * height.div_ceil(tile) as usize)
+}
+
+/// Refuses latents of two shapes.
+fn check_shapes(z0: LatentView<'_>, z1: LatentView<'_>) -> Result<()> {
+    if z0.shape() == z1.shape() {
+        return Ok(());
+    }
+    Err(crate::Error::new(
+        crate::ErrorKind::InvalidArgument,
+        format!("the latents have shapes {:?} and {:?}", z0.shape(), z1.shape()),
+    )
+    .field("z0"))
 }
 
 /// `len` copies of `value`, with refusal instead of an abort where memory is short.

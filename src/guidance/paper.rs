@@ -20,8 +20,9 @@ mod gpu;
 use half::f16;
 use rayon::prelude::*;
 
-use super::{Guidance, LatentView, Projection};
-use crate::{Error, ErrorKind, Result};
+use super::lift::{Tap, bilinear};
+use super::{Guidance, LatentView, Projection, check_shapes};
+use crate::Result;
 
 #[cfg(windows)]
 pub use gpu::{GpuExtractor, LatentBuffer};
@@ -43,26 +44,31 @@ pub fn extract(z0: LatentView<'_>, z1: LatentView<'_>, render: (u32, u32), out: 
 }
 
 /// The extractor with its working memory. It allocates nothing once it has seen the largest latent and render size.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Extractor {
+    scale: f32,
     delta: Vec<f64>,
     displacement: Vec<[f32; 2]>,
     pseudo_depth: Vec<f32>,
     columns: Vec<Tap>,
 }
 
-/// The two cells and the weight of the second that one render row or column is made of.
-#[derive(Debug, Clone, Copy)]
-struct Tap {
-    first: usize,
-    second: usize,
-    weight: f32,
+impl Default for Extractor {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Extractor {
     /// An extractor without working memory yet.
     pub fn new() -> Self {
-        Self::default()
+        Self::scaled(COMPRESSION)
+    }
+
+    /// One whose motion is `-U(scale d)`: the paper's with another factor than [`COMPRESSION`], which its authors left
+    /// uncalibrated. What is not finite moves nothing.
+    pub fn scaled(scale: f32) -> Self {
+        Self { scale, delta: Vec::new(), displacement: Vec::new(), pseudo_depth: Vec::new(), columns: Vec::new() }
     }
 
     /// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`;
@@ -78,13 +84,7 @@ impl Extractor {
         render: (u32, u32),
         out: &mut Guidance,
     ) -> Result<()> {
-        if z0.shape() != z1.shape() {
-            return Err(Error::new(
-                ErrorKind::InvalidArgument,
-                format!("the latents have shapes {:?} and {:?}", z0.shape(), z1.shape()),
-            )
-            .field("z0"));
-        }
+        check_shapes(z0, z1)?;
         out.make_per_pixel(render, PROJECTION)?;
         out.depth_mut().set_projection(PROJECTION);
 
@@ -145,7 +145,8 @@ impl Extractor {
         let (render_width, render_height) = (out.size().0 as usize, out.size().1 as usize);
         self.columns.clear();
         self.columns.extend((0..render_width).map(|x| Tap::new(x, render_width, width)));
-        let (columns, displacement, pseudo_depth) = (&self.columns, &self.displacement, &self.pseudo_depth);
+        let (scale, columns) = (self.scale, &self.columns);
+        let (displacement, pseudo_depth) = (&self.displacement, &self.pseudo_depth);
         let limit = [render_width as f32, render_height as f32];
 
         let Guidance { motion, depth } = out;
@@ -154,34 +155,17 @@ impl Extractor {
         motion_rows.zip(depth_rows).enumerate().for_each(|(y, (motion_row, depth_row))| {
             let row = Tap::new(y, render_height, height);
             for ((vector, depth), column) in motion_row.iter_mut().zip(depth_row).zip(columns) {
-                let cells = [row.first, row.second].map(|r| [r * width + column.first, r * width + column.second]);
+                let cells = Tap::cells(row, *column, width);
                 let weights = [column.weight, row.weight];
                 *vector = [0, 1].map(|axis| {
                     // Subtracted from 0 rather than negated, so that no motion is +0.
-                    let m = 0.0 - COMPRESSION * bilinear(cells, weights, |cell| displacement[cell][axis]);
+                    let m = 0.0 - scale * bilinear(cells, weights, |cell| displacement[cell][axis]);
                     let m = if m.is_finite() { m.clamp(-limit[axis], limit[axis]) } else { 0.0 };
                     f16::from_f32(m)
                 });
                 *depth = bilinear(cells, weights, |cell| pseudo_depth[cell]).clamp(0.0, 1.0);
             }
         });
-    }
-}
-
-/// The mixture of four cells, two above and two below, by the weights of the right and the lower ones.
-fn bilinear(cells: [[usize; 2]; 2], [across, down]: [f32; 2], at: impl Fn(usize) -> f32) -> f32 {
-    let mixed = |a: f32, b: f32, weight: f32| a + (b - a) * weight;
-    let [above, below] = cells.map(|[left, right]| mixed(at(left), at(right), across));
-    mixed(above, below, down)
-}
-
-impl Tap {
-    /// What position `i` of `to` is made of on a grid of `from` cells: half-pixel centres, edges clamped.
-    fn new(i: usize, to: usize, from: usize) -> Self {
-        let position = (i as f64 + 0.5) * from as f64 / to as f64 - 0.5;
-        let cell = position.floor();
-        let clamp = |c: f64| c.clamp(0.0, (from - 1) as f64) as usize;
-        Self { first: clamp(cell), second: clamp(cell + 1.0), weight: (position - cell) as f32 }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Motion and depth for anchors that come without.
 
-use crate::guidance::{Guidance, LatentView, paper, picture_flow};
+use crate::guidance::{Guidance, LatentView, latent_flow, paper, picture_flow};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind, Result};
 
@@ -11,6 +11,13 @@ pub enum MotionSource {
     PictureFlow,
     /// The paper's extractor, from the two latents.
     Paper,
+    /// Correspondence between the two latents.
+    LatentFlow,
+}
+
+impl MotionSource {
+    /// The one whose frames are nearest to the true ones: `docs/motion.md`.
+    pub const BEST: Self = Self::PictureFlow;
 }
 
 /// What finds motion and depth, with its working memory.
@@ -18,6 +25,7 @@ pub enum MotionSource {
 pub(super) struct Extractors {
     flow: picture_flow::Extractor,
     paper: paper::Extractor,
+    latents: latent_flow::Extractor,
 }
 
 /// Motion and depth of a pair of anchors, in one go.
@@ -43,6 +51,7 @@ impl Extractors {
         match source {
             MotionSource::PictureFlow => self.flow.extract(previous.picture()?, current.picture()?, out),
             MotionSource::Paper => self.paper.extract(view(previous)?, view(current)?, current.size(), out),
+            MotionSource::LatentFlow => self.latents.extract(view(previous)?, view(current)?, current.size(), out),
         }
     }
 }

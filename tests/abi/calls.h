@@ -146,7 +146,7 @@ struct row {
     C2(cairn_rollout_save_file, SHARED(ROLLOUT), TEXT)                                                                \
     C3(cairn_rollout_restore, ALONE(ROLLOUT), BYTES(char), COUNT(0))                                                  \
     C2(cairn_rollout_restore_file, ALONE(ROLLOUT), TEXT)                                                              \
-    C4(cairn_guidance_create, SHARED(ANCHOR), SHARED(ANCHOR), CHOICE(0, 2), RESULT(cairn_guidance *))                 \
+    C4(cairn_guidance_create, SHARED(ANCHOR), SHARED(ANCHOR), CHOICE(0, 3), RESULT(cairn_guidance *))                 \
     C2(cairn_guidance_create_from_host, READ(cairn_guidance_data), RESULT(cairn_guidance *))                          \
     C2(cairn_guidance_get_info, SHARED(GUIDANCE), FILLED(cairn_guidance_info))                                        \
     C3(cairn_guidance_read_motion, SHARED(GUIDANCE), BYTES(uint16_t), COUNT(WIDTH * HEIGHT * 2))                      \
@@ -312,7 +312,7 @@ static const struct field fields[] = {
     FIELD(cairn_presenter_options, multiplier, CHOICE_FIELD, 6),
     FIELD(cairn_presenter_options, flags, FLAGS_FIELD, 15),
     FIELD(cairn_presenter_options, capacity, CHOICE_FIELD, CAIRN_MAX_QUEUE),
-    FIELD(cairn_presenter_options, motion, CHOICE_FIELD, 2),
+    FIELD(cairn_presenter_options, motion, CHOICE_FIELD, 3),
     FIELD(cairn_presenter_options, colour_space, CHOICE_FIELD, 3),
     FIELD(cairn_presenter_options, fsr, CHOICE_FIELD, 2),
     FIELD(cairn_presenter_options, shader, CHOICE_FIELD, 2),

@@ -310,7 +310,8 @@ static void guidance_goes_in_and_out(void)
     CHECK(depth[3][3] == 0.5f);
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_guidance_read_depth(found, &depth[0][0], WIDTH * HEIGHT - 1));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_guidance_create(first, second, CAIRN_MOTION_PAPER, &own));
-    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_guidance_create(first, second, 3, &own));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_guidance_create(first, second, CAIRN_MOTION_LATENTS, &own));
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_guidance_create(first, second, 4, &own));
 
     depth[0][0] = 0.25f;
     depth[0][1] = NAN;

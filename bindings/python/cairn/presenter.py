@@ -16,13 +16,13 @@ from .errors import refuse
 from .pictures import Bytes, Floats, Halves, Order, target
 from .rollout import Anchor
 
-Motion = Literal["auto", "pictures", "paper"]
-"""Where motion comes from: what scores best, the two pictures, or the two latents."""
+Motion = Literal["auto", "pictures", "paper", "latents"]
+"""Where motion comes from: what scores best, the two pictures, the difference of the two latents, or what looks alike in them."""
 
 Prefer = Literal["auto", "require", "never"]
 """Whether a generator is used where it can be, must be there, or is not used."""
 
-_MOTIONS = {"auto": c.MOTION_AUTO, "pictures": c.MOTION_PICTURES, "paper": c.MOTION_PAPER}
+_MOTIONS = {"auto": c.MOTION_AUTO, "pictures": c.MOTION_PICTURES, "paper": c.MOTION_PAPER, "latents": c.MOTION_LATENTS}
 _PREFERENCES = {"auto": c.PREFER_AUTO, "require": c.PREFER_REQUIRE, "never": c.PREFER_NEVER}
 _DEPTHS = {"device": 0, "inverted": c.DEPTH_INVERTED, "linear": c.DEPTH_LINEAR}
 _SOURCES = {

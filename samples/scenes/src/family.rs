@@ -6,7 +6,7 @@ use std::str::FromStr;
 use glam::Vec3;
 
 /// A kind of place.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Family {
     /// A path between trunks under shallow fog.
     Forest,

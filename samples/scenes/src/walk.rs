@@ -15,9 +15,10 @@ pub const WALK: f32 = 1.9;
 pub const RUN: f32 = 2.1;
 /// Height of the eye above the ground, in metres.
 pub const EYE: f32 = 1.68;
-const MAX_PITCH: f32 = 1.2;
+/// The farthest tilt, up or down, in radians.
+pub const MAX_PITCH: f32 = 1.2;
 /// Time constant of starting and stopping, in seconds.
-const EASE: f32 = 0.12;
+pub const EASE: f32 = 0.12;
 
 /// Somebody who walks through a scene.
 #[derive(Debug, Clone)]

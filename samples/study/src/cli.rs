@@ -12,9 +12,11 @@ use clap::{Parser, Subcommand as Subcommands};
 use crate::output::MANIFEST;
 use crate::progress::Progress;
 
+mod cadence;
 mod compare;
 mod demo;
 mod interpolate;
+mod motion;
 mod quality;
 mod reconstruct;
 mod replay;
@@ -74,6 +76,12 @@ enum Command {
     /// Generated frames against true ones, beside other ways to make them
     #[command(after_help = quality::EXAMPLES)]
     Quality(quality::QualityArgs),
+    /// Which motion is best: every source of motion and depth against the scenes' truth, and the frames made with each
+    #[command(after_help = motion::EXAMPLES)]
+    Motion(motion::MotionArgs),
+    /// From 10 anchors a second to 60 frames, beside 15 to 60, 15 to 30 and 30 to 60, against the truth at every moment
+    #[command(after_help = cadence::EXAMPLES)]
+    Cadence(cadence::CadenceArgs),
     /// A world against the truth of the scenes: how near, how it follows the controls, what it remembers
     #[command(after_help = world_quality::EXAMPLES)]
     WorldQuality(world_quality::WorldQualityArgs),
@@ -106,6 +114,8 @@ impl Command {
             Self::Compare(args) => args,
             Self::Reconstruct(args) => args,
             Self::Quality(args) => args,
+            Self::Motion(args) => args,
+            Self::Cadence(args) => args,
             Self::WorldQuality(args) => args,
             Self::Interpolate(args) => args,
             Self::Score(args) => args,
@@ -225,6 +235,8 @@ mod tests {
             compare::EXAMPLES,
             reconstruct::EXAMPLES,
             quality::EXAMPLES,
+            motion::EXAMPLES,
+            cadence::EXAMPLES,
             interpolate::EXAMPLES,
             score::EXAMPLES,
         ];

@@ -7,6 +7,7 @@
 //!                      +----------- replay -----------+
 //! ```
 
+mod cadence;
 mod cli;
 mod compare;
 mod demo;
@@ -20,6 +21,7 @@ mod machine;
 mod manifest;
 pub mod media;
 pub mod metrics;
+mod motion;
 mod output;
 mod picture;
 mod place;
@@ -29,6 +31,7 @@ mod reconstruct;
 mod replay;
 mod settings;
 mod sheet;
+mod table;
 mod text;
 mod upscaler;
 mod world_quality;

@@ -84,6 +84,15 @@ pub(crate) fn cover(picture: &Picture, size: (u32, u32)) -> Result<Picture> {
     Picture::from_rgba(size.0, size.1, scaled.into_raw())
 }
 
+/// Copies `tile` to `at`.
+pub(crate) fn put(out: &mut Picture, tile: &Picture, at: (u32, u32)) {
+    let width = out.width() as usize;
+    for (y, pixels) in tile.pixels().chunks_exact(tile.width() as usize).enumerate() {
+        let start = (at.1 as usize + y) * width + at.0 as usize;
+        out.pixels_mut()[start..start + pixels.len()].copy_from_slice(pixels);
+    }
+}
+
 /// `picture` at a smaller size, averaged.
 ///
 /// # Errors

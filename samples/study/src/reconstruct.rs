@@ -28,7 +28,7 @@ use walk::Walk;
 mod panels;
 mod scores;
 mod stream;
-mod walk;
+pub(crate) mod walk;
 
 pub(crate) use walk::script as script_of;
 
@@ -272,7 +272,7 @@ pub fn reconstruct(job: &Reconstruction<'_>) -> Result<ReconstructOutcome> {
     job.progress.phase("building the scene");
     let planned = (anchors - 1) * u64::from(settings.multiplier) + 1;
     let size = settings.size.into();
-    let walk = Walk::new(family, settings.seed, size, settings.multiplier, planned)?;
+    let walk = Walk::new(family, settings.seed, size, [ANCHOR_RATE, settings.multiplier], planned)?;
 
     folder.prepare(settings.formats.png)?;
     let mut manifest = first_manifest(settings, planned)?;

@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use super::*;
+use crate::ErrorKind;
 use crate::guidance::MotionField;
 
 /// What `golden/make_paper.py` writes.
@@ -65,6 +66,26 @@ fn it_does_what_numpy_does() {
             assert!((have - want).abs() <= 1e-6, "{have} for {want}");
         }
     }
+}
+
+#[test]
+fn another_scale_changes_motion_alone() {
+    let (shape, render) = ([3, 4, 6], (32, 24));
+    let (z0, z1) = (values(72, 1), values(72, 2));
+    let published = extracted(shape, &z0, &z1, render);
+    let with = |scale: f32| {
+        let mut out = Guidance::new(render.0, render.1, PROJECTION).unwrap();
+        Extractor::scaled(scale).extract(view(shape, &z0), view(shape, &z1), render, &mut out).unwrap();
+        out
+    };
+    assert_eq!(with(COMPRESSION), published);
+    let halved = with(COMPRESSION / 2.0);
+    assert_eq!(halved.depth(), published.depth());
+    for (a, b) in numbers(halved.motion()).into_iter().flatten().zip(numbers(published.motion()).into_iter().flatten())
+    {
+        assert!((a - b / 2.0).abs() <= b.abs() * 0.001 + 1e-6, "{a} {b}");
+    }
+    assert!(numbers(with(f32::NAN).motion()).into_iter().flatten().all(|v| v == 0.0));
 }
 
 #[test]

@@ -292,6 +292,8 @@ impl Supply {
         let is_found = match source {
             MotionSource::PictureFlow => self.find_from_pictures(at, previous, current)?,
             MotionSource::Paper => self.find_from_latents(at, previous, current)?,
+            // A few cells: the processor is done before a list would be.
+            MotionSource::LatentFlow => false,
         };
         if is_found {
             let kept = &mut self.pairs[at];

@@ -41,6 +41,13 @@ pub enum GuidanceSource {
     /// none, save the paper's presets.
     #[default]
     PictureFlow,
+    /// Correspondence between a pair of latents (`guidance::latent_flow`).
+    LatentFlow,
+}
+
+impl GuidanceSource {
+    /// Of those that need nothing but anchors, the one whose frames are nearest to the true ones: `docs/motion.md`.
+    pub const BEST: Self = Self::PictureFlow;
 }
 
 /// What is shown.

@@ -45,6 +45,7 @@ impl fmt::Display for GuidanceSource {
         match self {
             Self::Paper => f.write_str("paper"),
             Self::PictureFlow => f.write_str("picture"),
+            Self::LatentFlow => f.write_str("latent"),
         }
     }
 }
@@ -52,14 +53,16 @@ impl fmt::Display for GuidanceSource {
 impl FromStr for GuidanceSource {
     type Err = Error;
 
-    /// Reads `paper` or `picture`.
+    /// Reads `paper`, `picture`, `latent`, or `best` for [`GuidanceSource::BEST`].
     fn from_str(text: &str) -> Result<Self> {
         match text {
             "paper" => Ok(Self::Paper),
             "picture" => Ok(Self::PictureFlow),
+            "latent" => Ok(Self::LatentFlow),
+            "best" => Ok(Self::BEST),
             _ => Err(Error::new(ErrorKind::InvalidArgument, format!("{:?} is no source of guidance", clip(text)))
                 .field("guidance")
-                .remedy("Write paper or picture")),
+                .remedy("Write best, picture, latent or paper")),
         }
     }
 }
@@ -246,8 +249,9 @@ mod tests {
                     0 => Presentation::Native,
                     _ => Presentation::Generated {
                         rate: chance.below(1_100) as u32,
-                        guidance: match chance.below(2) {
+                        guidance: match chance.below(3) {
                             0 => GuidanceSource::Paper,
+                            1 => GuidanceSource::LatentFlow,
                             _ => GuidanceSource::PictureFlow,
                         },
                     },
@@ -259,6 +263,15 @@ mod tests {
                 Err(_) => assert!(read.is_err(), "{point}"),
             }
         }
+    }
+
+    #[test]
+    fn the_best_source_is_written_by_its_own_name() {
+        let point: OperatingPoint = "coherence,generated:30:best".parse().unwrap();
+        let Presentation::Generated { guidance, .. } = point.presentation else { panic!("{point}") };
+        assert_eq!(guidance, GuidanceSource::BEST);
+        assert!(point.to_string().ends_with(&format!(",generated:30:{}", GuidanceSource::BEST)), "{point}");
+        assert_eq!(GuidanceSource::BEST, GuidanceSource::default());
     }
 
     #[test]

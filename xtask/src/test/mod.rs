@@ -80,7 +80,11 @@ const RUNNERS: &[Runner] = &[
         what: "AMD's ffx-api: a double of each release, and AMD's own where CAIRN_FFX_DIR is",
         run: ffx::run,
     },
-    Runner { name: "study", what: "a short video and its replay, through the program", run: study::run },
+    Runner {
+        name: "study",
+        what: "a short video and its replay, and which motion is best, through the program",
+        run: study::run,
+    },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
     Runner { name: "readme", what: "every command the documents name exists", run: readme::run },

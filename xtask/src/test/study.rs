@@ -1,4 +1,5 @@
-//! The main job end to end, through the program as a user starts it: a short rollout, and its replay.
+//! The main job end to end, through the program as a user starts it: a short rollout, its replay, and a quick look at which
+//! motion is best.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -85,6 +86,17 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let mut replay = study(context)?;
     replay.arg("replay").arg(first.join("manifest.json")).arg("--out").arg(folder.join("replay"));
     tally.check((!log.run(&mut replay)?.success).then(|| "the replay differs from the rollout, or failed".to_owned()));
+
+    // With the world inside the library, whose latents mean something.
+    let looked = folder.join("motion");
+    let mut motion = study(context)?;
+    motion.args(["motion", "--quick", "--no-lpips", "--check", "--quiet", "--out"]).arg(&looked);
+    tally.check(
+        (!log.run(&mut motion)?.success).then(|| "another motion is better than the best, or none was made".into()),
+    );
+    for name in ["motion.md", "motion.csv", "motion.png"] {
+        tally.check(missing(&looked.join(name)));
+    }
     Ok(tally)
 }
 

@@ -79,7 +79,7 @@ pub(crate) fn cadence(point: &OperatingPoint) -> String {
         Presentation::Native => format!("{} latents -> {shown} native pictures a second", point.latents_per_second),
         Presentation::Generated { guidance, .. } => {
             let motion = match guidance {
-                GuidanceSource::Paper => "motion from latents",
+                GuidanceSource::Paper | GuidanceSource::LatentFlow => "motion from latents",
                 _ => "motion from pictures",
             };
             format!("{} anchors -> {shown} frames a second, {motion}", point.latents_per_second)

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
-use cairn::guidance::{Guidance, LatentView, paper, picture_flow};
+use cairn::guidance::{Guidance, LatentView, latent_flow, paper, picture_flow};
 use cairn::present::timeline::{Source, Stream as Kind, Timeline};
 use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Rollout, WorldTime};
 use cairn::{Error, ErrorKind, Picture, Result};
@@ -39,8 +39,9 @@ pub(super) struct Stream {
     render: (u32, u32),
     latent_shape: [usize; 3],
     generator: Box<dyn FrameGenerator>,
-    /// Both extractors are empty until they are used.
+    /// All extractors are empty until they are used.
     paper: paper::Extractor,
+    latent_flow: latent_flow::Extractor,
     picture_flow: picture_flow::Extractor,
     guidance: Guidance,
     scaling: Scaling,
@@ -106,6 +107,7 @@ impl Stream {
                 .generator
                 .make(Some(rollout.world().device()), 1000.0 / point.latents_per_second as f32)?,
             paper: paper::Extractor::new(),
+            latent_flow: latent_flow::Extractor::new(),
             picture_flow: picture_flow::Extractor::new(),
             guidance: Guidance::new(render.0, render.1, paper::PROJECTION)?,
             larger: matches!(checked.upscaler, UpscalerChoice::Fsr).then(Larger::default),
@@ -198,11 +200,15 @@ impl Stream {
             Presentation::Generated { guidance, .. } => guidance,
         };
         match source {
-            GuidanceSource::Paper => {
+            GuidanceSource::Paper | GuidanceSource::LatentFlow => {
                 let [c, h, w] = self.latent_shape;
                 let before = LatentView::new(c, h, w, &self.previous_latent)?;
                 let now = LatentView::new(c, h, w, &self.latent)?;
-                self.paper.extract(before, now, self.render, &mut self.guidance)?;
+                if source == GuidanceSource::Paper {
+                    self.paper.extract(before, now, self.render, &mut self.guidance)?;
+                } else {
+                    self.latent_flow.extract(before, now, self.render, &mut self.guidance)?;
+                }
             }
             GuidanceSource::PictureFlow => {
                 let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;

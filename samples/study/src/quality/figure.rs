@@ -10,7 +10,7 @@ use super::measure::{Measured, Record};
 use super::rows;
 use super::store::Store;
 use super::table::mean;
-use crate::picture::shrink;
+use crate::picture::{put, shrink};
 use crate::text::{SMALL, fit, write};
 
 /// Columns of the figure.
@@ -173,15 +173,6 @@ fn arrange(tiles: &[(String, Picture, Picture)]) -> Result<Picture> {
         put(&mut out, lower, (left, top + LABEL + tile.1 + GAP));
     }
     Ok(out)
-}
-
-/// Copies `tile` to `at`.
-fn put(out: &mut Picture, tile: &Picture, at: (u32, u32)) {
-    let width = out.width() as usize;
-    for (y, pixels) in tile.pixels().chunks_exact(tile.width() as usize).enumerate() {
-        let start = (at.1 as usize + y) * width + at.0 as usize;
-        out.pixels_mut()[start..start + pixels.len()].copy_from_slice(pixels);
-    }
 }
 
 #[cfg(test)]

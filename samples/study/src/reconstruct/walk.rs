@@ -4,13 +4,11 @@ use cairn::guidance::{Guidance, Projection};
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Picture, Result};
 use half::f16;
-use scenes::camera::{FAR, NEAR};
+use scenes::camera::{Camera, FAR, NEAR};
 use scenes::{ClipOptions, Family, Frame, Moment, Quality, Scene};
 
-use super::ANCHOR_RATE;
-
-/// A walk under the scene's own script; frame n shows world time n / (15 multiplier).
-pub(super) struct Walk {
+/// A walk under the scene's own script; frame n shows world time n / (rate multiplier), anchor n world time n / rate.
+pub(crate) struct Walk {
     scene: Scene,
     moments: Vec<Moment>,
     size: (u32, u32),
@@ -18,11 +16,17 @@ pub(super) struct Walk {
 }
 
 impl Walk {
-    /// Walks as far as `frames` frames go; draws nothing yet.
-    pub(super) fn new(family: Family, seed: u64, size: (u32, u32), multiplier: u32, frames: u64) -> Result<Self> {
+    /// Walks as far as `frames` frames go, of which every `multiplier`-th is an anchor of `rate` a second; draws nothing yet.
+    pub(crate) fn new(
+        family: Family,
+        seed: u64,
+        size: (u32, u32),
+        [rate, multiplier]: [u32; 2],
+        frames: u64,
+    ) -> Result<Self> {
         let scene = Scene::new(family, seed);
         let script = ControlScript::parse(script(family))?;
-        let rate = ANCHOR_RATE * multiplier;
+        let rate = rate * multiplier;
         let aspect = size.0 as f32 / size.1 as f32;
         let options = ClipOptions { width: size.0, height: size.1, rate, aspect, ..ClipOptions::default() };
         let mut clip = scenes::Clip::new(&scene, &script, options).ok_or_else(|| {
@@ -33,13 +37,13 @@ impl Walk {
     }
 
     /// What is seen at frame `index`; none behind the end of the walk.
-    pub(super) fn truth(&self, index: u64) -> Option<Picture> {
+    pub(crate) fn truth(&self, index: u64) -> Option<Picture> {
         let moment = self.moments.get(usize::try_from(index).ok()?)?;
         Some(self.draw(moment, moment).picture)
     }
 
     /// Anchor `number`, with its motion back to the one before.
-    pub(super) fn anchor(&self, number: u64) -> Option<Frame> {
+    pub(crate) fn anchor(&self, number: u64) -> Option<Frame> {
         let at = |number: u64| self.moments.get(usize::try_from(number.checked_mul(self.multiplier.into())?).ok()?);
         Some(self.draw(at(number)?, at(number.saturating_sub(1))?))
     }
@@ -48,8 +52,13 @@ impl Walk {
         scenes::render(&self.scene, now, before, self.size.0, self.size.1, Quality::default())
     }
 
+    /// Where it starts.
+    pub(crate) fn start(&self) -> Option<&Camera> {
+        self.moments.first().map(|moment| &moment.camera)
+    }
+
     /// Room for the true motion and depth.
-    pub(super) fn guidance(&self) -> Result<Guidance> {
+    pub(crate) fn guidance(&self) -> Result<Guidance> {
         // The walker never zooms.
         let fov = self.moments.first().map_or(1.0, |moment| moment.camera.vertical_fov);
         Guidance::new(self.size.0, self.size.1, Projection::new(NEAR, FAR, fov)?)
@@ -57,7 +66,7 @@ impl Walk {
 }
 
 /// Copies the truth of an anchor into `guidance`, which is of its size and has a vector to a pixel.
-pub(super) fn tell(frame: &Frame, guidance: &mut Guidance) {
+pub(crate) fn tell(frame: &Frame, guidance: &mut Guidance) {
     for (vector, motion) in guidance.motion_mut().vectors_mut().iter_mut().zip(&frame.motion) {
         *vector = [f16::from_f32(motion.x), f16::from_f32(motion.y)];
     }

@@ -10,7 +10,6 @@ mod measured;
 mod page;
 mod paper;
 mod pipeline;
-mod table;
 
 use std::path::PathBuf;
 
@@ -27,7 +26,7 @@ use super::plan::{Place, Settings};
 use super::score::Scored;
 use super::series::{Column, RATE};
 use crate::media::encode_jpeg;
-use table::Table;
+use crate::table::Table;
 
 /// The longest line of a paragraph.
 const LINE: usize = 120;

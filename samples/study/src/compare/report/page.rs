@@ -1,7 +1,7 @@
 //! The report as one HTML page that needs nothing beside it.
 
-use super::table::Table;
 use super::{Asset, Block};
+use crate::table::Table;
 
 const STYLE: &str = "\
 :root { color-scheme: light dark; --line: #8884; --soft: #8881; --link: light-dark(#0060a0, #6cb6ff); }

@@ -1,28 +1,28 @@
 //! Tables that read well as plain text and as Markdown.
 
 /// A table: a head, and rows of as many columns.
-pub(super) struct Table {
-    pub(super) head: Vec<String>,
-    pub(super) rows: Vec<Vec<String>>,
+pub(crate) struct Table {
+    pub(crate) head: Vec<String>,
+    pub(crate) rows: Vec<Vec<String>>,
     /// Columns of words; those behind them hold numbers, which stand to the right.
-    pub(super) words: usize,
+    pub(crate) words: usize,
     /// The last column holds verdicts, which the page colours.
-    pub(super) judges: bool,
+    pub(crate) judges: bool,
 }
 
 impl Table {
     /// A table whose first `words` columns are words.
-    pub(super) fn new(words: usize, head: &[&str], rows: Vec<Vec<String>>) -> Self {
+    pub(crate) fn new(words: usize, head: &[&str], rows: Vec<Vec<String>>) -> Self {
         Self { head: head.iter().map(|&cell| cell.to_owned()).collect(), rows, words, judges: false }
     }
 
     /// A table of words whose last column holds verdicts.
-    pub(super) fn verdicts(head: &[&str], rows: Vec<Vec<String>>) -> Self {
+    pub(crate) fn verdicts(head: &[&str], rows: Vec<Vec<String>>) -> Self {
         Self { judges: true, ..Self::new(head.len(), head, rows) }
     }
 
     /// As Markdown, with columns as wide as their longest cell.
-    pub(super) fn markdown(&self) -> String {
+    pub(crate) fn markdown(&self) -> String {
         let length = |text: &str| text.chars().count();
         let widths: Vec<usize> = (0..self.head.len())
             .map(|column| {

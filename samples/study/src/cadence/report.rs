@@ -1,0 +1,145 @@
+//! Tables, CSV and page.
+
+use std::fmt::Write as _;
+
+use super::Settings;
+use super::measure::{CADENCES, Cadence, Record, Source, WAYS, Way};
+use crate::compare::summary::{Estimate, estimate};
+use crate::motion::Place;
+use crate::table::Table;
+
+/// Everything that was measured.
+pub(super) struct Found<'a> {
+    pub(super) settings: &'a Settings,
+    /// The world's name.
+    pub(super) world: &'a str,
+    pub(super) places: &'a [Place],
+    pub(super) records: &'a [Record],
+}
+
+/// A figure of a frame.
+type Figure = fn(&Record) -> Option<f64>;
+
+const FIGURES: [(Figure, usize); 3] =
+    [(|record| Some(record.score.psnr), 2), (|record| Some(record.score.ssim), 4), (|record| record.score.lpips, 4)];
+
+/// Mean over places of the means of those frames that `of` takes.
+fn over_places(records: &[Record], figure: Figure, of: impl Fn(&Record) -> bool) -> Option<Estimate> {
+    let mut places: Vec<Place> = records.iter().map(|record| record.place).collect();
+    places.sort_unstable();
+    places.dedup();
+    let means = places.into_iter().filter_map(|place| {
+        let all: Vec<f64> = records.iter().filter(|r| r.place == place && of(r)).filter_map(figure).collect();
+        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+    });
+    estimate(&means.collect::<Vec<_>>())
+}
+
+fn number(value: Option<Estimate>, digits: usize) -> String {
+    match value {
+        None => "–".into(),
+        Some(Estimate { mean, interval: None }) => format!("{mean:.digits$}"),
+        Some(Estimate { mean, interval: Some([low, high]) }) => {
+            format!("{mean:.digits$} ({low:.digits$} to {high:.digits$})")
+        }
+    }
+}
+
+/// Every cadence in every way, over all of its phases.
+fn table(records: &[Record], source: Source) -> Table {
+    let mut lines = Vec::new();
+    for cadence in CADENCES {
+        for way in WAYS.into_iter().filter(|way| records.iter().any(|r| (r.source, r.way) == (source, *way))) {
+            let of = |r: &Record| (r.source, r.cadence, r.way) == (source, cadence, way);
+            let mut line = vec![cadence.to_string(), way.name().to_owned()];
+            line.extend(FIGURES.map(|(figure, digits)| number(over_places(records, figure, of), digits)));
+            lines.push(line);
+        }
+    }
+    Table::new(2, &["cadence", "motion", "PSNR, dB", "SSIM", "LPIPS"], lines)
+}
+
+/// The first cadence by phase, with motion from pictures.
+fn by_phase(records: &[Record], source: Source) -> Table {
+    let cadence: Cadence = CADENCES[0];
+    let lines = (1..cadence.multiplier()).map(|part| {
+        let mut line = vec![format!("{part}/{}", cadence.multiplier())];
+        line.extend(FIGURES.map(|(figure, digits)| {
+            let of = |r: &Record| (r.source, r.cadence, r.way, r.part) == (source, cadence, Way::Pictures, part);
+            over_places(records, figure, of).map_or("–".into(), |estimate| format!("{:.digits$}", estimate.mean))
+        }));
+        line
+    });
+    Table::new(1, &["phase", "PSNR, dB", "SSIM", "LPIPS"], lines.collect())
+}
+
+/// For people who ran it.
+pub(super) fn summary(found: &Found<'_>) -> String {
+    format!(
+        "{}, {} places\n\nbetween the renderer's anchors:\n\n{}\nbetween the world's own:\n\n{}",
+        found.world,
+        found.places.len(),
+        table(found.records, Source::Drawn).markdown(),
+        table(found.records, Source::World).markdown()
+    )
+}
+
+/// `docs/cadence.md`. It depends on nothing but what was measured.
+pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> String {
+    let Found { settings, world, places, records } = found;
+    let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();
+    let mut out = String::from(
+        "# From 10 to 60\n\n\
+         A world that makes ten anchors a second and shows sixty frames has to invent five of six. Here that is held, frame by frame, \
+         against what is true at each of these moments, beside 15 to 60, 15 to 30 and 30 to 60. The `cpu` generator makes the \
+         frames; *repeat* shows the nearer anchor once more, *picture-flow* has motion from the two anchors' pictures, and *truth* the \
+         renderer's motion and depth.\n",
+    );
+    if let Some(caption) = caption {
+        _ = write!(out, "\n![one interval from 10 to 60]({figure})\n\n*{caption}*\n");
+    }
+    out += "\n## Between the renderer's anchors\n\nTruth is what the renderer draws at each moment.\n\n";
+    out += &table(records, Source::Drawn).markdown();
+    out += "\nFrom 10 to 60 by phase, with motion from pictures:\n\n";
+    out += &by_phase(records, Source::Drawn).markdown();
+    out += "\n## Between the world's own pictures\n\n\
+            The decoder makes sixty pictures a second of fifteen latents. Every sixth of them, fourth or second is an anchor here, \
+            the others are the truth: so no anchor but those of 15 a second has a latent, and motion comes from pictures. The \
+            world's pictures are softer than the renderer's, and easier to come near to: the figures of the two tables do not compare.\n\n";
+    out += &table(records, Source::World).markdown();
+    out += "\nFrom 10 to 60 by phase, with motion from pictures:\n\n";
+    out += &by_phase(records, Source::World).markdown();
+    _ = write!(
+        out,
+        "\nAll figures are means of places, in brackets the 95 % bootstrap interval of places; one place has none.\n\n\
+         ## How it was measured\n\n\
+         {} places: seeds {} of every kind, all held out from training, under the scripts of `samples/scripts`. The world is *{world}* at \
+         the paper's operating point, all four pictures of each latent. Every frame is in the CSV that the command leaves.\n\n\
+         ```sh\n{}\n```\n",
+        places.len(),
+        seeds.join(", "),
+        settings.command()
+    );
+    out
+}
+
+/// Every frame.
+pub(super) fn csv(records: &[Record]) -> String {
+    let mut text = String::from("scene,place,anchors,cadence,motion,end,part,psnr,ssim,lpips\n");
+    for Record { place, source, cadence, way, end, part, score } in records {
+        let anchors = if *source == Source::Drawn { "drawn" } else { "world" };
+        let lpips = score.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
+        _ = writeln!(
+            text,
+            "{},{},{anchors},{}-{},{},{end},{part},{:.4},{:.6},{lpips}",
+            place.family,
+            place.seed,
+            cadence.anchors,
+            cadence.frames,
+            way.name(),
+            score.psnr,
+            score.ssim
+        );
+    }
+    text
+}

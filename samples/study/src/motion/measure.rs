@@ -1,0 +1,318 @@
+//! Walks through places, finds motion in every way, and holds it and the frames made with it against the truth.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
+use cairn::guidance::{Guidance, LatentView, MotionField};
+use cairn::world::{ControlScript, OperatingPoint, Rollout, World};
+use cairn::{Error, ErrorKind, Picture, Result};
+use scenes::camera::view_distance;
+use scenes::{Family, Frame};
+
+use super::sources::{Depth, Finder, Follower, MOTIONS, Motion, Pair, ROWS, Row};
+use crate::metrics::{Lpips, psnr, ssim};
+use crate::progress::Progress;
+use crate::reconstruct::script_of;
+use crate::reconstruct::walk::{Walk, tell};
+
+/// Anchors a second, and frames that are made of each.
+const RATE: [u32; 2] = [15, 2];
+/// Intervals that are scored end at these anchors: every 1.85 seconds of the script, whatever happens there.
+const TARGETS: [u64; 8] = [14, 41, 69, 97, 125, 152, 180, 208];
+/// Those of a quick look.
+const FEW: usize = 2;
+/// Anchors that the decoder sees before the two that it shows: it remembers.
+const BEFORE: u64 = 3;
+/// What equal pictures count in means, in dB; nothing else reaches it.
+const EQUAL: f64 = 100.0;
+/// A motion that ends no farther from the truth than so many pixels is near.
+const NEAR: f64 = 1.0;
+
+/// A place that is walked through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Place {
+    pub(crate) family: Family,
+    pub(crate) seed: u64,
+}
+
+/// Which pictures stand at the ends of an interval.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Anchors {
+    /// The renderer's.
+    Drawn,
+    /// The same, as the world's autoencoder shows them.
+    Decoded,
+}
+
+/// How far motion is off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct EndPoint {
+    /// Mean distance in pixels, over those that both anchors show.
+    pub(super) mean: f64,
+    /// The share of them that are off by a pixel at most.
+    pub(super) near: f64,
+}
+
+/// How near a made frame is to the true one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Score {
+    pub(super) psnr: f64,
+    pub(super) ssim: f64,
+    pub(super) lpips: Option<f64>,
+}
+
+/// One frame of one row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Record {
+    pub(super) place: Place,
+    pub(super) anchors: Anchors,
+    pub(super) row: Row,
+    /// The anchor behind the interval.
+    pub(super) anchor: u64,
+    pub(super) end_point: EndPoint,
+    pub(super) score: Score,
+    /// Whether the generator gave up and showed the nearer anchor.
+    pub(super) cut: bool,
+}
+
+/// What one interval looks like, for the figure.
+pub(super) struct Shown {
+    pub(super) place: Place,
+    pub(super) anchor: u64,
+    pub(super) truth: Picture,
+    pub(super) rows: Vec<(Motion, MotionField, Picture)>,
+}
+
+/// What walks are measured with.
+pub(super) struct Tools<'a> {
+    pub(super) world: &'a Arc<World>,
+    pub(super) point: &'a OperatingPoint,
+    pub(super) lpips: Option<&'a Lpips>,
+    pub(super) quick: bool,
+    pub(super) progress: &'a Progress,
+    pub(super) stop: &'a AtomicBool,
+}
+
+/// The two anchors of an interval, the frame between them, and what is known of them.
+struct Interval {
+    number: u64,
+    frames: [Frame; 2],
+    between: Picture,
+    latents: [Vec<f32>; 2],
+    decoded: [Picture; 2],
+    /// True motion and depth of the second anchor, and of the first.
+    truth: [Guidance; 2],
+    controls: Guidance,
+    /// Which pixels of the second are in the first.
+    seen: Vec<bool>,
+}
+
+impl Tools<'_> {
+    fn targets(&self) -> &'static [u64] {
+        if self.quick { &TARGETS[..FEW] } else { &TARGETS }
+    }
+
+    /// Walks through a place and hands over its intervals.
+    fn walk(&self, place: Place, each: &mut dyn FnMut(&Interval) -> Result<()>) -> Result<()> {
+        let size = self.world.render_size();
+        let targets = self.targets();
+        let frames = targets.iter().max().map_or(0, |last| last * u64::from(RATE[1])) + 1;
+        let walk = Walk::new(place.family, place.seed, size, RATE, frames)?;
+        let script = ControlScript::parse(script_of(place.family))?;
+        let start = walk.start().ok_or_else(behind_the_end)?;
+        let mut follower = Follower::new(script, start, RATE[0], size)?;
+        let mut rollout = Rollout::new(self.world, self.point, place.seed)?;
+        let mut controls = walk.guidance()?;
+        for &number in targets {
+            if self.stop.load(Ordering::Relaxed) {
+                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+            }
+            follower.reach(number, &mut controls)?;
+            each(&self.interval(&walk, number, &mut rollout, controls.clone())?)?;
+        }
+        Ok(())
+    }
+
+    fn interval(&self, walk: &Walk, number: u64, rollout: &mut Rollout, controls: Guidance) -> Result<Interval> {
+        let anchor = |number| walk.anchor(number).ok_or_else(behind_the_end);
+        let frames = [anchor(number - 1)?, anchor(number)?];
+        let middle = (number - 1) * u64::from(RATE[1]) + 1;
+        let between = walk.truth(middle).ok_or_else(behind_the_end)?;
+        let mut truth = [walk.guidance()?, walk.guidance()?];
+        truth.iter_mut().zip(&frames).for_each(|(truth, frame)| tell(frame, truth));
+        let mut latents = [Vec::new(), Vec::new()];
+        let mut decoded = frames.each_ref().map(|frame| frame.picture.clone());
+        rollout.reset()?;
+        for n in number.saturating_sub(1 + BEFORE)..=number {
+            let drawn = if n + 1 < number { Some(anchor(n)?) } else { None };
+            let at = usize::from(n == number);
+            let latent = rollout.encode(&drawn.as_ref().unwrap_or(&frames[at]).picture)?;
+            rollout.append_latent(&latent)?;
+            if drawn.is_none() {
+                rollout.read_picture(self.point.pictures_per_latent - 1, &mut decoded[at])?;
+                latents[at] = latent;
+            }
+        }
+        let seen = seen_in_both(&frames[1], &frames[0], frames[1].picture.size());
+        Ok(Interval { number, frames, between, latents, decoded, truth, controls, seen })
+    }
+
+    /// The factor with which the paper's extractor is nearest to the truth, in the least squares over the places' pixels.
+    ///
+    /// # Errors
+    /// What making latents can fail with; `Cancelled` when it was asked to stop.
+    pub(super) fn calibrate(&self, places: &[Place]) -> Result<f32> {
+        let (mut product, mut square) = (0.0, 0.0);
+        for &place in places {
+            self.progress.phase(&format!("calibrating in {} {}", place.family, place.seed));
+            let mut finder = Finder::new(0.0, self.world.render_size())?;
+            self.walk(place, &mut |interval| {
+                let paper = finder.motion(Motion::Paper, &self.pair(interval, Anchors::Drawn)?)?;
+                let both = paper.vectors().iter().zip(&interval.frames[1].motion).zip(&interval.seen);
+                for ((found, truth), _) in both.filter(|(_, seen)| **seen) {
+                    let [x, y] = found.map(f64::from);
+                    product += x * f64::from(truth.x) + y * f64::from(truth.y);
+                    square += x * x + y * y;
+                }
+                Ok(())
+            })?;
+        }
+        let published = f64::from(cairn::guidance::paper::COMPRESSION);
+        Ok(if square > 0.0 { (published * product / square) as f32 } else { 0.0 })
+    }
+
+    /// Scores every row in a place.
+    ///
+    /// # Errors
+    /// As [`calibrate`](Self::calibrate).
+    pub(super) fn score(&self, place: Place, scale: f32) -> Result<Vec<Record>> {
+        self.progress.phase(&format!("{} {}", place.family, place.seed));
+        let mut finder = Finder::new(scale, self.world.render_size())?;
+        let mut generator = CpuGenerator::new();
+        let mut records = Vec::new();
+        self.walk(place, &mut |interval| {
+            let features = self.lpips.map(|lpips| Ok::<_, Error>((lpips, lpips.features(&interval.between)?)));
+            let features = features.transpose()?;
+            for anchors in [Anchors::Drawn, Anchors::Decoded] {
+                let pair = self.pair(interval, anchors)?;
+                for row in ROWS {
+                    let motion = finder.motion(row.motion, &pair)?;
+                    let end_point = interval.end_point(&motion);
+                    let (made, outcome) = interval.make(&mut generator, &mut finder, row, motion, &pair)?;
+                    let lpips = features.as_ref().map(|(lpips, truth)| lpips.distance_to(truth, &made)).transpose()?;
+                    let score = Score {
+                        psnr: psnr(&interval.between, &made)?.min(EQUAL),
+                        ssim: ssim(&interval.between, &made)?,
+                        lpips,
+                    };
+                    let cut = outcome == Outcome::CutFallback;
+                    records.push(Record { place, anchors, row, anchor: interval.number, end_point, score, cut });
+                }
+            }
+            Ok(())
+        })?;
+        Ok(records)
+    }
+
+    /// Makes an interval again, of the renderer's anchors, to be looked at.
+    ///
+    /// # Errors
+    /// As [`calibrate`](Self::calibrate).
+    pub(super) fn show(&self, place: Place, anchor: u64, scale: f32) -> Result<Option<Shown>> {
+        let mut finder = Finder::new(scale, self.world.render_size())?;
+        let mut generator = CpuGenerator::new();
+        let mut shown = None;
+        self.walk(place, &mut |interval| {
+            if interval.number != anchor {
+                return Ok(());
+            }
+            let pair = self.pair(interval, Anchors::Drawn)?;
+            let rows = ROWS.iter().take(MOTIONS.len()).map(|row| {
+                let motion = finder.motion(row.motion, &pair)?;
+                let (made, _) = interval.make(&mut generator, &mut finder, *row, motion.clone(), &pair)?;
+                Ok((row.motion, motion, made))
+            });
+            let rows = rows.collect::<Result<_>>()?;
+            shown = Some(Shown { place, anchor, truth: interval.between.clone(), rows });
+            Ok(())
+        })?;
+        Ok(shown)
+    }
+
+    fn pair<'a>(&self, interval: &'a Interval, anchors: Anchors) -> Result<Pair<'a>> {
+        let shape = self.world.manifest().geometry.latent;
+        let [c, h, w] = [shape.channels, shape.height, shape.width].map(|n| n as usize);
+        let [before, now] = &interval.latents;
+        let pictures = match anchors {
+            Anchors::Drawn => interval.frames.each_ref().map(|frame| &frame.picture),
+            Anchors::Decoded => interval.decoded.each_ref(),
+        };
+        let latents = [LatentView::new(c, h, w, before)?, LatentView::new(c, h, w, now)?];
+        Ok(Pair { pictures, latents, truth: &interval.truth[1], controls: &interval.controls })
+    }
+}
+
+impl Interval {
+    fn end_point(&self, found: &MotionField) -> EndPoint {
+        let (mut sum, mut near, mut count) = (0.0, 0_u32, 0_u32);
+        let all = found.vectors().iter().zip(&self.frames[1].motion).zip(&self.seen);
+        for ((found, truth), _) in all.filter(|(_, seen)| **seen) {
+            let [x, y] = found.map(f64::from);
+            let off = (x - f64::from(truth.x)).hypot(y - f64::from(truth.y));
+            sum += off;
+            near += u32::from(off <= NEAR);
+            count += 1;
+        }
+        let count = f64::from(count.max(1));
+        EndPoint { mean: sum / count, near: f64::from(near) / count }
+    }
+
+    /// The frame in the middle, with `motion` and the depth of `row`.
+    fn make(
+        &self,
+        generator: &mut CpuGenerator,
+        finder: &mut Finder,
+        row: Row,
+        motion: MotionField,
+        pair: &Pair<'_>,
+    ) -> Result<(Picture, Outcome)> {
+        let guidance = Guidance::from_parts(motion, finder.depth(row.depth, pair)?)?;
+        let mut anchors = AnchorPair::new(pair.pictures[0], pair.pictures[1], &guidance)?;
+        if row.depth == Depth::Truth {
+            anchors = anchors.with_previous_depth(self.truth[0].depth())?;
+        }
+        let mut made = pair.pictures[1].clone();
+        let report = generator.generate(&anchors, 0.5, &mut made)?;
+        Ok((made, report.outcome))
+    }
+}
+
+/// For each pixel of `current` whether the point it shows is seen in `previous` too: its true motion ends in the picture, and
+/// one of the four pixels around that end lies as far away, to 5 % and the walk of one anchor.
+fn seen_in_both(current: &Frame, previous: &Frame, (width, height): (u32, u32)) -> Vec<bool> {
+    let (width, height) = (width as usize, height as usize);
+    let is_seen = |k: usize| {
+        let motion = current.motion[k];
+        let (x, y) = ((k % width) as f32 + motion.x, (k / width) as f32 + motion.y);
+        if !(x >= 0.0 && y >= 0.0 && x.is_finite() && y.is_finite()) {
+            return false;
+        }
+        let (left, top) = (x as usize, y as usize);
+        if left + 1 >= width || top + 1 >= height {
+            return false;
+        }
+        let now = view_distance(current.depth[k]);
+        [0, 1, width, width + 1].iter().any(|step| {
+            let before = view_distance(previous.depth[top * width + left + step]);
+            (before - now).abs() <= 0.05 * now + 0.3
+        })
+    };
+    (0..width * height).map(is_seen).collect()
+}
+
+/// An inner disagreement, told and not hidden.
+fn behind_the_end() -> Error {
+    Error::new(ErrorKind::InvalidState, "a frame behind the end of the walk")
+}

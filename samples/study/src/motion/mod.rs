@@ -1,0 +1,153 @@
+//! Which motion is best: every source of motion and depth against the scenes' truth, and the frames made with each.
+//!
+//! ```text
+//! sources (what finds motion) -> measure (walks, end points, frames) -> report (tables, CSV, page), figure
+//! ```
+
+mod figure;
+mod measure;
+mod report;
+mod sources;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use cairn::Result;
+use cairn::bundle::Bundle;
+use cairn::runtime::{CpuOptions, Device};
+use cairn::world::{GuidanceSource, OperatingPoint, Preset, World, WorldOptions};
+use scenes::FAMILIES;
+
+use crate::inputs;
+use crate::media::{RealDisk, describe_io, encode_small_png, write_whole};
+use crate::metrics::Net;
+use crate::progress::Progress;
+use crate::world_quality::held_out;
+pub(crate) use measure::Place;
+use measure::Tools;
+
+/// The places that are walked, of each kind.
+const SEEDS: [u64; 3] = [41, 42, 43];
+/// The place of each kind that whatever is tuned is tuned on.
+pub(crate) const TUNING: u64 = 4;
+
+/// What is to be measured.
+#[derive(Debug, Clone)]
+pub(crate) struct Settings {
+    /// The bundle; the library's own without one.
+    pub(crate) world: Option<PathBuf>,
+    /// Scene seeds; the usual ones where it is empty.
+    pub(crate) seeds: Vec<u64>,
+    /// One place of each kind, and two frames of each.
+    pub(crate) quick: bool,
+    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    pub(crate) lpips: bool,
+    /// Write page and picture into the clone's docs as well.
+    pub(crate) publish: bool,
+    pub(crate) out: PathBuf,
+}
+
+/// What came of it.
+pub(crate) struct Outcome {
+    /// For people.
+    pub(crate) text: String,
+    /// Files that were written.
+    pub(crate) files: Vec<PathBuf>,
+    /// The source that the frames say is best, of those that need nothing but anchors.
+    pub(crate) best: Option<GuidanceSource>,
+}
+
+impl Settings {
+    /// Refuses what makes no sense; needs no file.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a scene seed that is not held out.
+    pub(crate) fn check(&self) -> Result<()> {
+        held_out::require(&self.seeds)
+    }
+
+    fn seeds(&self) -> &[u64] {
+        match (self.seeds.is_empty(), self.quick) {
+            (false, _) => &self.seeds,
+            (true, true) => &SEEDS[..1],
+            (true, false) => &SEEDS,
+        }
+    }
+
+    /// The command line that measures the same.
+    fn command(&self) -> String {
+        let mut command = String::from("cargo run --release -p study -- motion --publish");
+        if self.quick {
+            command += " --quick";
+        }
+        if !self.seeds.is_empty() {
+            let seeds: Vec<String> = self.seeds.iter().map(u64::to_string).collect();
+            command += &format!(" --seeds {}", seeds.join(","));
+        }
+        if !self.lpips {
+            command += " --no-lpips";
+        }
+        command
+    }
+}
+
+/// Measures all sources.
+///
+/// # Errors
+/// An unusable world, weights of LPIPS that cannot be had, what making latents can fail with, and `Cancelled`.
+pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+    settings.check()?;
+    let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
+    let (ort, _) = inputs::onnxruntime(progress)?;
+    let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
+    let device = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
+    let point = point(&bundle);
+    let options = WorldOptions { global_window: Some(point.global_window), ..WorldOptions::default() };
+    let world = World::load(&device, &bundle, options)?;
+    let (lpips, quick) = (lpips.as_ref(), settings.quick);
+    let tools = Tools { world: &world, point: &point, lpips, quick, progress, stop };
+
+    let of = |seeds: &[u64]| -> Vec<Place> {
+        FAMILIES.into_iter().flat_map(|family| seeds.iter().map(move |&seed| Place { family, seed })).collect()
+    };
+    let scale = tools.calibrate(&of(&[TUNING]))?;
+    let places = of(settings.seeds());
+    let mut records = Vec::new();
+    for &place in &places {
+        records.extend(tools.score(place, scale)?);
+    }
+    let found = report::Found { settings, world: &bundle.manifest().name, places: &places, scale, records: &records };
+    let figure = match figure::hard(&records) {
+        Some((place, anchor)) => tools.show(place, anchor, scale)?,
+        None => None,
+    };
+    let figure =
+        figure.map(|shown| Ok::<_, cairn::Error>((figure::caption(&shown), figure::draw(&shown)?))).transpose()?;
+    let caption = figure.as_ref().map(|(caption, _)| caption.as_str());
+    let png = figure.as_ref().map(|(_, picture)| encode_small_png(picture)).transpose()?;
+
+    let mut files = vec![
+        (settings.out.join("motion.md"), report::page(&found, caption, "motion.png").into_bytes()),
+        (settings.out.join("motion.csv"), report::csv(&records).into_bytes()),
+    ];
+    files.extend(png.clone().map(|png| (settings.out.join("motion.png"), png)));
+    if settings.publish {
+        let docs = provision::repository().join("docs");
+        files.push((docs.join("motion.md"), report::page(&found, caption, "images/motion.png").into_bytes()));
+        files.extend(png.map(|png| (docs.join("images/motion.png"), png)));
+    }
+    for (path, bytes) in &files {
+        let folder = path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(|e| describe_io("it cannot be made", folder, &e))?;
+        write_whole(&RealDisk, path, bytes)?;
+    }
+    let files = files.into_iter().map(|(path, _)| path).collect();
+    Ok(Outcome { text: report::summary(&found), files, best: report::best(&records) })
+}
+
+/// How the world is run: only its autoencoder counts here, so the smallest window that it declares does.
+fn point(bundle: &Arc<Bundle>) -> OperatingPoint {
+    let global = &bundle.geometry().global;
+    OperatingPoint { global_window: global.window.min(global.max_window), ..Preset::Coherence.operating_point() }
+}

@@ -1,0 +1,308 @@
+//! Motion from two latents: which place of the previous one each cell of the current one looks like.
+//!
+//! ```text
+//! e(x, u) = mean over channels of ((z1(x) - z0(x + u)) / s)^2    s: the channel's standard deviation over both latents;
+//!                                                                z0 bilinear, edges clamped
+//! E(x, u) = mean of e(., u) over 3 x 3 cells, weighted 1 2 1
+//! u(x)    = argmin of E(x, u) + 0.05 * the sum over four neighbours of |u - u(neighbour)|^2
+//! motion  = U(u cells), cut to [-width, width] x [-height, height]    U: bilinear, half-pixel centres, edge clamp
+//! ```
+//!
+//! u is looked for at every quarter of a cell up to three cells each way; the least is found without neighbours first, then
+//! with those of the round before, and a parabola through it and the places beside it says what lies between. Of places that
+//! are equally alike the nearest is taken, so that what has no texture rests. What is not finite counts as 0.
+//!
+//! A cell covers many pixels and sees a part of its surroundings, so this tells how the ground moves and not where an edge is.
+//! **Depth is flat**, as that of [`picture_flow`].
+
+use half::f16;
+use rayon::prelude::*;
+
+use super::lift::{Tap, bilinear};
+use super::{Guidance, LatentView, Projection, check_shapes, filled, picture_flow};
+use crate::Result;
+
+/// The camera stated for the flat depth; the same as that of [`picture_flow`].
+pub const PROJECTION: Projection = picture_flow::PROJECTION;
+/// The longest motion along an axis, in cells.
+pub const REACH: usize = 3;
+/// Steps in a cell.
+const STEPS: usize = 4;
+/// Places along an axis.
+const PLACES: usize = 2 * REACH * STEPS + 1;
+/// What a neighbour that lies a cell apart costs.
+const STIFFNESS: f32 = 0.05;
+/// Rounds with neighbours.
+const ROUNDS: usize = 6;
+
+/// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`.
+///
+/// One extraction; an [`Extractor`] keeps its working memory from one to the next.
+///
+/// # Errors
+/// As [`Extractor::extract`].
+pub fn extract(z0: LatentView<'_>, z1: LatentView<'_>, render: (u32, u32), out: &mut Guidance) -> Result<()> {
+    Extractor::new().extract(z0, z1, render, out)
+}
+
+/// The extractor with its working memory, about seven kilobytes a cell of 32 channels. It allocates nothing once it has seen the largest
+/// latent and render size. Rows run in parallel on the current rayon pool; the result does not depend on how many threads it
+/// has.
+#[derive(Debug, Default)]
+pub struct Extractor {
+    /// The current latent, cell by cell, in standard deviations of its channels.
+    current: Vec<f32>,
+    /// The previous one at each of the places between four cells, the phases row by row, each cell by cell.
+    phases: Vec<f32>,
+    /// e for each cell and place, then E.
+    raw: Vec<f32>,
+    errors: Vec<f32>,
+    /// The place that was found for each cell, in steps, and that of the round before.
+    found: Vec<[i32; 2]>,
+    before: Vec<[i32; 2]>,
+    /// In cells.
+    flow: Vec<[f32; 2]>,
+    columns: Vec<Tap>,
+}
+
+impl Extractor {
+    /// An extractor without working memory yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`;
+    /// `out` becomes one of that size, per pixel, if it is another.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the latents differ in shape or the render size is outside 1 to
+    /// [`MAX_SIDE`](crate::MAX_SIDE); `OutOfMemory` when working memory or `out` cannot grow.
+    pub fn extract(
+        &mut self,
+        z0: LatentView<'_>,
+        z1: LatentView<'_>,
+        render: (u32, u32),
+        out: &mut Guidance,
+    ) -> Result<()> {
+        check_shapes(z0, z1)?;
+        out.make_per_pixel(render, PROJECTION)?;
+        self.make_room(z1.shape())?;
+        self.normalise(z0, z1);
+        self.compare(z1.shape());
+        self.smooth(z1.shape());
+        self.lift(z1.shape(), out);
+        Ok(())
+    }
+
+    fn make_room(&mut self, [channels, height, width]: [usize; 3]) -> Result<()> {
+        let cells = height * width;
+        let grow = |values: &mut Vec<f32>, len: usize| {
+            if values.len() != len {
+                *values = filled(len, 0.0)?;
+            }
+            Ok(())
+        };
+        grow(&mut self.current, cells * channels)?;
+        grow(&mut self.phases, STEPS * STEPS * cells * channels)?;
+        grow(&mut self.raw, PLACES * PLACES * cells)?;
+        grow(&mut self.errors, PLACES * PLACES * cells)?;
+        if self.found.len() != cells {
+            (self.found, self.before) = (filled(cells, [0; 2])?, filled(cells, [0; 2])?);
+            self.flow = filled(cells, [0.0; 2])?;
+        }
+        Ok(())
+    }
+
+    /// Both latents in standard deviations of their channels, and the previous one between its cells.
+    fn normalise(&mut self, z0: LatentView<'_>, z1: LatentView<'_>) {
+        let [channels, height, width] = z1.shape();
+        let cells = height * width;
+        let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
+        for c in 0..channels {
+            let both = || z0.channel(c).iter().chain(z1.channel(c)).map(|v| f64::from(finite(*v)));
+            let mean = both().sum::<f64>() / (2 * cells) as f64;
+            let variance = both().map(|v| (v - mean).powi(2)).sum::<f64>() / (2 * cells) as f64;
+            // What is the same everywhere tells nothing.
+            let scale = if variance > 0.0 { variance.sqrt().recip() } else { 0.0 };
+            let of = |v: f32| ((f64::from(finite(v)) - mean) * scale) as f32;
+            for (cell, (before, now)) in z0.channel(c).iter().zip(z1.channel(c)).enumerate() {
+                self.current[cell * channels + c] = of(*now);
+                self.phases[cell * channels + c] = of(*before);
+            }
+        }
+        let (whole, between) = self.phases.split_at_mut(cells * channels);
+        between.par_chunks_mut(cells * channels).enumerate().for_each(|(n, values)| {
+            let phase = [(n + 1) % STEPS, (n + 1) / STEPS];
+            let [across, down] = phase.map(|steps| steps as f32 / STEPS as f32);
+            for (cell, values) in values.chunks_exact_mut(channels).enumerate() {
+                let (x, y) = (cell % width, cell / width);
+                let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
+                let cells = [y, below].map(|y| [x, right].map(|x| y * width + x));
+                for (c, value) in values.iter_mut().enumerate() {
+                    *value = bilinear(cells, [across, down], |cell| whole[cell * channels + c]);
+                }
+            }
+        });
+    }
+
+    /// `errors` = E.
+    fn compare(&mut self, [channels, height, width]: [usize; 3]) {
+        let (current, phases) = (&self.current, &self.phases);
+        let per_phase = height * width * channels;
+        self.raw.par_chunks_mut(PLACES * PLACES).enumerate().for_each(|(cell, errors)| {
+            let (x, y) = (cell % width, cell / width);
+            let here = &current[cell * channels..][..channels];
+            for (place, error) in errors.iter_mut().enumerate() {
+                let [u, v] = steps_of(place);
+                // In steps, cut to the latent.
+                let at = |from: usize, steps: i32, len: usize| {
+                    (from as i64 * STEPS as i64 + i64::from(steps)).clamp(0, ((len - 1) * STEPS) as i64) as usize
+                };
+                let (px, py) = (at(x, u, width), at(y, v, height));
+                let phase = py % STEPS * STEPS + px % STEPS;
+                let there = phase * per_phase + (py / STEPS * width + px / STEPS) * channels;
+                let there = &phases[there..][..channels];
+                let sum: f32 = here.iter().zip(there).map(|(a, b)| (a - b) * (a - b)).sum();
+                *error = sum / channels as f32;
+            }
+        });
+        let raw = &self.raw;
+        self.errors.par_chunks_mut(PLACES * PLACES).enumerate().for_each(|(cell, errors)| {
+            errors.fill(0.0);
+            let mut weights = 0.0;
+            for (neighbour, weight) in window(cell, height, width) {
+                weights += weight;
+                let theirs = &raw[neighbour * PLACES * PLACES..][..PLACES * PLACES];
+                errors.iter_mut().zip(theirs).for_each(|(sum, error)| *sum += weight * error);
+            }
+            errors.iter_mut().for_each(|sum| *sum /= weights);
+        });
+    }
+
+    /// `flow` = u.
+    fn smooth(&mut self, [_, height, width]: [usize; 3]) {
+        let Self { errors, found, before, flow, .. } = self;
+        let errors_of = |cell: usize| &errors[cell * PLACES * PLACES..][..PLACES * PLACES];
+        for round in 0..=ROUNDS {
+            std::mem::swap(found, before);
+            let before = &*before;
+            found.par_iter_mut().enumerate().for_each(|(cell, found)| {
+                let pull = Pull::new(if round == 0 { None } else { Some(before) }, cell, height, width);
+                *found = least(errors_of(cell), &pull);
+            });
+        }
+        let found = &*found;
+        flow.par_iter_mut().enumerate().for_each(|(cell, flow)| {
+            let pull = Pull::new(Some(found), cell, height, width);
+            let (errors, at) = (errors_of(cell), found[cell]);
+            let cost = |at: [i32; 2]| place_of(at).map(|place| errors[place] + pull.cost(at));
+            *flow = [0, 1].map(|axis| {
+                let beside = |step: i32| {
+                    let mut to = at;
+                    to[axis] += step;
+                    cost(to)
+                };
+                (at[axis] as f32 + bottom(beside(-1), beside(0), beside(1))) / STEPS as f32
+            });
+        });
+    }
+
+    /// Brings the flow to render size.
+    fn lift(&mut self, [_, height, width]: [usize; 3], out: &mut Guidance) {
+        let (render_width, render_height) = (out.size().0 as usize, out.size().1 as usize);
+        self.columns.clear();
+        self.columns.extend((0..render_width).map(|x| Tap::new(x, render_width, width)));
+        let (columns, flow) = (&self.columns, &self.flow);
+        let limit = [render_width as f32, render_height as f32];
+        let cell = [limit[0] / width as f32, limit[1] / height as f32];
+        let Guidance { motion, depth } = out;
+        depth.fill(picture_flow::FLAT_DEPTH);
+        motion.vectors_mut().par_chunks_mut(render_width).enumerate().for_each(|(y, vectors)| {
+            let row = Tap::new(y, render_height, height);
+            for (vector, column) in vectors.iter_mut().zip(columns) {
+                let (cells, weights) = (Tap::cells(row, *column, width), [column.weight, row.weight]);
+                *vector = [0, 1].map(|axis| {
+                    let m = cell[axis] * bilinear(cells, weights, |cell| flow[cell][axis]);
+                    f16::from_f32(m.clamp(-limit[axis], limit[axis]))
+                });
+            }
+        });
+    }
+}
+
+/// Cells of the window around `cell` that there are, with their weights.
+fn window(cell: usize, height: usize, width: usize) -> impl Iterator<Item = (usize, f32)> {
+    let (x, y) = ((cell % width) as i64, (cell / width) as i64);
+    (-1..=1).flat_map(move |dy: i64| (-1..=1).map(move |dx: i64| (dx, dy))).filter_map(move |(dx, dy)| {
+        let (x, y) = (x + dx, y + dy);
+        let is_there = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
+        let weight = ((2 - dx.abs()) * (2 - dy.abs())) as f32;
+        is_there.then(|| (y as usize * width + x as usize, weight))
+    })
+}
+
+/// The steps along both axes of a place.
+fn steps_of(place: usize) -> [i32; 2] {
+    [place % PLACES, place / PLACES].map(|n| n as i32 - (REACH * STEPS) as i32)
+}
+
+/// The place of steps along both axes; none beyond the reach.
+fn place_of([u, v]: [i32; 2]) -> Option<usize> {
+    let [u, v] = [u, v].map(|steps| usize::try_from(steps + (REACH * STEPS) as i32).ok().filter(|n| *n < PLACES));
+    Some(v? * PLACES + u?)
+}
+
+/// What the neighbours of a cell ask for: the sum of squared distances from them is that from their mean, times their
+/// number, and what no choice changes.
+struct Pull {
+    mean: [f32; 2],
+    count: f32,
+}
+
+impl Pull {
+    fn new(flow: Option<&Vec<[i32; 2]>>, cell: usize, height: usize, width: usize) -> Self {
+        let (x, y) = (cell % width, cell / width);
+        let beside = [
+            (x > 0).then(|| cell - 1),
+            (x + 1 < width).then_some(cell + 1),
+            (y > 0).then(|| cell - width),
+            (y + 1 < height).then_some(cell + width),
+        ];
+        let mut pull = Self { mean: [0.0; 2], count: 0.0 };
+        for steps in flow.iter().flat_map(|flow| beside.into_iter().flatten().map(|n| flow[n])) {
+            pull.mean = [pull.mean[0] + steps[0] as f32, pull.mean[1] + steps[1] as f32];
+            pull.count += 1.0;
+        }
+        pull.mean = pull.mean.map(|sum| sum / pull.count.max(1.0));
+        pull
+    }
+
+    fn cost(&self, at: [i32; 2]) -> f32 {
+        let cells = [0, 1].map(|axis| (at[axis] as f32 - self.mean[axis]) / STEPS as f32);
+        STIFFNESS * self.count * (cells[0] * cells[0] + cells[1] * cells[1])
+    }
+}
+
+/// The place of least cost, in steps; of equals the nearest.
+fn least(errors: &[f32], pull: &Pull) -> [i32; 2] {
+    let mut best = ([0; 2], f32::INFINITY, i32::MAX);
+    for (place, error) in errors.iter().enumerate() {
+        let at = steps_of(place);
+        let (cost, far) = (error + pull.cost(at), at[0] * at[0] + at[1] * at[1]);
+        if (cost, far) < (best.1, best.2) {
+            best = (at, cost, far);
+        }
+    }
+    best.0
+}
+
+/// Where between -1/2 and 1/2 the parabola through three costs at -1, 0 and 1 is lowest; 0 where one is not there, and where
+/// nothing can be lower.
+fn bottom(before: Option<f32>, here: Option<f32>, after: Option<f32>) -> f32 {
+    let (Some(before), Some(here), Some(after)) = (before, here, after) else { return 0.0 };
+    let bend = before - 2.0 * here + after;
+    if bend > 0.0 && here > 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests;
