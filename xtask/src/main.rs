@@ -4,6 +4,7 @@ mod abi;
 mod cli;
 mod clone;
 mod demo;
+mod dist;
 mod lab;
 mod shaders;
 mod shell;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         Command::Test(options) => test::run(&clone, &options),
         Command::Bench { lab: false, arguments } => demo::bench(&clone, &arguments).map(|()| true),
         Command::Bench { lab: true, arguments } => demo::bench_in_lab(&clone, &arguments).map(|()| true),
+        Command::Dist(options) => dist::run(&clone, &options).map(|()| true),
         Command::Shaders => shaders::compile(&clone).map(|()| true),
         Command::Fix { abi: true } => abi::fix(&clone).map(|()| true),
         Command::Fix { abi: false } => demo::fix(&clone).map(|()| true),

@@ -35,7 +35,7 @@ pub use cache::cache_dir;
 pub use d3dcompiler::d3dcompiler;
 pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
-pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows};
+pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows, onnxruntime_with_terms};
 pub use progress::{Console, Progress, Silent};
 pub use python::{install_package, python_env, python_path, training_env};
 

@@ -16,7 +16,9 @@ struct Source {
     package: &'static str,
     /// pip's platform tag.
     platform: &'static str,
-    /// Files of the wheel's `onnxruntime/capi` with their SHA-256; the library itself is the first.
+    /// The folder in the wheel.
+    folder: &'static str,
+    /// Files of that folder with their SHA-256; the library itself is the first.
     files: &'static [(&'static str, &'static str)],
 }
 
@@ -26,24 +28,38 @@ const PYTHON_TAG: [&str; 6] = ["--python-version", "3.11", "--implementation", "
 const LINUX_X86_64: Source = Source {
     package: "onnxruntime",
     platform: "manylinux_2_28_x86_64",
+    folder: "onnxruntime/capi",
     files: &[("libonnxruntime.so.1.24.4", "2d518e11c7767f9fdc4413bdbeb45acf30db504ff76a82fc19d9238a3f9f6c24")],
 };
 const LINUX_AARCH64: Source = Source {
     package: "onnxruntime",
     platform: "manylinux_2_28_aarch64",
+    folder: "onnxruntime/capi",
     files: &[("libonnxruntime.so.1.24.4", "f373ae5fd4d878ed17ebea26e5480bd3d0a15e3bd6bc94b878e6c1b73998d22a")],
 };
 const MACOS_AARCH64: Source = Source {
     package: "onnxruntime",
     platform: "macosx_14_0_arm64",
+    folder: "onnxruntime/capi",
     files: &[("libonnxruntime.1.24.4.dylib", "f7a4418c1fbbb12705f26991c52cd9e4a90c54d4802c487d0facb20897790fe9")],
 };
 const WINDOWS_X86_64: Source = Source {
     package: "onnxruntime-directml",
     platform: "win_amd64",
+    folder: "onnxruntime/capi",
     files: &[
         ("onnxruntime.dll", "0a49bb13573807ad309aa9967a46471c07d6495bab5b279d1fad474aefd8ef4b"),
         ("DirectML.dll", "c07cb8c2f870f0152bfb690f64c4b048e78bbc219efad420a9758fc896cbecb0"),
+    ],
+};
+/// What the terms of the Windows library say, in the same wheel.
+const WINDOWS_TERMS: Source = Source {
+    package: "onnxruntime-directml",
+    platform: "win_amd64",
+    folder: "onnxruntime",
+    files: &[
+        ("LICENSE", "c250d6278f0b47a6439fb7592b08b58a55eb9f535aa49a1db63211c3f982b674"),
+        ("ThirdPartyNotices.txt", "fb0af774b4d7cffc5b9d046f2aaeade2f37df2f80abf8033c95dfffcc77a8866"),
     ],
 };
 
@@ -86,7 +102,20 @@ pub fn onnxruntime_for_windows(progress: &dyn Progress) -> Result<PathBuf> {
     }
 }
 
-/// The library of `source`, kept in the cache as `name`.
+/// What a program for Windows carries along: `onnxruntime.dll`, `DirectML.dll`, and the files with ONNX Runtime's terms.
+///
+/// # Errors
+/// As [`onnxruntime`].
+pub fn onnxruntime_with_terms(progress: &dyn Progress) -> Result<Vec<PathBuf>> {
+    let library = onnxruntime_for_windows(progress)?;
+    let terms = fetch(&WINDOWS_TERMS, &format!("onnxruntime-directml-terms-{VERSION}"), progress)?;
+    let beside = |first: &Path, source: &Source| -> Vec<PathBuf> {
+        source.files.iter().map(|(file, _)| first.with_file_name(file)).collect()
+    };
+    Ok([beside(&library, &WINDOWS_X86_64), beside(&terms, &WINDOWS_TERMS)].concat())
+}
+
+/// The first file of `source`, kept in the cache as `name`.
 fn fetch(source: &Source, name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = format!("ONNX Runtime {VERSION}");
     let place = cache::cache_dir()?.join(name);
@@ -134,10 +163,10 @@ fn unpack(python: &Python, source: &Source, wanted: &str, scratch: &Path) -> Res
         target.mkdir()\n\
         (wheel,) = folder.glob('*.whl')\n\
         with zipfile.ZipFile(wheel) as archive:\n\
-        \x20   for name in sys.argv[2:]:\n\
-        \x20       (target / name).write_bytes(archive.read('onnxruntime/capi/' + name))\n";
+        \x20   for name in sys.argv[3:]:\n\
+        \x20       (target / name).write_bytes(archive.read(sys.argv[2] + '/' + name))\n";
     let mut command = Command::new(&python.program);
-    command.args(["-I", "-c", SCRIPT]).arg(scratch).args(source.files.iter().map(|(file, _)| file));
+    command.args(["-I", "-c", SCRIPT]).arg(scratch).arg(source.folder).args(source.files.iter().map(|(file, _)| file));
     let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(&python.program, &e))?;
     if outcome.status.success() {
         return fs::metadata(scratch.join("library")).map(drop).map_err(|e| Error::io(scratch, &e));

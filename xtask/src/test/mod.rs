@@ -5,6 +5,7 @@ mod browser;
 mod cargo;
 mod cpp;
 mod directml;
+mod dist;
 mod ffx;
 mod host;
 mod house;
@@ -81,6 +82,11 @@ const RUNNERS: &[Runner] = &[
         run: ffx::run,
     },
     Runner {
+        name: "dist",
+        what: "archives are the same each time, and hosts are built and run from them alone",
+        run: dist::run,
+    },
+    Runner {
         name: "study",
         what: "a short video and its replay, and which motion is best, through the program",
         run: study::run,
@@ -100,6 +106,7 @@ const THOROUGH: &[Runner] = &[
         run: abi::run_longer,
     },
     Runner { name: "directml-all", what: "parity and saved states on DirectML, all of it", run: directml::run_longer },
+    Runner { name: "dist-release", what: "two clones in two places make the same archives", run: dist::run_release },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
@@ -183,7 +190,7 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
         for runner in all {
             println!("{:16}{}", runner.name, runner.what);
         }
-        println!("\nfuzz, faults, directml-all and soak run with --thorough only");
+        println!("\nfuzz, faults, directml-all, dist-release and soak run with --thorough only");
         return Ok(true);
     }
     let chosen: Vec<&Runner> = all

@@ -61,18 +61,34 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
     Ok(tally)
 }
 
-/// Builds the library for Windows, with what the library's own tests have been built with, and the sample by its CMake file.
-fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
+/// Builds the library for Windows, with what the library's own tests have been built with; the folder it is in.
+pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     let mut command = context.clone.cargo(["build", "--package", "cairn", "--lib", "--test", "d3d12"]);
     lab::for_windows(&mut command)?;
     if !log.run(&mut command)?.success {
         return Err("the library does not build for Windows".to_owned());
     }
-    let target = if cfg!(windows) { &context.clone.target } else { &context.clone.target.join(tools::WINDOWS_TARGET) };
-    let build = work.join("build");
+    let target = &context.clone.target;
+    Ok(if cfg!(windows) { target.join("debug") } else { target.join(tools::WINDOWS_TARGET).join("debug") })
+}
+
+/// Builds the library, and the sample for it.
+fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
+    let library = library(context, log)?;
+    let place = format!("-DCAIRN_LIBRARY_DIR={}", library.display());
+    by_cmake(log, cmake, &context.clone.root.join(SAMPLE), &work.join("build"), &[&place])
+}
+
+/// Builds the sample in `source` by its CMake file; the program.
+pub(in crate::test) fn by_cmake(
+    log: &mut Log,
+    cmake: &Path,
+    source: &Path,
+    build: &Path,
+    options: &[&str],
+) -> Result<PathBuf, String> {
     let mut configure = Command::new(cmake);
-    configure.arg("-S").arg(context.clone.root.join(SAMPLE)).arg("-B").arg(&build);
-    configure.arg(format!("-DCAIRN_LIBRARY_DIR={}", target.join("debug").display()));
+    configure.arg("-S").arg(source).arg("-B").arg(build).args(options);
     if !cfg!(windows) {
         let tools::MingwCompiler { program, first } =
             tools::mingw_compiler(true, &Console::new()).map_err(|e| e.to_string())?;
@@ -84,7 +100,7 @@ fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Res
     }
     let configured = log.run(&mut configure)?.success;
     let built = configured
-        && log.run(Command::new(cmake).arg("--build").arg(&build).args(["--config", "Release", "--parallel"]))?.success;
+        && log.run(Command::new(cmake).arg("--build").arg(build).args(["--config", "Release", "--parallel"]))?.success;
     let places = [build.join("host-d3d12.exe"), build.join("Release").join("host-d3d12.exe")];
     let program = places.into_iter().find(|place| built && place.is_file());
     program.ok_or_else(|| "CMake does not build the sample".to_owned())

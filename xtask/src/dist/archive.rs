@@ -1,0 +1,105 @@
+//! Trees as ZIP and as compressed tar: of one moment, of nobody, in order, so that the same files make the same bytes.
+
+use std::io::{Cursor, Write};
+use std::process::Command;
+
+use flate2::{Compression, GzBuilder};
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use super::tree::Tree;
+use crate::clone::Clone;
+use crate::shell::output;
+
+/// When everything in an archive was made, in whole seconds: `SOURCE_DATE_EPOCH` where it is set
+/// [https://reproducible-builds.org/specs/source-date-epoch/], else the clone's commit's.
+pub(super) fn moment(clone: &Clone) -> Result<Timestamp, String> {
+    let text = match std::env::var("SOURCE_DATE_EPOCH") {
+        Ok(text) => text,
+        Err(_) => output(Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(&clone.root))?,
+    };
+    let seconds = text.trim().parse().ok();
+    let moment = seconds.and_then(|seconds| Timestamp::from_second(seconds).ok());
+    moment.ok_or_else(|| format!("SOURCE_DATE_EPOCH is {text:?}, and not a number of seconds since 1970"))
+}
+
+/// Everyone reads, the owner writes.
+const MODE: u32 = 0o644;
+
+/// A ZIP file.
+pub(super) fn zip(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> {
+    let failed = |e: zip::result::ZipError| format!("{}: {e}", tree.name());
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(zip_time(moment))
+        .unix_permissions(MODE);
+    let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
+    for (path, bytes) in tree.files() {
+        writer.start_file(path, options).map_err(failed)?;
+        writer.write_all(bytes).map_err(|e| format!("{}: {e}", tree.name()))?;
+    }
+    Ok(writer.finish().map_err(failed)?.into_inner())
+}
+
+/// As ZIP has times: from 1980 on. What is before is the first that it has.
+fn zip_time(moment: Timestamp) -> DateTime {
+    let at = moment.to_zoned(TimeZone::UTC);
+    let parts = [at.month(), at.day(), at.hour(), at.minute(), at.second()].map(|part| u8::try_from(part).unwrap_or(0));
+    let [month, day, hour, minute, second] = parts;
+    let year = u16::try_from(at.year()).unwrap_or(0);
+    DateTime::from_date_and_time(year, month, day, hour, minute, second).unwrap_or_default()
+}
+
+/// A tar file, compressed by gzip.
+pub(super) fn tar_gz(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> {
+    let failed = |e: std::io::Error| format!("{}: {e}", tree.name());
+    // No name and no time in the compressed file's own header.
+    let writer = GzBuilder::new().mtime(0).write(Vec::new(), Compression::best());
+    let mut builder = tar::Builder::new(writer);
+    for (path, bytes) in tree.files() {
+        let mut header = tar::Header::new_gnu();
+        header.set_size(bytes.len() as u64);
+        header.set_mode(MODE);
+        header.set_mtime(u64::try_from(moment.as_second()).unwrap_or(0));
+        header.set_uid(0);
+        header.set_gid(0);
+        builder.append_data(&mut header, path, bytes).map_err(failed)?;
+    }
+    builder.into_inner().and_then(flate2::write::GzEncoder::finish).map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moment(text: &str) -> Timestamp {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn zip_has_times_from_1980_on() {
+        let time = zip_time(moment("2000-02-29T13:14:16Z"));
+        assert_eq!((time.year(), time.month(), time.day()), (2000, 2, 29));
+        assert_eq!((time.hour(), time.minute(), time.second()), (13, 14, 16));
+        assert_eq!(zip_time(moment("1970-01-01T00:00:00Z")), DateTime::default());
+    }
+
+    #[test]
+    fn the_same_files_make_the_same_bytes() {
+        let mut trees = [Tree::new("a-1".to_owned()), Tree::new("a-1".to_owned())];
+        for (path, text) in [("b", "two"), ("a", "one")] {
+            trees[0].add(path, text).unwrap();
+        }
+        for (path, text) in [("a", "one"), ("b", "two")] {
+            trees[1].add(path, text).unwrap();
+        }
+        let [zips, tars] =
+            [zip, tar_gz].map(|pack| trees.each_ref().map(|tree| pack(tree, moment("2000-02-29T00:00:00Z")).unwrap()));
+        assert_eq!(zips[0], zips[1]);
+        assert_eq!(tars[0], tars[1]);
+        assert_ne!(zips[0], zip(&trees[0], moment("2000-02-29T00:00:02Z")).unwrap(), "the time of the files is in it");
+        assert!(zips[0].starts_with(b"PK") && tars[0].starts_with(&[0x1f, 0x8b]));
+    }
+}

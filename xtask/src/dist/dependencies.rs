@@ -1,0 +1,184 @@
+//! The crates that a library is made of, and their licences.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::fs;
+
+use cargo_metadata::camino::Utf8Path;
+use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, PackageId};
+use provision::tools;
+
+use super::Platform;
+use crate::clone::Clone;
+
+/// A crate in the library.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Crate {
+    pub(super) name: String,
+    pub(super) version: String,
+    /// An SPDX expression.
+    pub(super) licence: String,
+    pub(super) description: Option<String>,
+    /// Where it is developed.
+    pub(super) repository: Option<String>,
+    /// As the lock file has it; none of our own.
+    pub(super) sha256: Option<String>,
+    /// Names and versions of what it is made of in turn.
+    pub(super) uses: Vec<(String, String)>,
+    /// The files in which it states its licence, by name.
+    pub(super) texts: BTreeMap<String, String>,
+}
+
+/// Beginnings of the names of files that state a licence, in capitals.
+const LICENCE_FILES: [&str; 6] = ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE", "UNLICENSE"];
+
+/// All crates of the library for a platform, the library's own first.
+pub(super) fn of(clone: &Clone, platform: Platform) -> Result<Vec<Crate>, String> {
+    let filter = ["--locked", "--filter-platform", platform.triple()].map(str::to_owned);
+    let metadata = MetadataCommand::new()
+        .cargo_path(tools::cargo())
+        .manifest_path(clone.root.join("Cargo.toml"))
+        .other_options(filter)
+        .exec()
+        .map_err(|e| format!("cargo metadata: {e}"))?;
+    let lock = clone.read("Cargo.lock")?;
+    let sums = sums(&lock)?;
+    let links = links(&metadata)?;
+    let root = metadata.root_package().ok_or("cargo metadata names no root package")?;
+    let mut crates = Vec::new();
+    for id in reached(&root.id, &links) {
+        let package = &metadata[&id];
+        let (name, version) = (package.name.to_string(), package.version.to_string());
+        let licence = package.license.clone().ok_or_else(|| format!("{name} {version} names no licence"))?;
+        let uses = links.get(&id).into_iter().flatten().map(|used| {
+            let used = &metadata[used];
+            (used.name.to_string(), used.version.to_string())
+        });
+        crates.push(Crate {
+            uses: uses.collect(),
+            // The library's own stand in the archive as they are.
+            texts: if id == root.id { BTreeMap::new() } else { texts(package.manifest_path.parent())? },
+            sha256: sums.get(&(name.clone(), version.clone())).cloned(),
+            description: package.description.as_ref().map(|text| text.split_whitespace().collect::<Vec<_>>().join(" ")),
+            repository: package.repository.clone(),
+            // The older way to write OR.
+            licence: licence.replace('/', " OR "),
+            name,
+            version,
+        });
+    }
+    Ok(crates)
+}
+
+/// What every package is linked with: neither what only builds it nor what only tests it.
+fn links(metadata: &Metadata) -> Result<BTreeMap<PackageId, Vec<PackageId>>, String> {
+    let resolve = metadata.resolve.as_ref().ok_or("cargo metadata resolves nothing")?;
+    let linked = |node: &cargo_metadata::Node| {
+        let normal =
+            |dep: &&cargo_metadata::NodeDep| dep.dep_kinds.iter().any(|kind| kind.kind == DependencyKind::Normal);
+        node.deps.iter().filter(normal).map(|dep| dep.pkg.clone()).collect()
+    };
+    Ok(resolve.nodes.iter().map(|node| (node.id.clone(), linked(node))).collect())
+}
+
+/// `root` and all that it leads to: itself first, the others in order.
+fn reached(root: &PackageId, links: &BTreeMap<PackageId, Vec<PackageId>>) -> Vec<PackageId> {
+    let mut found = BTreeSet::new();
+    let mut next = vec![root.clone()];
+    while let Some(id) = next.pop() {
+        if found.insert(id.clone()) {
+            next.extend(links.get(&id).into_iter().flatten().cloned());
+        }
+    }
+    found.remove(root);
+    std::iter::once(root.clone()).chain(found).collect()
+}
+
+/// Checksums of the lock file by name and version.
+fn sums(lock: &str) -> Result<BTreeMap<(String, String), String>, String> {
+    let lock: toml::Table = lock.parse().map_err(|e| format!("Cargo.lock: {e}"))?;
+    let packages = lock.get("package").and_then(toml::Value::as_array).into_iter().flatten();
+    let text = |package: &toml::Value, key| package.get(key).and_then(toml::Value::as_str).map(str::to_owned);
+    Ok(packages
+        .filter_map(|package| Some(((text(package, "name")?, text(package, "version")?), text(package, "checksum")?)))
+        .collect())
+}
+
+/// The files beside a manifest that state a licence.
+fn texts(folder: Option<&Utf8Path>) -> Result<BTreeMap<String, String>, String> {
+    let folder = folder.ok_or("a manifest lies in no folder")?;
+    let mut texts = BTreeMap::new();
+    for entry in folder.read_dir_utf8().map_err(|e| format!("{folder}: {e}"))? {
+        let path = entry.map_err(|e| format!("{folder}: {e}"))?.into_path();
+        let name = path.file_name().unwrap_or_default();
+        let upper = name.to_uppercase();
+        if path.is_file() && LICENCE_FILES.iter().any(|beginning| upper.starts_with(beginning)) {
+            let bytes = fs::read(&path).map_err(|e| format!("{path}: {e}"))?;
+            texts.insert(name.to_owned(), String::from_utf8_lossy(&bytes).replace("\r\n", "\n"));
+        }
+    }
+    Ok(texts)
+}
+
+/// A page with every crate that is not our own, its licence, and every text of a licence once.
+pub(super) fn page(crates: &[Crate]) -> String {
+    let others = || crates.iter().skip(1);
+    let mut page = "# What is in the library besides our own work\n\nThe licence of each part, as its authors state it, and the texts \
+                    that they give.\n\n| part | licence | where it is developed |\n|---|---|---|\n"
+        .to_owned();
+    for part in others() {
+        let place = part.repository.as_deref().unwrap_or("https://crates.io");
+        _ = writeln!(page, "| {} {} | {} | {place} |", part.name, part.version, part.licence);
+    }
+    // By text, since most are the same.
+    let mut parts: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for part in others() {
+        for text in part.texts.values() {
+            parts.entry(text.trim()).or_default().push(format!("{} {}", part.name, part.version));
+        }
+    }
+    let mut texts: Vec<_> = parts.into_iter().collect();
+    texts.sort_by_key(|(text, parts)| (std::cmp::Reverse(parts.len()), *text));
+    for (text, mut parts) in texts {
+        parts.dedup();
+        // A fence that no text has.
+        _ = write!(page, "\n## {}\n\n~~~~text\n{text}\n~~~~\n", parts.join(", "));
+    }
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(name: &str, text: &str) -> Crate {
+        Crate {
+            name: name.to_owned(),
+            version: "1.0.0".to_owned(),
+            licence: "MIT".to_owned(),
+            description: None,
+            repository: None,
+            sha256: None,
+            uses: Vec::new(),
+            texts: BTreeMap::from([("LICENSE".to_owned(), text.to_owned())]),
+        }
+    }
+
+    #[test]
+    fn a_text_stands_once_on_the_page_with_all_that_have_it() {
+        let page = page(&[part("own", "ours"), part("a", "one\n"), part("b", "two"), part("c", "one")]);
+        assert_eq!(page.matches("\none\n").count(), 1, "{page}");
+        assert!(page.contains("## a 1.0.0, c 1.0.0\n") && page.contains("## b 1.0.0\n"), "{page}");
+        assert!(!page.contains("ours") && page.contains("| b 1.0.0 | MIT |"), "{page}");
+        assert!(page.find("\none\n") < page.find("\ntwo\n"), "what most have comes first");
+    }
+
+    #[test]
+    fn checksums_are_those_of_the_lock_file() {
+        let lock = "version = 4\n[[package]]\nname = \"a\"\nversion = \"1.0.0\"\nchecksum = \"12ab\"\n\
+                    [[package]]\nname = \"own\"\nversion = \"0.1.0\"\n";
+        let sums = sums(lock).unwrap();
+        assert_eq!(sums.get(&("a".to_owned(), "1.0.0".to_owned())).map(String::as_str), Some("12ab"));
+        assert_eq!(sums.len(), 1);
+    }
+}

@@ -1,0 +1,143 @@
+//! The library, built for an archive: what hosts load, what they link, and what debuggers read, apart from each other.
+
+use std::fs;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use implib::{Flavor, ImportLibrary, MachineType};
+use object::Object;
+use object::read::pe::PeFile64;
+use object::read::{NameOrOrdinal, ReadRef};
+use provision::{Console, tools};
+
+use super::Platform;
+use crate::clone::Clone;
+use crate::shell::pass_through;
+
+/// Where an archive's library comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// It is compiled for hosts' users, with what it was compiled from named the same wherever that is.
+    Release,
+    /// The one that tests have built.
+    Tests,
+}
+
+/// A library and what belongs to it, as bytes of files.
+pub(super) struct Built {
+    /// `cairn.dll` or `libcairn.so`, without debug information and with the name of the file that has it.
+    pub(super) library: Vec<u8>,
+    /// That file.
+    pub(super) debug: Vec<u8>,
+    /// What Windows programs are linked with.
+    pub(super) import: Option<Import>,
+}
+
+/// The two kinds of import libraries.
+pub(super) struct Import {
+    /// `cairn.lib`, for MSVC's and LLVM's linkers.
+    pub(super) msvc: Vec<u8>,
+    /// `libcairn.dll.a`, for MinGW's.
+    pub(super) mingw: Vec<u8>,
+}
+
+/// Names of the library and of the file with its debug information.
+pub(super) fn names(platform: Platform) -> [&'static str; 2] {
+    match platform {
+        Platform::Windows => ["cairn.dll", "cairn.dll.debug"],
+        Platform::Linux => ["libcairn.so", "libcairn.so.debug"],
+    }
+}
+
+/// Builds it, or takes the one that is there.
+pub(super) fn build(clone: &Clone, platform: Platform, source: Source) -> Result<Built, String> {
+    let windows = platform == Platform::Windows;
+    let below = if windows { platform.triple() } else { "" };
+    let folder = match source {
+        Source::Tests => clone.target.join(below).join("debug"),
+        Source::Release => {
+            // Compiled with other flags than everything else, it would replace what is there.
+            let apart = clone.target.join("dist").join("build");
+            let mut command = clone.cargo(["build", "--release", "--package", "cairn", "--lib", "--target-dir"]);
+            command.arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(clone)?);
+            if windows {
+                let console = Console::new();
+                tools::rust_target(platform.triple(), &console).map_err(|e| e.to_string())?;
+                if tools::mingw(&console).map_err(|e| e.to_string())? != tools::Mingw::Gcc {
+                    return Err("MinGW-w64's GCC and binutils are needed: apt install gcc-mingw-w64-x86-64".to_owned());
+                }
+                command.args(["--target", platform.triple()]);
+            }
+            pass_through(&mut command)?;
+            apart.join(below).join("release")
+        }
+    };
+    let work = clone.target.join("xtask").join("dist").join(platform.name());
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let [library, debug] = names(platform);
+    split(platform, &folder.join(library), &work)?;
+    let read = |path: PathBuf| fs::read(&path).map_err(|e| format!("{}: {e}", path.display()));
+    let import = match platform {
+        Platform::Windows => {
+            let bytes = read(folder.join(library))?;
+            Some(Import { msvc: import_library(library, &bytes)?, mingw: read(folder.join("libcairn.dll.a"))? })
+        }
+        Platform::Linux => None,
+    };
+    Ok(Built { library: read(work.join(library))?, debug: read(work.join(debug))?, import })
+}
+
+/// Flags that have the compiler name every source the same, wherever the clone and cargo's sources lie; separated as
+/// `CARGO_ENCODED_RUSTFLAGS` wants it.
+fn flags(clone: &Clone) -> Result<String, String> {
+    let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| std::env::home_dir().map(|home| home.join(".cargo"))).ok_or("no home directory")?;
+    let remap = |from: &Path, to: &str| format!("--remap-path-prefix={}={to}", from.display());
+    // The later of two that fit is taken, and the clone may lie below the home.
+    Ok([remap(&home, "cargo"), remap(&clone.root, "cairn")].join("\u{1f}"))
+}
+
+/// Puts the library without its debug information into `work`, and that information beside it.
+fn split(platform: Platform, library: &Path, work: &Path) -> Result<(), String> {
+    let program = match platform {
+        Platform::Windows => "x86_64-w64-mingw32-objcopy",
+        Platform::Linux => "objcopy",
+    };
+    let [name, debug] = names(platform);
+    let run = |arguments: &[&str], files: &[&Path]| {
+        // The link names the other file as it is given: in its own folder it is a name alone.
+        pass_through(Command::new(program).args(arguments).args(files).current_dir(work))
+    };
+    run(&["--only-keep-debug"], &[library, Path::new(debug)])?;
+    let link = format!("--add-gnu-debuglink={debug}");
+    run(&["--strip-debug", &link], &[library, Path::new(name)])
+}
+
+/// An import library of all that a DLL exports.
+fn import_library(name: &str, dll: &[u8]) -> Result<Vec<u8>, String> {
+    let failed = |e: &dyn std::fmt::Display| format!("the import library of {name}: {e}");
+    let mut definition = format!("LIBRARY {name}\nEXPORTS\n");
+    for function in exports(dll)? {
+        definition.push_str(&function);
+        definition.push('\n');
+    }
+    let library = ImportLibrary::new(&definition, MachineType::AMD64, Flavor::Msvc).map_err(|e| failed(&e))?;
+    let mut bytes = Cursor::new(Vec::new());
+    library.write_to(&mut bytes).map_err(|e| failed(&e))?;
+    Ok(bytes.into_inner())
+}
+
+/// Names of what a DLL exports.
+fn exports<'data>(dll: impl ReadRef<'data>) -> Result<Vec<String>, String> {
+    let file = PeFile64::parse(dll).map_err(|e| format!("the built library is no DLL: {e}"))?;
+    let failed = |e: object::read::Error| format!("the DLL's exports: {e}");
+    let mut names = Vec::new();
+    for export in file.exports().map_err(failed)? {
+        // What has a number only is no function of ours.
+        if let NameOrOrdinal::Name(name) = export.map_err(failed)?.name() {
+            names.push(String::from_utf8_lossy(name).into_owned());
+        }
+    }
+    Ok(names)
+}

@@ -1,0 +1,116 @@
+//! `cargo xtask dist`: archives that a project takes Cairn from, byte for byte the same of the same commit and compiler.
+
+mod archive;
+mod contents;
+mod dependencies;
+mod library;
+mod sbom;
+mod tree;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use provision::{Console, Progress};
+use sha2::{Digest, Sha256};
+
+use crate::cli::DistOptions;
+use crate::clone::Clone;
+
+pub(crate) use library::Source;
+
+/// What an archive is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Platform {
+    /// Windows 10 and 11 on x86-64
+    #[value(name = "windows-x64")]
+    Windows,
+    /// Linux on x86-64, of this machine's C library or later
+    #[value(name = "linux-x64")]
+    Linux,
+}
+
+impl Platform {
+    const ALL: [Self; 2] = [Self::Windows, Self::Linux];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Windows => "windows-x64",
+            Self::Linux => "linux-x64",
+        }
+    }
+
+    /// As rustc names it.
+    fn triple(self) -> &'static str {
+        match self {
+            Self::Windows => provision::tools::WINDOWS_TARGET,
+            Self::Linux => "x86_64-unknown-linux-gnu",
+        }
+    }
+}
+
+/// Where the list of the archives' sums stands beside them.
+const SUMS: &str = "SHA256SUMS";
+
+/// Builds the library and packs what `options` choose; tells what came of it.
+pub(crate) fn run(clone: &Clone, options: &DistOptions) -> Result<(), String> {
+    let folder = options.out.clone().unwrap_or_else(|| clone.target.join("dist"));
+    let platforms = if options.platforms.is_empty() { &Platform::ALL[..] } else { &options.platforms };
+    let made = make(clone, platforms, Source::Release, &folder)?;
+    for archive in &made {
+        println!("{:>7.1} MB  {}", archive.bytes as f64 / 1e6, archive.path.display());
+    }
+    println!("            {}", folder.join(SUMS).display());
+    Ok(())
+}
+
+/// An archive that was written.
+pub(crate) struct Made {
+    pub(crate) path: PathBuf,
+    pub(crate) bytes: u64,
+    pub(crate) sha256: String,
+}
+
+/// Writes the archives of `platforms` into `folder`; earlier ones of the same names are replaced.
+pub(crate) fn make(clone: &Clone, platforms: &[Platform], source: Source, folder: &Path) -> Result<Vec<Made>, String> {
+    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        return Err("archives are made on Linux on x86-64, for Windows too: MinGW-w64 links them. On Windows take \
+                    target\\release after cargo build --release"
+            .to_owned());
+    }
+    let console = Console::new();
+    fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let moment = archive::moment(clone)?;
+    let mut made = Vec::new();
+    for &platform in platforms {
+        console.start(&format!("{}: building the library", platform.name()));
+        let built = library::build(clone, platform, source)?;
+        console.start(&format!("{}: licences of what is in it", platform.name()));
+        let crates = dependencies::of(clone, platform)?;
+        let bill = sbom::write(&crates, moment)?;
+        for slim in [false, true] {
+            let Some(tree) = contents::of(clone, platform, &built, &crates, &bill, slim)? else { continue };
+            console.start(&format!("packing {}", tree.name()));
+            let path = folder.join(match platform {
+                Platform::Windows => format!("{}.zip", tree.name()),
+                Platform::Linux => format!("{}.tar.gz", tree.name()),
+            });
+            let packed = match platform {
+                Platform::Windows => archive::zip(&tree, moment),
+                Platform::Linux => archive::tar_gz(&tree, moment),
+            }?;
+            fs::write(&path, &packed).map_err(|e| format!("{}: {e}", path.display()))?;
+            let sha256 = Sha256::digest(&packed).iter().map(|byte| format!("{byte:02x}")).collect();
+            console.done(&format!("{}: {} files", tree.name(), tree.files().count()));
+            made.push(Made { path, bytes: packed.len() as u64, sha256 });
+        }
+    }
+    let lines: String =
+        made.iter().map(|archive| format!("{}  {}\n", archive.sha256, file_name(&archive.path))).collect();
+    let sums = folder.join(SUMS);
+    fs::write(&sums, lines).map_err(|e| format!("{}: {e}", sums.display()))?;
+    Ok(made)
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}

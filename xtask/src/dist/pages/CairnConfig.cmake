@@ -1,0 +1,21 @@
+# Cairn::Cairn is the library; Cairn_RUNTIME_FILES are the DLLs that belong beside it, where this folder has them.
+get_filename_component(_cairn_root "${CMAKE_CURRENT_LIST_DIR}/../../.." ABSOLUTE)
+if(NOT TARGET Cairn::Cairn)
+    add_library(Cairn::Cairn SHARED IMPORTED)
+    set_target_properties(Cairn::Cairn PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${_cairn_root}/include")
+    if(WIN32)
+        if(MINGW)
+            set(_cairn_import "${_cairn_root}/lib/libcairn.dll.a")
+        else()
+            set(_cairn_import "${_cairn_root}/lib/cairn.lib")
+        endif()
+        set_target_properties(Cairn::Cairn PROPERTIES
+            IMPORTED_LOCATION "${_cairn_root}/bin/cairn.dll" IMPORTED_IMPLIB "${_cairn_import}")
+        unset(_cairn_import)
+    else()
+        set_target_properties(Cairn::Cairn PROPERTIES
+            IMPORTED_LOCATION "${_cairn_root}/lib/libcairn.so" IMPORTED_NO_SONAME TRUE)
+    endif()
+endif()
+file(GLOB Cairn_RUNTIME_FILES "${_cairn_root}/runtime/*.dll")
+unset(_cairn_root)

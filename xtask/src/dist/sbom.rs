@@ -1,0 +1,139 @@
+//! The bill of materials, as CycloneDX 1.5 [https://cyclonedx.org/docs/1.5/json/].
+
+use cyclonedx_bom::external_models::uri::Uri as Address;
+use cyclonedx_bom::models::component::Classification;
+use cyclonedx_bom::models::dependency::{Dependencies, Dependency};
+use cyclonedx_bom::models::external_reference::{ExternalReference, ExternalReferenceType, ExternalReferences, Uri};
+use cyclonedx_bom::models::hash::{Hash, HashAlgorithm, HashValue, Hashes};
+use cyclonedx_bom::models::license::{LicenseChoice, Licenses};
+use cyclonedx_bom::prelude::{
+    Bom, Component, Components, DateTime, Metadata, NormalizedString, Purl, SpdxExpression, SpecVersion, UrnUuid,
+    Validate,
+};
+use jiff::Timestamp;
+use sha2::{Digest, Sha256};
+
+use super::dependencies::Crate;
+
+/// Its name in an archive.
+pub(super) const NAME: &str = "cairn.cdx.json";
+
+const VERSION: SpecVersion = SpecVersion::V1_5;
+
+/// The bill of `crates`, the first of which is what is billed. The same crates make the same bill: its number is made of them.
+pub(super) fn write(crates: &[Crate], moment: Timestamp) -> Result<Vec<u8>, String> {
+    let failed = |e: &dyn std::fmt::Display| format!("the bill of materials: {e}");
+    let (own, others) = crates.split_first().ok_or("a library of no crates")?;
+    let mut bom = Bom {
+        serial_number: Some(UrnUuid::new(number(crates)).map_err(|e| format!("{NAME}: {e:?}"))?),
+        metadata: Some(Metadata {
+            timestamp: Some(DateTime::try_from(moment.to_string()).map_err(|e| failed(&e))?),
+            component: Some(component(own)?),
+            ..Metadata::default()
+        }),
+        components: Some(Components(others.iter().map(component).collect::<Result<_, _>>()?)),
+        ..Bom::default()
+    };
+    bom.spec_version = VERSION;
+    bom.dependencies = Some(Dependencies(
+        crates
+            .iter()
+            .map(|part| Dependency {
+                dependency_ref: reference(&part.name, &part.version),
+                dependencies: part.uses.iter().map(|(name, version)| reference(name, version)).collect(),
+            })
+            .collect(),
+    ));
+    let checked = bom.validate_version(VERSION);
+    if checked.has_errors() {
+        return Err(failed(&format!("{checked:?}")));
+    }
+    let mut bytes = Vec::new();
+    bom.output_as_json(&mut bytes, VERSION).map_err(|e| failed(&e))?;
+    Ok(bytes)
+}
+
+/// What refers to a crate within the bill: its package URL [https://github.com/package-url/purl-spec].
+fn reference(name: &str, version: &str) -> String {
+    format!("pkg:cargo/{name}@{version}")
+}
+
+fn component(part: &Crate) -> Result<Component, String> {
+    let failed = |e: &dyn std::fmt::Display| format!("the bill of materials, {} {}: {e}", part.name, part.version);
+    let mut component =
+        Component::new(Classification::Library, &part.name, &part.version, Some(reference(&part.name, &part.version)));
+    component.purl = Some(Purl::new("cargo", &part.name, &part.version).map_err(|e| failed(&e))?);
+    component.description = part.description.as_deref().map(NormalizedString::new);
+    let licence = SpdxExpression::try_from(part.licence.clone()).map_err(|e| failed(&e))?;
+    component.licenses = Some(Licenses(vec![LicenseChoice::Expression(licence)]));
+    component.hashes = part
+        .sha256
+        .as_ref()
+        .map(|sum| Hashes(vec![Hash { alg: HashAlgorithm::SHA_256, content: HashValue(sum.clone()) }]));
+    // Where it is not a web address, it is left out.
+    let place = part.repository.clone().and_then(|place| Address::try_from(place).ok());
+    component.external_references = place
+        .map(|place| ExternalReferences(vec![ExternalReference::new(ExternalReferenceType::Vcs, Uri::Url(place))]));
+    Ok(component)
+}
+
+/// A number of version 8, which RFC 9562 leaves to who makes it: here of a digest of names and versions.
+fn number(crates: &[Crate]) -> String {
+    let mut digest = Sha256::new();
+    for part in crates {
+        digest.update(reference(&part.name, &part.version));
+        digest.update(b"\n");
+    }
+    let digest = digest.finalize();
+    let mut bytes: [u8; 16] = std::array::from_fn(|i| digest[i]);
+    bytes[6] = bytes[6] & 0x0f | 0x80;
+    bytes[8] = bytes[8] & 0x3f | 0x80;
+    let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("urn:uuid:{}-{}-{}-{}-{}", &hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    fn part(name: &str, licence: &str, uses: &[(&str, &str)]) -> Crate {
+        Crate {
+            name: name.to_owned(),
+            version: "1.2.3".to_owned(),
+            licence: licence.to_owned(),
+            description: Some("a part".to_owned()),
+            repository: Some("https://example.org/part".to_owned()),
+            sha256: Some("ab".repeat(32)),
+            uses: uses.iter().map(|(name, version)| ((*name).to_owned(), (*version).to_owned())).collect(),
+            texts: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn a_bill_names_parts_licences_sums_and_who_uses_whom() {
+        let crates = [part("own", "MIT OR Apache-2.0", &[("a", "1.2.3")]), part("a", "Zlib", &[])];
+        let moment: Timestamp = "2024-02-29T12:00:00Z".parse().unwrap();
+        let bytes = write(&crates, moment).unwrap();
+        assert_eq!(bytes, write(&crates, moment).unwrap());
+        let bill: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        assert_eq!((&bill["bomFormat"], &bill["specVersion"]), (&"CycloneDX".into(), &"1.5".into()));
+        assert_eq!(bill["metadata"]["component"]["name"], "own");
+        assert_eq!(bill["metadata"]["timestamp"], "2024-02-29T12:00:00Z");
+        let only = &bill["components"][0];
+        assert_eq!(only["purl"], "pkg:cargo/a@1.2.3");
+        assert_eq!(only["licenses"][0]["expression"], "Zlib");
+        assert_eq!(only["hashes"][0]["content"], "ab".repeat(32));
+        assert_eq!(bill["components"].as_array().map(Vec::len), Some(1));
+        assert_eq!(bill["dependencies"][0]["dependsOn"][0], "pkg:cargo/a@1.2.3");
+        let refused = write(&crates[..1], moment).unwrap_err();
+        assert!(refused.contains("pkg:cargo/a@1.2.3"), "who is used must be there: {refused}");
+    }
+
+    #[test]
+    fn a_licence_that_is_none_is_refused() {
+        let refused = write(&[part("own", "free for all", &[])], Timestamp::UNIX_EPOCH).unwrap_err();
+        assert!(refused.contains("own 1.2.3"), "{refused}");
+    }
+}

@@ -1,0 +1,328 @@
+//! Archives: packed twice they are the same, they hold what their pages say, and from them alone hosts are built and run.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::{Console, tools};
+
+use super::Context;
+use super::host;
+use super::lab;
+use super::tally::{Skip, Tally};
+use crate::dist::{self, Made, Platform, Source};
+use crate::shell::{Log, output};
+
+/// Archives are unpacked below it: with a space and a letter that is not Latin.
+const UNPACKED: &str = "a folder, Ж";
+
+/// A host of one line: whether the library it is linked with is the one of its header.
+const HOST: &str = "#include \"cairn.h\"\n\nint main(void)\n{\n    return cairn_version() == CAIRN_VERSION && \
+                    cairn_abi_version() == CAIRN_ABI_VERSION ? 0 : 3;\n}\n";
+
+/// The same as a program of nobody's C library.
+const BARE_HOST: &str =
+    "#include \"cairn.h\"\n\nint start(void)\n{\n    return cairn_version() == CAIRN_VERSION ? 0 : 3;\n}\n";
+
+/// A project that finds the archive.
+const PROJECT: &str = "cmake_minimum_required(VERSION 3.16)\nproject(game LANGUAGES C)\nfind_package(Cairn 0.1 REQUIRED)\n\
+                       add_executable(game game.c)\ntarget_link_libraries(game PRIVATE Cairn::Cairn)\n\
+                       if(WIN32)\n    add_custom_command(TARGET game POST_BUILD COMMAND ${CMAKE_COMMAND} -E copy_if_different\n        \
+                       $<TARGET_FILE:Cairn::Cairn> ${Cairn_RUNTIME_FILES} $<TARGET_FILE_DIR:game>)\nendif()\n";
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    let skip = |name: &str, reason: &str| Skip { name: name.to_owned(), reason: reason.to_owned() };
+    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        tally.skips.push(skip("archives", "needs linux: they are made on Linux on x86-64"));
+        return Ok(tally);
+    }
+    let (Some(cmake), Some(cc)) = (tools::cmake(&Console::new()), tools::on_path("cc")) else {
+        tally.skips.push(skip("archives", "needs cmake and cc: apt install cmake gcc"));
+        return Ok(tally);
+    };
+    context.build_programs(log)?;
+    host::windows_library(context, log)?;
+    let work = fresh(context, "dist")?;
+    let made = [work.join("first"), work.join("second")]
+        .map(|folder| dist::make(context.clone, &[Platform::Windows, Platform::Linux], Source::Tests, &folder));
+    let [first, second] = made;
+    let first = first?;
+    for (one, other) in first.iter().zip(second?) {
+        let differs = one.sha256 != other.sha256;
+        tally.check(differs.then(|| format!("{} is another file the second time", one.path.display())));
+    }
+    let sums = log.run(Command::new("sha256sum").args(["--check", "SHA256SUMS"]).current_dir(work.join("first")))?;
+    tally.check((!sums.success).then(|| "SHA256SUMS are not the archives'".to_owned()));
+    let [windows, slim, linux] = first.as_slice() else {
+        return Err(format!("{} archives were made, not three", first.len()));
+    };
+    let unpacked = work.join(UNPACKED);
+    let unpack = |log: &mut Log, made: &Made| unpack(log, &cmake, made, &unpacked);
+    let (windows, slim, linux) = (unpack(log, windows)?, unpack(log, slim)?, unpack(log, linux)?);
+    for root in [&windows, &slim, &linux] {
+        tally.check(promises(root)?);
+        tally.check(foreign(root)?);
+    }
+    tally.check((!windows.join("runtime/DirectML.dll").is_file()).then(|| "the runtimes are missing".to_owned()));
+    tally.check(slim.join("runtime").exists().then(|| "the slim archive has runtimes".to_owned()));
+
+    let place = Place { context, work: &work, cmake: &cmake };
+    place.on_linux(log, &linux, &cc, &mut tally)?;
+    match lab::or_skip("hosts from the Windows archive")? {
+        Some(skip) => tally.skips.push(skip),
+        None => place.on_windows(log, &windows, &mut tally)?,
+    }
+    Ok(tally)
+}
+
+/// The archives of this clone and of a clone of it, compiled for hosts' users in two places.
+pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    let work = fresh(context, "dist-release")?;
+    let other = work.join("clone");
+    let cloned = log.run(Command::new("git").args(["clone", "--quiet"]).arg(&context.clone.root).arg(&other))?.success;
+    if !cloned {
+        return Err("the clone cannot be cloned".to_owned());
+    }
+    let here = dist::make(context.clone, &[Platform::Windows, Platform::Linux], Source::Release, &work.join("here"))?;
+    let mut command = Command::new(tools::cargo());
+    command.args(["xtask", "dist", "--out"]).arg(work.join("there")).current_dir(&other);
+    command.env("CARGO_TARGET_DIR", work.join("target"));
+    if !log.run(&mut command)?.success {
+        return Err("the other clone makes no archives".to_owned());
+    }
+    for made in here {
+        let name = made.path.file_name().unwrap_or_default();
+        let read = |path: &Path| fs::read(path).map_err(|e| format!("{}: {e}", path.display()));
+        let differs = read(&made.path)? != read(&work.join("there").join(name))?;
+        tally.check(differs.then(|| format!("{} is another file from another place", name.display())));
+    }
+    fs::remove_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    Ok(tally)
+}
+
+/// An empty folder for what is made.
+fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String> {
+    let work = context.clone.target.join("xtask").join("test").join(name);
+    match fs::remove_dir_all(&work) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
+        _ => {}
+    }
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    Ok(work)
+}
+
+/// Unpacks an archive with a program that is not ours; its one folder.
+fn unpack(log: &mut Log, cmake: &Path, made: &Made, into: &Path) -> Result<PathBuf, String> {
+    fs::create_dir_all(into).map_err(|e| format!("{}: {e}", into.display()))?;
+    let unpacked = log.run(Command::new(cmake).args(["-E", "tar", "xf"]).arg(&made.path).current_dir(into))?.success;
+    let name = made.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let folder = into.join(name.trim_end_matches(".zip").trim_end_matches(".tar.gz"));
+    if unpacked && folder.is_dir() {
+        Ok(folder)
+    } else {
+        Err(format!("{name} does not unpack into a folder of its name"))
+    }
+}
+
+/// What the first column of the page's table names and the archive does not have. A slim archive's page is the other's.
+fn promises(root: &Path) -> Result<Option<String>, String> {
+    let page = root.join("README.md");
+    let text = fs::read_to_string(&page).map_err(|e| format!("{}: {e}", page.display()))?;
+    let slim = root.to_string_lossy().ends_with("-slim");
+    let named: Vec<&str> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `")?.split(" | ").next())
+        .flat_map(|column| column.split('`').step_by(2))
+        .filter(|name| !(slim && *name == "runtime/"))
+        .collect();
+    if named.len() < 8 {
+        return Err(format!("{} has no table of files", page.display()));
+    }
+    let missing: Vec<_> = named.into_iter().filter(|name| !root.join(name).exists()).collect();
+    Ok((!missing.is_empty()).then(|| format!("{} names {}", page.display(), missing.join(", "))))
+}
+
+/// Files that must not be in an archive: AMD's, and our tests.
+fn foreign(root: &Path) -> Result<Option<String>, String> {
+    let mut folders = vec![root.to_owned()];
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))? {
+            let path = entry.map_err(|e| format!("{}: {e}", folder.display()))?.path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+            if path.is_dir() {
+                folders.push(path.clone());
+            }
+            if name.starts_with("amd_") || name.starts_with("ffx") || name == "tests" || name == "target" {
+                found.push(path.display().to_string());
+            }
+        }
+    }
+    Ok((!found.is_empty()).then(|| format!("archives must not have {}", found.join(", "))))
+}
+
+/// Where hosts are built, and by what.
+struct Place<'a> {
+    context: &'a Context<'a>,
+    work: &'a Path,
+    cmake: &'a Path,
+}
+
+impl Place<'_> {
+    fn write(&self, folder: &str, name: &str, text: &str) -> Result<PathBuf, String> {
+        let path = self.work.join(folder).join(name);
+        fs::create_dir_all(self.work.join(folder)).map_err(|e| format!("{}: {e}", path.display()))?;
+        fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(path)
+    }
+
+    /// By CMake, the sample as its page says and a project that finds the package; by pkg-config, one file.
+    fn on_linux(&self, log: &mut Log, root: &Path, cc: &Path, tally: &mut Tally) -> Result<(), String> {
+        let build = self.work.join("host-c");
+        let source = root.join("samples").join("host-c");
+        let mut configure = Command::new(self.cmake);
+        configure.arg("-S").arg(source).arg("-B").arg(&build).arg("-DCMAKE_C_FLAGS=-Werror");
+        let built =
+            log.run(&mut configure)?.success && log.run(Command::new(self.cmake).arg("--build").arg(&build))?.success;
+        tally.check((!built).then(|| "host-c does not build from the archive".to_owned()));
+        if built {
+            let mut command = Command::new(build.join("host-c"));
+            self.context.provide_worlds(command.current_dir(self.work))?;
+            let (script, seed) = (root.join("samples/scripts/walk.txt"), root.join("samples/worlds/place.ppm"));
+            command.arg("--script").arg(script).arg("--seed-picture").arg(seed);
+            let ended = log.run(command.args(["--seconds", "0.2", "--out", "walk.y4m"]))?;
+            let video = fs::read(self.work.join("walk.y4m")).unwrap_or_default();
+            let wrong = !ended.success || !video.starts_with(b"YUV4MPEG2 W320 H180 ");
+            tally.check(
+                wrong.then(|| "host-c of the archive writes no video of the world inside the library".to_owned()),
+            );
+        }
+
+        self.write("found", "game.c", HOST)?;
+        let list = self.write("found", "CMakeLists.txt", PROJECT)?;
+        let build = self.work.join("found-build");
+        let mut configure = Command::new(self.cmake);
+        configure.arg("-S").arg(list.with_file_name("")).arg("-B").arg(&build);
+        configure.arg(format!("-DCMAKE_PREFIX_PATH={}", root.display()));
+        let right = log.run(&mut configure)?.success
+            && log.run(Command::new(self.cmake).arg("--build").arg(&build))?.success
+            && log.run(&mut Command::new(build.join("game")))?.success;
+        tally.check((!right).then(|| "a project that finds the package by CMake has no library".to_owned()));
+        let mut later = Command::new(self.cmake);
+        let wanted = self.write("later", "CMakeLists.txt", &PROJECT.replace("Cairn 0.1", "Cairn 0.2"))?;
+        later.arg("-S").arg(wanted.with_file_name("")).arg("-B").arg(self.work.join("later-build"));
+        let refused = log.run(later.arg(format!("-DCMAKE_PREFIX_PATH={}", root.display())))?;
+        let named = refused.output.contains("CairnConfig.cmake, version: 0.1");
+        tally.check((refused.success || !named).then(|| "a later version is found where this one is".to_owned()));
+
+        let Some(pkg_config) = tools::on_path("pkg-config") else {
+            let reason = "needs pkg-config: apt install pkg-config";
+            tally.skips.push(Skip { name: "the archive by pkg-config".into(), reason: reason.into() });
+            return Ok(());
+        };
+        let flags = output(
+            Command::new(pkg_config)
+                .args(["--cflags", "--libs", "cairn"])
+                .env("PKG_CONFIG_PATH", root.join("lib").join("pkgconfig")),
+        )?;
+        let program = self.work.join("by-pkg-config");
+        // Its words are a shell's, with the folder's space in them.
+        let script = format!("\"$1\" -std=c11 \"$2\" {} -o \"$3\"", flags.trim());
+        let mut command = Command::new("sh");
+        command.args(["-c", &script, "sh"]).arg(cc).arg(self.work.join("found").join("game.c")).arg(&program);
+        let right = log.run(&mut command)?.success && log.run(&mut Command::new(&program))?.success;
+        tally.check((!right).then(|| "pkg-config does not lead to the library".to_owned()));
+        Ok(())
+    }
+
+    /// The sample as its page says, run with nothing but what the archive has; a project that finds the package; and a
+    /// program that LLVM links as MSVC does.
+    fn on_windows(&self, log: &mut Log, root: &Path, tally: &mut Tally) -> Result<(), String> {
+        let source = root.join("samples").join("host-d3d12");
+        let program = host::windows_sample(log, self.cmake, &source, &self.work.join("host-d3d12"), &[])?;
+        let (script, seed) = (root.join("samples/scripts/walk.txt"), root.join("samples/worlds/place.ppm"));
+        let mut command = in_lab(&program)?;
+        // What this machine has elsewhere is not looked at.
+        command.env_remove("CAIRN_ONNXRUNTIME").env("CAIRN_CACHE_DIR", self.work.join("no cache"));
+        command.args(["--headless", "6", "--record", "walk", "--anchors", "cpu", "--script"]).arg(script);
+        command.arg("--seed-picture").arg(seed).current_dir(self.work);
+        let ended = log.run(&mut command)?;
+        let frames = (0..6).filter(|i| self.work.join("walk").join(format!("frame-{i:05}.ppm")).is_file()).count();
+        let wrong = !ended.success || frames != 6;
+        tally.check(wrong.then(|| format!("host-d3d12 of the archive records {frames} of 6 frames")));
+
+        let list = self.work.join("found");
+        let build = self.work.join("found-windows");
+        let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
+        let mut configure = Command::new(self.cmake);
+        configure.arg("-S").arg(&list).arg("-B").arg(&build).arg("-DCMAKE_SYSTEM_NAME=Windows");
+        configure.arg(format!("-DCMAKE_C_COMPILER={}", compiler.program.display()));
+        // CMake looks for packages of another system in that system's folders only.
+        configure.arg(format!("-DCairn_DIR={}", root.join("lib/cmake/Cairn").display()));
+        let right = log.run(&mut configure)?.success
+            && log.run(Command::new(self.cmake).arg("--build").arg(&build))?.success
+            && build.join("DirectML.dll").is_file()
+            && log.run(&mut in_lab(&build.join("game.exe"))?)?.success;
+        tally.check((!right).then(|| "a Windows project that finds the package by CMake has no library".to_owned()));
+        self.by_import_library(log, root, tally)
+    }
+
+    /// `cairn.lib`, with LLVM's compiler and linker in MSVC's manner.
+    fn by_import_library(&self, log: &mut Log, root: &Path, tally: &mut Tally) -> Result<(), String> {
+        const NAME: &str = "cairn.lib with a linker in MSVC's manner";
+        let (Some(clang), Some(lld)) = (tools::clang("clang", &Console::new()), rust_lld()?) else {
+            tally.skips.push(Skip { name: NAME.into(), reason: "needs clang: apt install clang".into() });
+            return Ok(());
+        };
+        let source = self.write("bare", "bare.c", BARE_HOST)?;
+        let folder = source.with_file_name("");
+        let mut compile = Command::new(clang);
+        compile.args([
+            "--target=x86_64-pc-windows-msvc",
+            "-std=c11",
+            "-ffreestanding",
+            "-c",
+            "bare.c",
+            "-o",
+            "bare.obj",
+        ]);
+        compile.arg("-I").arg(root.join("include")).current_dir(&folder);
+        let mut link = Command::new(lld);
+        link.args([
+            "-flavor",
+            "link",
+            "/nologo",
+            "/nodefaultlib",
+            "/entry:start",
+            "/subsystem:console",
+            "/out:bare.exe",
+        ]);
+        link.arg("bare.obj").arg(root.join("lib").join("cairn.lib")).current_dir(&folder);
+        let linked = log.run(&mut compile)?.success && log.run(&mut link)?.success;
+        tally.check((!linked).then(|| format!("{NAME}: it does not link")));
+        if linked {
+            let dll = folder.join("cairn.dll");
+            fs::copy(root.join("bin").join("cairn.dll"), &dll).map_err(|e| format!("{}: {e}", dll.display()))?;
+            let ended = log.run(&mut in_lab(&folder.join("bare.exe"))?)?;
+            tally.check((!ended.success).then(|| format!("{NAME}: the program does not find the library")));
+        }
+        Ok(())
+    }
+}
+
+/// A Windows program in the lab.
+fn in_lab(program: &Path) -> Result<Command, String> {
+    let mut command = lab::lab_run()?;
+    command.arg(program);
+    Ok(command)
+}
+
+/// The linker that rustc brings along.
+fn rust_lld() -> Result<Option<PathBuf>, String> {
+    let sysroot = output(Command::new("rustc").args(["--print", "sysroot"]))?;
+    let host = format!("lib/rustlib/{}-unknown-linux-gnu/bin/rust-lld", std::env::consts::ARCH);
+    let program = Path::new(sysroot.trim()).join(host);
+    Ok(program.is_file().then_some(program))
+}
