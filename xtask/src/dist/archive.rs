@@ -13,16 +13,18 @@ use super::tree::Tree;
 use crate::clone::Clone;
 use crate::shell::output;
 
-/// When everything in an archive was made, in whole seconds: `SOURCE_DATE_EPOCH` where it is set
-/// [https://reproducible-builds.org/specs/source-date-epoch/], else the clone's commit's.
+/// The variable that says when something is to have been made [https://reproducible-builds.org/specs/source-date-epoch/].
+pub(super) const EPOCH: &str = "SOURCE_DATE_EPOCH";
+
+/// When everything in an archive was made, in whole seconds: as the variable says, else when the clone's commit was.
 pub(super) fn moment(clone: &Clone) -> Result<Timestamp, String> {
-    let text = match std::env::var("SOURCE_DATE_EPOCH") {
+    let text = match std::env::var(EPOCH) {
         Ok(text) => text,
         Err(_) => output(Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(&clone.root))?,
     };
     let seconds = text.trim().parse().ok();
     let moment = seconds.and_then(|seconds| Timestamp::from_second(seconds).ok());
-    moment.ok_or_else(|| format!("SOURCE_DATE_EPOCH is {text:?}, and not a number of seconds since 1970"))
+    moment.ok_or_else(|| format!("{EPOCH} is {text:?}, and not a number of seconds since 1970"))
 }
 
 /// Everyone reads, the owner writes.

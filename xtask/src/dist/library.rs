@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use implib::{Flavor, ImportLibrary, MachineType};
+use jiff::Timestamp;
 use object::Object;
 use object::read::pe::PeFile64;
 use object::read::{NameOrOrdinal, ReadRef};
 use provision::{Console, tools};
 
 use super::Platform;
+use super::archive::EPOCH;
 use crate::clone::Clone;
 use crate::shell::pass_through;
 
@@ -51,7 +53,7 @@ pub(super) fn names(platform: Platform) -> [&'static str; 2] {
 }
 
 /// Builds it, or takes the one that is there.
-pub(super) fn build(clone: &Clone, platform: Platform, source: Source) -> Result<Built, String> {
+pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: Timestamp) -> Result<Built, String> {
     let windows = platform == Platform::Windows;
     let below = if windows { platform.triple() } else { "" };
     let folder = match source {
@@ -61,6 +63,7 @@ pub(super) fn build(clone: &Clone, platform: Platform, source: Source) -> Result
             let apart = clone.target.join("dist").join("build");
             let mut command = clone.cargo(["build", "--release", "--package", "cairn", "--lib", "--target-dir"]);
             command.arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(clone)?);
+            command.env(EPOCH, moment.as_second().to_string());
             if windows {
                 let console = Console::new();
                 tools::rust_target(platform.triple(), &console).map_err(|e| e.to_string())?;
@@ -76,7 +79,7 @@ pub(super) fn build(clone: &Clone, platform: Platform, source: Source) -> Result
     let work = clone.target.join("xtask").join("dist").join(platform.name());
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let [library, debug] = names(platform);
-    split(platform, &folder.join(library), &work)?;
+    split(platform, &folder.join(library), &work, moment)?;
     let read = |path: PathBuf| fs::read(&path).map_err(|e| format!("{}: {e}", path.display()));
     let import = match platform {
         Platform::Windows => {
@@ -98,8 +101,9 @@ fn flags(clone: &Clone) -> Result<String, String> {
     Ok([remap(&home, "cargo"), remap(&clone.root, "cairn")].join("\u{1f}"))
 }
 
-/// Puts the library without its debug information into `work`, and that information beside it.
-fn split(platform: Platform, library: &Path, work: &Path) -> Result<(), String> {
+/// Puts the library without its debug information into `work`, and that information beside it. A Windows file tells when it was
+/// made: at `moment`.
+fn split(platform: Platform, library: &Path, work: &Path, moment: Timestamp) -> Result<(), String> {
     let program = match platform {
         Platform::Windows => "x86_64-w64-mingw32-objcopy",
         Platform::Linux => "objcopy",
@@ -107,7 +111,9 @@ fn split(platform: Platform, library: &Path, work: &Path) -> Result<(), String> 
     let [name, debug] = names(platform);
     let run = |arguments: &[&str], files: &[&Path]| {
         // The link names the other file as it is given: in its own folder it is a name alone.
-        pass_through(Command::new(program).args(arguments).args(files).current_dir(work))
+        let mut command = Command::new(program);
+        command.args(arguments).args(files).current_dir(work).env(EPOCH, moment.as_second().to_string());
+        pass_through(&mut command)
     };
     run(&["--only-keep-debug"], &[library, Path::new(debug)])?;
     let link = format!("--add-gnu-debuglink={debug}");

@@ -83,7 +83,7 @@ pub(crate) fn make(clone: &Clone, platforms: &[Platform], source: Source, folder
     let mut made = Vec::new();
     for &platform in platforms {
         console.start(&format!("{}: building the library", platform.name()));
-        let built = library::build(clone, platform, source)?;
+        let built = library::build(clone, platform, source, moment)?;
         console.start(&format!("{}: licences of what is in it", platform.name()));
         let crates = dependencies::of(clone, platform)?;
         let bill = sbom::write(&crates, moment)?;
