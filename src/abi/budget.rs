@@ -56,8 +56,8 @@ describe!(cairn_budget, [], {
 ///
 /// budget: null ends it, and leaves things as they are.
 ///
-/// Ownership: the budget is read during the call; its worlds are kept alive until it ends, its presenter is not. On failure nothing has
-/// changed.
+/// Ownership: the budget is read during the call; on success its worlds are kept alive until it ends, its presenter is not; on failure
+/// nothing has changed.
 /// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
 /// CAIRN_ERROR_OUT_OF_MEMORY, with figures, where even the narrowest window needs too much.

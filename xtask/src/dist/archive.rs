@@ -13,7 +13,7 @@ use super::tree::Tree;
 use crate::clone::Clone;
 use crate::shell::output;
 
-/// The variable that says when something is to have been made [https://reproducible-builds.org/specs/source-date-epoch/].
+/// The variable that says when something is to have been made <https://reproducible-builds.org/specs/source-date-epoch/>.
 pub(super) const EPOCH: &str = "SOURCE_DATE_EPOCH";
 
 /// When everything in an archive was made, in whole seconds: as the variable says, else when the clone's commit was.

@@ -1,4 +1,4 @@
-//! The bill of materials, as CycloneDX 1.5 [https://cyclonedx.org/docs/1.5/json/].
+//! The bill of materials, as CycloneDX 1.5 <https://cyclonedx.org/docs/1.5/json/>.
 
 use cyclonedx_bom::external_models::uri::Uri as Address;
 use cyclonedx_bom::models::component::Classification;
@@ -53,7 +53,7 @@ pub(super) fn write(crates: &[Crate], moment: Timestamp) -> Result<Vec<u8>, Stri
     Ok(bytes)
 }
 
-/// What refers to a crate within the bill: its package URL [https://github.com/package-url/purl-spec].
+/// What refers to a crate within the bill: its package URL <https://github.com/package-url/purl-spec>.
 fn reference(name: &str, version: &str) -> String {
     format!("pkg:cargo/{name}@{version}")
 }

@@ -132,15 +132,15 @@ mod tests {
     #[test]
     fn links_lead_to_what_is_there_or_nowhere() {
         let mut tree = Tree::new("a-1".to_owned());
-        tree.add("samples/host/main.c", "").unwrap();
-        let page = "See [a file](../samples/host/main.c), [a folder](../samples), [one](gone.md#there) and [two](../../x), \
+        tree.add("a folder/host/main", "").unwrap();
+        let page = "See [a file](../a folder/host/main), [a folder](../a folder), [one](gone.md#there) and [two](../../x), \
                     ![a picture](gone.png)[here](#here), [a site](https://example.org/a_(b) and a[0](1";
-        tree.add("docs/page.md", page).unwrap();
+        tree.add("pages/page.md", page).unwrap();
         tree.unlink();
-        let (_, text) = tree.files().next().unwrap();
+        let (_, text) = tree.files().last().unwrap();
         assert_eq!(
             String::from_utf8_lossy(text),
-            "See [a file](../samples/host/main.c), [a folder](../samples), one and two, [here](#here), \
+            "See [a file](../a folder/host/main), [a folder](../a folder), one and two, [here](#here), \
              [a site](https://example.org/a_(b) and a[0](1"
         );
     }
