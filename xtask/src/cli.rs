@@ -71,9 +71,9 @@ pub(crate) enum Command {
     Shaders,
     /// Pack the library with headers, bindings, samples and licences: archives that a project takes it from
     Dist(DistOptions),
-    /// Format the code, apply what clippy can mend by itself, and write the C headers and abi.txt anew
+    /// Format the code, apply what clippy can mend by itself, and write the C headers, abi.txt and C#'s declarations anew
     Fix {
-        /// Only write the C headers and abi.txt
+        /// Only write the C headers, abi.txt and C#'s declarations
         #[arg(long)]
         abi: bool,
     },

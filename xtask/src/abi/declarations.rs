@@ -17,12 +17,15 @@ pub(crate) struct Function {
 pub(crate) struct Struct {
     pub(crate) name: String,
     pub(crate) fields: Vec<String>,
+    /// Of the same fields, without their semicolons.
+    pub(crate) declarations: Vec<String>,
 }
 
 /// All that a header declares, in its order.
 #[derive(Debug, Default)]
 pub(crate) struct Declarations {
-    pub(crate) constants: Vec<String>,
+    /// Names and values, as written.
+    pub(crate) constants: Vec<(String, String)>,
     pub(crate) structs: Vec<Struct>,
     pub(crate) functions: Vec<Function>,
     /// Function pointers and other names, as written.
@@ -56,13 +59,13 @@ pub(crate) fn read(header: &str) -> Result<Declarations, String> {
         } else if let Some(rest) = line.strip_prefix("#define CAIRN_") {
             // The include guard and the marks of linkage are no constants.
             if let Some((name, value)) = rest.split_once(' ').filter(|(_, value)| !value.starts_with("__")) {
-                let _ = value;
-                found.constants.push(format!("CAIRN_{name}"));
+                found.constants.push((format!("CAIRN_{name}"), value.to_owned()));
             }
         } else if let Some(rest) = line.strip_prefix("typedef struct ") {
             let name = rest.split([' ', ';']).next().unwrap_or_default().to_owned();
-            let fields = if line.ends_with('{') { fields(&mut lines) } else { Vec::new() };
-            found.structs.push(Struct { name, fields });
+            let declarations = if line.ends_with('{') { members(&mut lines) } else { Vec::new() };
+            let fields = declarations.iter().map(|declaration| field_name(declaration)).collect();
+            found.structs.push(Struct { name, fields, declarations });
         } else if let Some(rest) = line.strip_prefix("typedef ") {
             found.typedefs.push(until(rest, &mut lines, ';')?);
         }
@@ -83,24 +86,28 @@ fn until<'a>(start: &str, lines: &mut impl Iterator<Item = &'a str>, end: char) 
     Ok(text.trim_end_matches(end).to_owned())
 }
 
-/// Names of a struct's fields, up to its closing brace.
-fn fields<'a>(lines: &mut impl Iterator<Item = &'a str>) -> Vec<String> {
-    let mut fields = Vec::new();
+/// Declarations of a struct's fields, up to its closing brace.
+fn members<'a>(lines: &mut impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut members = Vec::new();
     for line in lines {
         let line = line.trim();
         if line.starts_with('}') {
             break;
         }
-        if let Some(declaration) = line.strip_suffix(';').filter(|line| !line.starts_with(['*', '/'])) {
-            let name = declaration.split('[').next().and_then(|head| head.rsplit([' ', '*']).next());
-            fields.extend(name.map(str::to_owned));
-        }
+        let declaration = line.strip_suffix(';').filter(|line| !line.starts_with(['*', '/']));
+        members.extend(declaration.map(str::to_owned));
     }
-    fields
+    members
+}
+
+/// The name in a field's declaration.
+fn field_name(declaration: &str) -> String {
+    let head = declaration.split('[').next().unwrap_or_default();
+    head.rsplit([' ', '*']).next().unwrap_or_default().to_owned()
 }
 
 /// What the comment of a function lacks; none when it has all its parts, in their order.
-pub(crate) fn missing_part(function: &Function, constants: &[String], version: &str) -> Option<String> {
+pub(crate) fn missing_part(function: &Function, constants: &[(String, String)], version: &str) -> Option<String> {
     let lacks = |what: &str| Some(format!("{}: {what}", function.name));
     let text = function.comment.join("\n");
     let summary = function.comment.iter().find(|line| !line.is_empty());
@@ -123,7 +130,7 @@ pub(crate) fn missing_part(function: &Function, constants: &[String], version: &
     let results = part(2);
     let named: Vec<&str> =
         results.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|w| w.starts_with("CAIRN_")).collect();
-    if let Some(unknown) = named.iter().find(|name| !constants.iter().any(|known| known == *name)) {
+    if let Some(unknown) = named.iter().find(|name| !constants.iter().any(|(known, _)| known == *name)) {
         return lacks(&format!("\"Results\" names {unknown}, which is not there"));
     }
     if function.prototype.starts_with("cairn_result ") && !named.contains(&"CAIRN_OK") {
@@ -177,10 +184,11 @@ CAIRN_API cairn_result cairn_try(void);
     #[test]
     fn all_declarations_are_found() {
         let found = read(HEADER).unwrap();
-        assert_eq!(found.constants, ["CAIRN_OK"]);
+        assert_eq!(found.constants, [("CAIRN_OK".to_owned(), "0".to_owned())]);
         let names: Vec<_> = found.structs.iter().map(|s| (s.name.as_str(), s.fields.len())).collect();
         assert_eq!(names, [("cairn_a", 0), ("cairn_b", 3)]);
         assert_eq!(found.structs[1].fields, ["struct_size", "name", "text"]);
+        assert_eq!(found.structs[1].declarations, ["uint32_t struct_size", "const char *name", "char text[8]"]);
         assert_eq!(found.typedefs, ["uint32_t (*cairn_c)(const cairn_b *b, void *user)"]);
         assert_eq!(found.functions[0].prototype, "cairn_result cairn_make(cairn_a **a, size_t b)");
         assert_eq!(found.functions[0].name, "cairn_make");

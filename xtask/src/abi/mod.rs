@@ -1,6 +1,7 @@
-//! The C interface as files: the header made from `src/abi`, the functions that the loader's header lists, and `abi.txt`, the
-//! record of what it promises.
+//! The C interface as files: the header made from `src/abi`, the functions that the loader's header lists, what C# calls them by, and
+//! `abi.txt`, the record of what it promises.
 
+pub(crate) mod csharp;
 pub(crate) mod declarations;
 pub(crate) mod header;
 pub(crate) mod loader;
@@ -8,14 +9,17 @@ pub(crate) mod record;
 
 use crate::clone::Clone;
 
-/// Writes header, loader's list and record anew.
+/// Writes header, loader's list, C#'s declarations and record anew.
 pub(crate) fn fix(clone: &Clone) -> Result<(), String> {
     let header = header::generate(&clone.root)?;
     let layout = crate::shell::output(&mut record::rust_layout(clone))?;
     let declared = declarations::read(&header)?;
     let record = record::compose(&layout, &declared);
     let loader = loader::with_lists(&clone.read(loader::LOADER)?, &declared)?;
-    for (name, text) in [(header::HEADER, header), (record::RECORD, record), (loader::LOADER, loader)] {
+    let native = csharp::generate(&declared)?;
+    let files =
+        [(header::HEADER, header), (record::RECORD, record), (loader::LOADER, loader), (csharp::NATIVE, native)];
+    for (name, text) in files {
         std::fs::write(clone.root.join(name), text).map_err(|e| format!("{name}: {e}"))?;
     }
     Ok(())

@@ -39,7 +39,7 @@ pub(crate) fn c_program(declarations: &Declarations) -> String {
     let mut program = String::from(
         "#include <stdio.h>\n#include <stddef.h>\n#include \"cairn.h\"\n\nint main(void)\n{\n    cairn_result wide = 0;\n",
     );
-    for name in &declarations.constants {
+    for (name, _) in &declarations.constants {
         _ = writeln!(program, "    printf(\"constant {name} %lld\\n\", (long long){name});");
     }
     _ = writeln!(program, "    printf(\"cairn_result %u\\n\", (unsigned)sizeof wide);");

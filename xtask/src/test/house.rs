@@ -24,8 +24,8 @@ const FOLDERS: [&str; 9] =
     ["src/", "include/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
 
 /// Endings of files that texts refer to.
-const ENDINGS: [&str; 14] =
-    ["rs", "hlsl", "c", "h", "cpp", "hpp", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
+const ENDINGS: [&str; 16] =
+    ["rs", "hlsl", "c", "h", "cpp", "hpp", "cs", "csproj", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let clone = context.clone;
@@ -63,7 +63,7 @@ fn long_files(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
 
 fn unfinished(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
     let mut finds = Vec::new();
-    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "hlsl", "py", "md", "toml"])) {
+    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "hlsl", "cs", "py", "md", "toml"])) {
         for (number, line) in clone.read(file)?.lines().enumerate() {
             for (first, second) in UNFINISHED {
                 if line.contains(&format!("{first}{second}")) {

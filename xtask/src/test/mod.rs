@@ -4,6 +4,7 @@ mod abi;
 mod browser;
 mod cargo;
 mod cpp;
+mod csharp;
 mod directml;
 mod dist;
 mod ffx;
@@ -68,6 +69,7 @@ const RUNNERS: &[Runner] = &[
         what: "the Python package, parity with the oracle, and training at its smallest",
         run: python::run,
     },
+    Runner { name: "csharp", what: "the C# binding against the library, on Mono and .NET", run: csharp::run },
     Runner { name: "shaders", what: "compiled shaders are what their text compiles to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner {

@@ -1,5 +1,5 @@
 //! The commands in README.md, docs/*.md and the pages of samples and bindings: that they exist and take the options the text
-//! gives them. And README's Rust and C: that they are parts of the examples the compilers see. Its Python is run by the Python
+//! gives them. And README's Rust, C and C#: that they are parts of the examples the compilers see. Its Python is run by the Python
 //! tests.
 
 use std::process::Command;
@@ -16,7 +16,7 @@ use crate::shell::Log;
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let pages = context.clone.files()?.into_iter().filter(|file| {
         file == "README.md"
-            || (["docs/", "samples/host-c/", "samples/host-d3d12/", "bindings/python/"]
+            || (["docs/", "samples/host-c/", "samples/host-d3d12/", "bindings/"]
                 .iter()
                 .any(|folder| file.starts_with(folder))
                 && std::path::Path::new(file).extension().is_some_and(|e| e == "md"))
@@ -31,7 +31,13 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     }
     let page = context.clone.read("README.md")?;
     let c = super::abi::example(&context.clone.read(header::HEADER)?)?;
-    for (language, example, compiled) in [("rust", EXAMPLE, context.clone.read(EXAMPLE)?), ("c", header::HEADER, c)] {
+    let csharp = super::csharp::PAGE;
+    let examples = [
+        ("rust", EXAMPLE, context.clone.read(EXAMPLE)?),
+        ("c", header::HEADER, c),
+        ("csharp", csharp, context.clone.read(csharp)?),
+    ];
+    for (language, example, compiled) in examples {
         tally.check(match block(&page, language) {
             Some(shown) if flat(&compiled).contains(&flat(shown)) => None,
             Some(_) => Some(format!("README.md shows other {language} than {example} has")),

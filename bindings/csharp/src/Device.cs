@@ -1,0 +1,374 @@
+using System;
+using System.Collections.Generic;
+using System.Runtime.ExceptionServices;
+using System.Runtime.InteropServices;
+
+namespace Cairn
+{
+    /// <summary>What devices are made of.</summary>
+    public enum DeviceKind
+    {
+        /// <summary>The host's processor, by ONNX Runtime's CPU provider.</summary>
+        Cpu = Native.DEVICE_CPU,
+        /// <summary>A Direct3D 12 adapter, by ONNX Runtime's DirectML provider.</summary>
+        D3d12 = Native.DEVICE_D3D12,
+    }
+
+    /// <summary>What numbers are computed in.</summary>
+    public enum Precision
+    {
+        /// <summary>What the device is best at.</summary>
+        Best = 0,
+        /// <summary>Float32.</summary>
+        F32 = Native.PRECISION_F32,
+        /// <summary>Float16.</summary>
+        F16 = Native.PRECISION_F16,
+    }
+
+    /// <summary>What a device may need; a newer library may have more.</summary>
+    public enum RequirementKind
+    {
+        /// <summary>The operating system and the build of the library.</summary>
+        Platform = Native.REQUIREMENT_PLATFORM,
+        /// <summary>ONNX Runtime's library.</summary>
+        OnnxRuntime = Native.REQUIREMENT_ONNXRUNTIME,
+        /// <summary>Memory of the system.</summary>
+        Memory = Native.REQUIREMENT_MEMORY,
+        /// <summary>AMD's libraries for FSR, one for each file that was found.</summary>
+        FsrLibraries = Native.REQUIREMENT_FSR_LIBRARIES,
+        /// <summary>A provider of FSR frame generation for the first adapter.</summary>
+        FsrProvider = Native.REQUIREMENT_FSR_PROVIDER,
+        /// <summary>The system's build, for FSR.</summary>
+        FsrSystem = Native.REQUIREMENT_FSR_SYSTEM,
+        /// <summary>Direct3D 12's own library, for FSR.</summary>
+        FsrDirect3d = Native.REQUIREMENT_FSR_DIRECT3D,
+        /// <summary>The shader model of the first adapter, for FSR.</summary>
+        FsrShaderModel = Native.REQUIREMENT_FSR_SHADER_MODEL,
+        /// <summary>The library's own shaders on the first adapter, for frames between anchors.</summary>
+        Shaders = Native.REQUIREMENT_SHADERS,
+    }
+
+    /// <summary>Whether something that a device needs is there.</summary>
+    public enum RequirementStatus
+    {
+        /// <summary>It is there.</summary>
+        Met = Native.REQUIREMENT_MET,
+        /// <summary>It is missing, and the device cannot be made.</summary>
+        NotMet = Native.REQUIREMENT_NOT_MET,
+        /// <summary>It depends on the world, or the system does not tell.</summary>
+        Unknown = Native.REQUIREMENT_UNKNOWN,
+        /// <summary>It is missing, and a device can be made without it.</summary>
+        Optional = Native.REQUIREMENT_OPTIONAL,
+    }
+
+    /// <summary>Something that a device can be made of.</summary>
+    public sealed unsafe class Adapter
+    {
+        internal Adapter(ref Native.adapter from)
+        {
+            Kind = (DeviceKind)from.kind;
+            Index = (int)from.index;
+            Luid = from.luid;
+            Memory = (long)from.memory;
+            fixed (byte* name = from.name) Name = Text.Decode(name, 128);
+        }
+
+        /// <summary>Of which kind.</summary>
+        public DeviceKind Kind { get; }
+
+        /// <summary>Its place among those of its kind.</summary>
+        public int Index { get; }
+
+        /// <summary>For people.</summary>
+        public string Name { get; }
+
+        /// <summary>Bytes of its own memory; for the processor, of the system's. 0 where unknown.</summary>
+        public long Memory { get; }
+
+        /// <summary>The LUID of a Direct3D 12 adapter, low part first; else 0.</summary>
+        public ulong Luid { get; }
+    }
+
+    /// <summary>One thing that a device needs.</summary>
+    public sealed unsafe class Requirement
+    {
+        internal Requirement(ref Native.requirement from)
+        {
+            Kind = (RequirementKind)from.what;
+            Status = (RequirementStatus)from.status;
+            fixed (byte* needed = from.needed) Needed = Text.Decode(needed, 96);
+            fixed (byte* found = from.found) Found = Text.Decode(found, 512);
+        }
+
+        /// <summary>What it is.</summary>
+        public RequirementKind Kind { get; }
+
+        /// <summary>Whether it is there.</summary>
+        public RequirementStatus Status { get; }
+
+        /// <summary>What is needed, for people.</summary>
+        public string Needed { get; }
+
+        /// <summary>What was found.</summary>
+        public string Found { get; }
+    }
+
+    /// <summary>How the processor is used. As it is made: one thread for each physical core.</summary>
+    public sealed class CpuOptions
+    {
+        /// <summary>
+        /// Threads that share one pass, 1 to 1024; 0 for one for each physical core. The last bits of a rollout depend on it.
+        /// </summary>
+        public int Threads { get; set; }
+
+        /// <summary>ONNX Runtime's deterministic kernels only.</summary>
+        public bool Deterministic { get; set; }
+
+        /// <summary>
+        /// The file of ONNX Runtime 1.24. Null: the one that the environment variable CAIRN_ONNXRUNTIME names, else the first beside the
+        /// library, beside the program, or in the user's cache directory.
+        /// </summary>
+        public string OnnxRuntime { get; set; }
+    }
+
+    /// <summary>What a device is.</summary>
+    public sealed unsafe class DeviceInfo
+    {
+        internal DeviceInfo(ref Native.device_info from)
+        {
+            Kind = (DeviceKind)from.kind;
+            Precision = (Precision)from.precision;
+            Threads = (int)from.threads;
+            MemoryBudgetMib = (int)from.memory_budget_mib;
+            MemoryUsedMib = (int)from.memory_used_mib;
+            fixed (byte* description = from.description) Description = Text.Decode(description, 128);
+        }
+
+        /// <summary>Of which kind.</summary>
+        public DeviceKind Kind { get; }
+
+        /// <summary>What it computes in unless told otherwise.</summary>
+        public Precision Precision { get; }
+
+        /// <summary>Threads that share one pass.</summary>
+        public int Threads { get; }
+
+        /// <summary>For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads".</summary>
+        public string Description { get; }
+
+        /// <summary>MiB of its adapter's memory that the system grants to the process now; 0 where none says so.</summary>
+        public int MemoryBudgetMib { get; }
+
+        /// <summary>MiB of it that the process uses, whoever in it does.</summary>
+        public int MemoryUsedMib { get; }
+    }
+
+    /// <summary>A stage of loading a world.</summary>
+    public enum LoadStage
+    {
+        /// <summary>Files are read and checked; bytes are counted.</summary>
+        Reading = Native.LOAD_READING,
+        /// <summary>ONNX Runtime prepares the graphs, which are counted.</summary>
+        Preparing = Native.LOAD_PREPARING,
+    }
+
+    /// <summary>Is told how far loading is, on the thread that loads; false ends it with <see cref="Result.Cancelled"/>.</summary>
+    /// <param name="stage">What is being done.</param>
+    /// <param name="done">What of the stage is done: bytes or graphs.</param>
+    /// <param name="total">What there is to do.</param>
+    public delegate bool LoadProgress(LoadStage stage, long done, long total);
+
+    /// <summary>Which world to load, and how. As it is made: the one inside the library.</summary>
+    public sealed class WorldOptions
+    {
+        /// <summary>The bundle, a folder or a file; null for the world inside the library.</summary>
+        public string Path { get; set; }
+
+        /// <summary>
+        /// How rollouts run: a preset with changes after commas, such as "coherence" or "stock,g64,native". Null for "stock" at the
+        /// bundle's own window.
+        /// </summary>
+        public string OperatingPoint { get; set; }
+
+        /// <summary>What the graphs compute in.</summary>
+        public Precision Precision { get; set; }
+
+        /// <summary>Bytes that the world with one rollout may take; 0 for what the system has available.</summary>
+        public long MemoryLimit { get; set; }
+
+        /// <summary>Narrows the global window where it is too wide for the memory, instead of refusing the world.</summary>
+        public bool FitWindow { get; set; }
+
+        /// <summary>Is told how far loading is, and may end it; what it throws ends it too. May be null.</summary>
+        public LoadProgress Progress { get; set; }
+    }
+
+    /// <summary>A device that runs worlds. May be used from any thread.</summary>
+    public sealed unsafe class Device : CairnObject
+    {
+        private static readonly Native.load_callback Callback = Told;
+        private static readonly IntPtr CallbackAddress = Marshal.GetFunctionPointerForDelegate(Callback);
+
+        private Device(IntPtr value) : base(value, handle => Library.C.device_destroy(handle))
+        {
+        }
+
+        /// <summary>A device of this machine's processor; loads ONNX Runtime.</summary>
+        /// <param name="options">How it is used; null for the defaults.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.RuntimeMissing"/> where ONNX Runtime is not there or has another version; <see cref="Result.Unsupported"/>
+        /// where the process uses another file of it already; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
+        /// </exception>
+        public static Device Cpu(CpuOptions options = null)
+        {
+            options = options ?? new CpuOptions();
+            fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
+            {
+                Native.cpu_options native = Of(options, onnxruntime);
+                IntPtr device = IntPtr.Zero;
+                return new Device(Made(Library.C.device_create_cpu(&native, &device), ref device));
+            }
+        }
+
+        /// <summary>What devices can be made of: the processor always, and Direct3D 12 adapters where the library can use them.</summary>
+        public static IReadOnlyList<Adapter> Adapters()
+        {
+            Native.Functions c = Library.C;
+            uint count = 0;
+            CairnException.ThrowIfFailed(c.adapters(null, (UIntPtr)sizeof(Native.adapter), 0, &count));
+            while (true)
+            {
+                // There may be more at the second look than at the first.
+                var room = new Native.adapter[count];
+                for (int i = 0; i < room.Length; i++) room[i].struct_size = (uint)sizeof(Native.adapter);
+                fixed (Native.adapter* at = room)
+                {
+                    CairnException.ThrowIfFailed(c.adapters(at, (UIntPtr)sizeof(Native.adapter), (uint)room.Length, &count));
+                }
+                if (count > room.Length) continue;
+                var found = new Adapter[count];
+                for (int i = 0; i < found.Length; i++) found[i] = new Adapter(ref room[i]);
+                return found;
+            }
+        }
+
+        /// <summary>What a device of that kind needs and what was found, so that a player can be shown why something is off.</summary>
+        /// <param name="kind">Of device.</param>
+        /// <param name="options">What <see cref="Cpu"/> would be given; may be null.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>; that something is missing is no error.</exception>
+        public static IReadOnlyList<Requirement> Requirements(DeviceKind kind = DeviceKind.Cpu, CpuOptions options = null)
+        {
+            options = options ?? new CpuOptions();
+            Native.Functions c = Library.C;
+            fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
+            {
+                Native.cpu_options native = Of(options, onnxruntime);
+                var stride = (UIntPtr)sizeof(Native.requirement);
+                uint count = 0;
+                CairnException.ThrowIfFailed(c.device_requirements((uint)kind, &native, null, stride, 0, &count));
+                while (true)
+                {
+                    var room = new Native.requirement[count];
+                    for (int i = 0; i < room.Length; i++) room[i].struct_size = (uint)sizeof(Native.requirement);
+                    fixed (Native.requirement* at = room)
+                    {
+                        CairnException.ThrowIfFailed(c.device_requirements((uint)kind, &native, at, stride, (uint)room.Length, &count));
+                    }
+                    if (count > room.Length) continue;
+                    var found = new Requirement[count];
+                    for (int i = 0; i < found.Length; i++) found[i] = new Requirement(ref room[i]);
+                    return found;
+                }
+            }
+        }
+
+        /// <summary>What it is.</summary>
+        public DeviceInfo Info
+        {
+            get
+            {
+                var native = new Native.device_info { struct_size = (uint)sizeof(Native.device_info) };
+                Done(Library.C.device_get_info(Value, &native));
+                return new DeviceInfo(ref native);
+            }
+        }
+
+        /// <summary>
+        /// Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs. Takes
+        /// seconds to minutes with real weights, so call it off the render thread.
+        /// </summary>
+        /// <param name="options">Which one, and how; null for the world inside the library.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Io"/>, <see cref="Result.InvalidBundle"/>,
+        /// <see cref="Result.Unsupported"/>, <see cref="Result.OutOfMemory"/> with figures, <see cref="Result.Device"/>;
+        /// <see cref="Result.Cancelled"/> where the progress answered false. What the progress throws is thrown as it is.
+        /// </exception>
+        public World LoadWorld(WorldOptions options = null)
+        {
+            options = options ?? new WorldOptions();
+            var load = new Load { Progress = options.Progress };
+            GCHandle user = GCHandle.Alloc(load);
+            try
+            {
+                fixed (byte* path = Text.Encode(options.Path, nameof(options)))
+                fixed (byte* operatingPoint = Text.Encode(options.OperatingPoint, nameof(options)))
+                {
+                    var native = new Native.world_options
+                    {
+                        struct_size = (uint)sizeof(Native.world_options),
+                        precision = (uint)options.Precision,
+                        path = path,
+                        operating_point = operatingPoint,
+                        memory_limit = Check.NotNegative(options.MemoryLimit, nameof(options)),
+                        progress = options.Progress == null ? IntPtr.Zero : CallbackAddress,
+                        user = (void*)GCHandle.ToIntPtr(user),
+                        flags = options.FitWindow ? (uint)Native.WORLD_FIT_WINDOW : 0,
+                    };
+                    IntPtr world = IntPtr.Zero;
+                    int result = Library.C.world_load(Value, &native, &world);
+                    GC.KeepAlive(this);
+                    // It goes on from where the library was entered, as nothing may be thrown through it.
+                    if (load.Thrown != null) load.Thrown.Throw();
+                    return new World(Made(result, ref world));
+                }
+            }
+            finally
+            {
+                user.Free();
+            }
+        }
+
+        private static Native.cpu_options Of(CpuOptions options, byte* onnxruntime)
+        {
+            return new Native.cpu_options
+            {
+                struct_size = (uint)sizeof(Native.cpu_options),
+                threads = Check.NotNegative(options.Threads, nameof(options)),
+                flags = options.Deterministic ? (uint)Native.CPU_DETERMINISTIC : 0,
+                onnxruntime = onnxruntime,
+            };
+        }
+
+        [MonoPInvokeCallback(typeof(Native.load_callback))]
+        private static uint Told(Native.load_progress* progress, void* user)
+        {
+            var load = (Load)GCHandle.FromIntPtr((IntPtr)user).Target;
+            try
+            {
+                return load.Progress((LoadStage)progress->stage, (long)progress->done, (long)progress->total) ? 0u : 1u;
+            }
+            catch (Exception why)
+            {
+                load.Thrown = ExceptionDispatchInfo.Capture(why);
+                return 1;
+            }
+        }
+
+        /// <summary>What a load's callback needs, and what came of it.</summary>
+        private sealed class Load
+        {
+            internal LoadProgress Progress;
+            internal ExceptionDispatchInfo Thrown;
+        }
+    }
+}

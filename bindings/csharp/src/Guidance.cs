@@ -1,0 +1,193 @@
+using System;
+using System.Runtime.InteropServices;
+
+namespace Cairn
+{
+    /// <summary>Where motion comes from.</summary>
+    public enum MotionSource
+    {
+        /// <summary>From what scores best.</summary>
+        Auto = Native.MOTION_AUTO,
+        /// <summary>From the two pictures: dense optical flow.</summary>
+        Pictures = Native.MOTION_PICTURES,
+        /// <summary>From the two latents, as the paper has it. Only anchors of a world have latents.</summary>
+        Paper = Native.MOTION_PAPER,
+        /// <summary>From what cells of the two latents look alike. Only anchors of a world have latents.</summary>
+        Latents = Native.MOTION_LATENTS,
+    }
+
+    /// <summary>What the numbers of a depth of your own are.</summary>
+    public enum DepthKind
+    {
+        /// <summary>Device depth, 0 near and 1 far.</summary>
+        Device = 0,
+        /// <summary>Device depth, 1 near and 0 far.</summary>
+        Inverted = Native.DEPTH_INVERTED,
+        /// <summary>The distance along the view axis, in the units of the near plane.</summary>
+        Linear = Native.DEPTH_LINEAR,
+    }
+
+    /// <summary>What guidance is.</summary>
+    public struct GuidanceInfo
+    {
+        private readonly Native.guidance_info from;
+
+        internal GuidanceInfo(Native.guidance_info from)
+        {
+            this.from = from;
+        }
+
+        /// <summary>In pixels.</summary>
+        public int Width
+        {
+            get { return (int)from.width; }
+        }
+
+        /// <summary>In pixels.</summary>
+        public int Height
+        {
+            get { return (int)from.height; }
+        }
+
+        /// <summary>Distance of the near plane.</summary>
+        public float NearPlane
+        {
+            get { return (float)from.near_plane; }
+        }
+
+        /// <summary>Distance of the far plane; may be infinite.</summary>
+        public float FarPlane
+        {
+            get { return (float)from.far_plane; }
+        }
+
+        /// <summary>Vertical field of view in radians.</summary>
+        public float VerticalFov
+        {
+            get { return (float)from.vertical_fov; }
+        }
+    }
+
+    /// <summary>A camera's planes and field of view. As it is made: 0.1, 100 and 60 degrees.</summary>
+    public struct Camera
+    {
+        /// <summary>A camera.</summary>
+        /// <param name="nearPlane">Above 0.</param>
+        /// <param name="farPlane">Above the near plane; may be infinite.</param>
+        /// <param name="verticalFov">In radians, inside (0, pi).</param>
+        public Camera(float nearPlane, float farPlane, float verticalFov)
+        {
+            NearPlane = nearPlane;
+            FarPlane = farPlane;
+            VerticalFov = verticalFov;
+        }
+
+        /// <summary>Distance of the near plane.</summary>
+        public float NearPlane { get; }
+
+        /// <summary>Distance of the far plane.</summary>
+        public float FarPlane { get; }
+
+        /// <summary>Vertical field of view in radians.</summary>
+        public float VerticalFov { get; }
+    }
+
+    /// <summary>
+    /// Motion and depth of a pair of anchors, both of the anchors' size. It does not change, and may be used from any thread.
+    /// </summary>
+    /// <remarks>
+    /// Motion is in pixels, two half floats for each, x and y, stored where the current anchor's pixels are and pointing from the current
+    /// anchor to the previous one, y down. Depth is device depth of the current anchor, 0 near and 1 far. Half floats are their bits.
+    /// </remarks>
+    public sealed unsafe class Guidance : CairnObject
+    {
+        private Guidance(IntPtr value) : base(value, handle => Library.C.guidance_destroy(handle))
+        {
+        }
+
+        /// <summary>
+        /// Finds motion and depth of two anchors. A presenter does it by itself; this is for doing it sooner, or looking at it.
+        /// </summary>
+        /// <param name="previous">The anchor before.</param>
+        /// <param name="current">Of the same size.</param>
+        /// <param name="source">Where motion comes from.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
+        public static Guidance OfAnchors(Anchor previous, Anchor current, MotionSource source = MotionSource.Auto)
+        {
+            IntPtr first = Check.NotNull(previous, nameof(previous)).Value;
+            IntPtr second = Check.NotNull(current, nameof(current)).Value;
+            IntPtr guidance = IntPtr.Zero;
+            int result = Library.C.guidance_create(first, second, (uint)source, &guidance);
+            GC.KeepAlive(previous);
+            GC.KeepAlive(current);
+            return new Guidance(Made(result, ref guidance));
+        }
+
+        /// <summary>Guidance of motion and depth of your own, as an engine has them; both are copied.</summary>
+        /// <param name="motion">Two half floats for each pixel, row by row. What is not finite counts as 0.</param>
+        /// <param name="depth">A number for each pixel, row by row; empty where there is none.</param>
+        /// <param name="width">In pixels, the anchors'.</param>
+        /// <param name="height">In pixels, the anchors'.</param>
+        /// <param name="kind">What the numbers of depth are.</param>
+        /// <param name="camera">Of the picture.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
+        public static Guidance OfEngine(
+            ReadOnlySpan<ushort> motion, ReadOnlySpan<float> depth, int width, int height, DepthKind kind = DepthKind.Device,
+            Camera camera = default(Camera))
+        {
+            fixed (ushort* vectors = &MemoryMarshal.GetReference(motion))
+            fixed (float* distances = &MemoryMarshal.GetReference(depth))
+            {
+                var data = new Native.guidance_data
+                {
+                    struct_size = (uint)sizeof(Native.guidance_data),
+                    flags = (uint)kind,
+                    width = Check.NotNegative(width, nameof(width)),
+                    height = Check.NotNegative(height, nameof(height)),
+                    motion = vectors,
+                    motion_count = (ulong)motion.Length,
+                    depth = distances,
+                    depth_count = (ulong)depth.Length,
+                    near_plane = camera.NearPlane,
+                    far_plane = camera.FarPlane,
+                    vertical_fov = camera.VerticalFov,
+                };
+                IntPtr guidance = IntPtr.Zero;
+                return new Guidance(Made(Library.C.guidance_create_from_host(&data, &guidance), ref guidance));
+            }
+        }
+
+        /// <summary>What it is.</summary>
+        public GuidanceInfo Info
+        {
+            get
+            {
+                var native = new Native.guidance_info { struct_size = (uint)sizeof(Native.guidance_info) };
+                Done(Library.C.guidance_get_info(Value, &native));
+                return new GuidanceInfo(native);
+            }
+        }
+
+        /// <summary>Copies the motion: two half floats for each pixel, row by row.</summary>
+        /// <param name="values">Room for exactly as many.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> for another room.</exception>
+        public void ReadMotion(Span<ushort> values)
+        {
+            fixed (ushort* at = &MemoryMarshal.GetReference(values))
+            {
+                Done(Library.C.guidance_read_motion(Value, at, (UIntPtr)values.Length));
+            }
+        }
+
+        /// <summary>Copies the depth: a number for each pixel, row by row.</summary>
+        /// <param name="values">Room for exactly as many.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> for another room.</exception>
+        public void ReadDepth(Span<float> values)
+        {
+            fixed (float* at = &MemoryMarshal.GetReference(values))
+            {
+                Done(Library.C.guidance_read_depth(Value, at, (UIntPtr)values.Length));
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+using System;
+using System.ComponentModel;
+using System.Runtime.InteropServices;
+
+namespace Cairn
+{
+    /// <summary>The system's own loader of shared libraries, by whole paths: what else a process has under the name is not met.</summary>
+    internal static class Loader
+    {
+        /// <summary>Loads a file; zero where that fails, and then why.</summary>
+        internal static IntPtr Open(string path, out string why)
+        {
+            why = "";
+            if (RuntimeInformation.IsOSPlatform(OSPlatform.Windows))
+            {
+                // What the library needs is looked for beside it, not beside the program.
+                const uint AlteredSearchPath = 8;
+                IntPtr module = Windows.LoadLibraryExW(path, IntPtr.Zero, AlteredSearchPath);
+                if (module == IntPtr.Zero) why = new Win32Exception(Marshal.GetLastWin32Error()).Message;
+                return module;
+            }
+            const int Now = 2;
+            byte[] name = Text.Encode(path, nameof(path));
+            IntPtr found = OfUnix<IntPtr>(() => Apple.dlopen(name, Now), () => Linux.dlopen(name, Now), () => Other.dlopen(name, Now));
+            if (found == IntPtr.Zero) why = Text.Decode(OfUnix<IntPtr>(Apple.dlerror, Linux.dlerror, Other.dlerror));
+            return found;
+        }
+
+        /// <summary>The address of a function; zero where the library has none of that name.</summary>
+        internal static IntPtr Symbol(IntPtr library, string name)
+        {
+            if (RuntimeInformation.IsOSPlatform(OSPlatform.Windows)) return Windows.GetProcAddress(library, name);
+            return OfUnix<IntPtr>(
+                () => Apple.dlsym(library, name), () => Linux.dlsym(library, name), () => Other.dlsym(library, name));
+        }
+
+        private static T OfUnix<T>(Func<T> apple, Func<T> linux, Func<T> other)
+        {
+            if (RuntimeInformation.IsOSPlatform(OSPlatform.OSX)) return apple();
+            try
+            {
+                return linux();
+            }
+            catch (DllNotFoundException)
+            {
+                // A C library that has the loader in itself and no file of glibc's name.
+                return other();
+            }
+        }
+
+        private static class Windows
+        {
+            [DllImport("kernel32", CharSet = CharSet.Unicode, ExactSpelling = true, SetLastError = true)]
+            internal static extern IntPtr LoadLibraryExW(string path, IntPtr file, uint flags);
+
+            [DllImport("kernel32", CharSet = CharSet.Ansi, ExactSpelling = true, BestFitMapping = false)]
+            internal static extern IntPtr GetProcAddress(IntPtr module, string name);
+        }
+
+        private static class Linux
+        {
+            private const string From = "libdl.so.2";
+
+            [DllImport(From)]
+            internal static extern IntPtr dlopen(byte[] path, int flags);
+
+            [DllImport(From, CharSet = CharSet.Ansi, BestFitMapping = false)]
+            internal static extern IntPtr dlsym(IntPtr library, string name);
+
+            [DllImport(From)]
+            internal static extern IntPtr dlerror();
+        }
+
+        private static class Other
+        {
+            private const string From = "libc";
+
+            [DllImport(From)]
+            internal static extern IntPtr dlopen(byte[] path, int flags);
+
+            [DllImport(From, CharSet = CharSet.Ansi, BestFitMapping = false)]
+            internal static extern IntPtr dlsym(IntPtr library, string name);
+
+            [DllImport(From)]
+            internal static extern IntPtr dlerror();
+        }
+
+        private static class Apple
+        {
+            private const string From = "/usr/lib/libSystem.dylib";
+
+            [DllImport(From)]
+            internal static extern IntPtr dlopen(byte[] path, int flags);
+
+            [DllImport(From, CharSet = CharSet.Ansi, BestFitMapping = false)]
+            internal static extern IntPtr dlsym(IntPtr library, string name);
+
+            [DllImport(From)]
+            internal static extern IntPtr dlerror();
+        }
+    }
+}

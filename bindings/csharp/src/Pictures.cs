@@ -1,0 +1,120 @@
+using System;
+using System.Runtime.InteropServices;
+
+namespace Cairn
+{
+    /// <summary>How pixels lie in memory.</summary>
+    public enum PixelFormat
+    {
+        /// <summary>Four bytes to a pixel, red first; display-referred sRGB, alpha straight.</summary>
+        Rgba8 = Native.FORMAT_RGBA8,
+        /// <summary>Four bytes to a pixel, blue first.</summary>
+        Bgra8 = Native.FORMAT_BGRA8,
+        /// <summary>Four half floats to a pixel, red first; for targets only.</summary>
+        Rgba16F = Native.FORMAT_RGBA16F,
+        /// <summary>Four bytes to a pixel: ten bits of red, the lowest, of green and of blue, two of alpha; for targets only.</summary>
+        Rgb10A2 = Native.FORMAT_RGB10A2,
+    }
+
+    /// <summary>
+    /// A picture in your memory that is read during a call only: rows from top to bottom. Spans, arrays and native memory will do.
+    /// </summary>
+    public ref struct PictureView
+    {
+        /// <summary>A picture.</summary>
+        /// <param name="pixels">The pixels, the top left one first.</param>
+        /// <param name="width">In pixels, 1 to 16384.</param>
+        /// <param name="height">In pixels, 1 to 16384.</param>
+        /// <param name="format"><see cref="PixelFormat.Rgba8"/> or <see cref="PixelFormat.Bgra8"/>.</param>
+        /// <param name="rowPitch">Bytes from one row to the next; 0 for rows without a gap.</param>
+        public PictureView(ReadOnlySpan<byte> pixels, int width, int height, PixelFormat format = PixelFormat.Rgba8, int rowPitch = 0)
+        {
+            Pixels = pixels;
+            Width = width;
+            Height = height;
+            Format = format;
+            RowPitch = rowPitch;
+        }
+
+        /// <summary>The pixels, the top left one first.</summary>
+        public ReadOnlySpan<byte> Pixels { get; }
+
+        /// <summary>In pixels.</summary>
+        public int Width { get; }
+
+        /// <summary>In pixels.</summary>
+        public int Height { get; }
+
+        /// <summary>How pixels lie in memory.</summary>
+        public PixelFormat Format { get; }
+
+        /// <summary>Bytes from one row to the next; 0 for rows without a gap.</summary>
+        public int RowPitch { get; }
+
+        /// <summary>For the library, with pixels that the caller has fixed.</summary>
+        internal unsafe Native.picture At(byte* pixels)
+        {
+            return new Native.picture
+            {
+                struct_size = (uint)sizeof(Native.picture),
+                format = (uint)Format,
+                width = Check.NotNegative(Width, "width"),
+                height = Check.NotNegative(Height, "height"),
+                pixels = pixels,
+                size = (ulong)Pixels.Length,
+                row_pitch = Check.NotNegative(RowPitch, "rowPitch"),
+            };
+        }
+    }
+
+    /// <summary>
+    /// Memory of yours that a picture is written into, during a call only. Bytes between rows are left alone.
+    /// </summary>
+    public ref struct PictureTarget
+    {
+        /// <summary>Memory for a picture.</summary>
+        /// <param name="pixels">Room for the pixels, the top left one first.</param>
+        /// <param name="width">In pixels; must be the picture's.</param>
+        /// <param name="height">In pixels; must be the picture's.</param>
+        /// <param name="format">How pixels shall lie.</param>
+        /// <param name="rowPitch">Bytes from one row to the next; 0 for rows without a gap.</param>
+        public PictureTarget(Span<byte> pixels, int width, int height, PixelFormat format = PixelFormat.Rgba8, int rowPitch = 0)
+        {
+            Pixels = pixels;
+            Width = width;
+            Height = height;
+            Format = format;
+            RowPitch = rowPitch;
+        }
+
+        /// <summary>Room for the pixels, the top left one first.</summary>
+        public Span<byte> Pixels { get; }
+
+        /// <summary>In pixels.</summary>
+        public int Width { get; }
+
+        /// <summary>In pixels.</summary>
+        public int Height { get; }
+
+        /// <summary>How pixels shall lie.</summary>
+        public PixelFormat Format { get; }
+
+        /// <summary>Bytes from one row to the next; 0 for rows without a gap.</summary>
+        public int RowPitch { get; }
+
+        /// <summary>For the library, with pixels that the caller has fixed.</summary>
+        internal unsafe Native.target At(byte* pixels)
+        {
+            return new Native.target
+            {
+                struct_size = (uint)sizeof(Native.target),
+                format = (uint)Format,
+                width = Check.NotNegative(Width, "width"),
+                height = Check.NotNegative(Height, "height"),
+                pixels = pixels,
+                size = (ulong)Pixels.Length,
+                row_pitch = Check.NotNegative(RowPitch, "rowPitch"),
+            };
+        }
+    }
+}

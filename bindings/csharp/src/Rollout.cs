@@ -1,0 +1,441 @@
+using System;
+using System.Collections.Generic;
+using System.Runtime.InteropServices;
+
+namespace Cairn
+{
+    /// <summary>What one step did. Times are nanoseconds of wall time.</summary>
+    public struct StepInfo
+    {
+        private readonly Native.step_info from;
+
+        internal StepInfo(Native.step_info from)
+        {
+            this.from = from;
+        }
+
+        /// <summary>Keys and values of the latent went into the ring.</summary>
+        public bool IsCommitted
+        {
+            get { return (from.flags & Native.STEP_COMMITTED) != 0; }
+        }
+
+        /// <summary>The number of the latent that was made, from 0.</summary>
+        public long Latent
+        {
+            get { return (long)from.latent; }
+        }
+
+        /// <summary>Denoise passes.</summary>
+        public int DenoisePasses
+        {
+            get { return (int)from.denoise_passes; }
+        }
+
+        /// <summary>Passes that make keys and values for the ring.</summary>
+        public int CachePasses
+        {
+            get { return (int)from.cache_passes; }
+        }
+
+        /// <summary>A picture made a latent.</summary>
+        public long EncodeNs
+        {
+            get { return (long)from.encode_ns; }
+        }
+
+        /// <summary>All denoise passes.</summary>
+        public long DenoiseNs
+        {
+            get { return (long)from.denoise_ns; }
+        }
+
+        /// <summary>All cache passes.</summary>
+        public long CacheNs
+        {
+            get { return (long)from.cache_ns; }
+        }
+
+        /// <summary>Results checked and copied into the ring.</summary>
+        public long CommitNs
+        {
+            get { return (long)from.commit_ns; }
+        }
+
+        /// <summary>The latent made pictures.</summary>
+        public long DecodeNs
+        {
+            get { return (long)from.decode_ns; }
+        }
+
+        /// <summary>Bytes that went into the ring.</summary>
+        public long RingBytes
+        {
+            get { return (long)from.ring_bytes; }
+        }
+    }
+
+    /// <summary>What a rollout is, and how far.</summary>
+    public sealed unsafe class RolloutInfo
+    {
+        internal RolloutInfo(ref Native.rollout_info from)
+        {
+            PicturesPerLatent = (int)from.pictures_per_latent;
+            Latents = (long)from.latents;
+            Seed = from.seed;
+            LatentsPerSecond = (int)from.latents_per_second;
+            PresentedRate = (int)from.presented_rate;
+            fixed (byte* point = from.operating_point) OperatingPoint = Text.Decode(point, 192);
+        }
+
+        /// <summary>Pictures that each anchor has.</summary>
+        public int PicturesPerLatent { get; }
+
+        /// <summary>Latents made so far.</summary>
+        public long Latents { get; }
+
+        /// <summary>What decides its noise.</summary>
+        public ulong Seed { get; }
+
+        /// <summary>Latents per second of world time: what each step's controls are summed over.</summary>
+        public int LatentsPerSecond { get; }
+
+        /// <summary>Pictures per second that the operating point means to show.</summary>
+        public int PresentedRate { get; }
+
+        /// <summary>How it runs, in full.</summary>
+        public string OperatingPoint { get; }
+    }
+
+    /// <summary>What a rollout and its frames may take: time, memory or both.</summary>
+    public sealed class Budget
+    {
+        /// <summary>Nanoseconds of the device's time for each frame that is shown, anchors and all; 0 for as long as it takes.</summary>
+        public long FrameNs { get; set; }
+
+        /// <summary>MiB that the world in use and its rollout may need; 0 for as many as there are.</summary>
+        public long MemoryMib { get; set; }
+
+        /// <summary>Frames that are shown for each anchor, at most 64; 0 for the presenter's own, and for 1 without.</summary>
+        public int Multiplier { get; set; }
+
+        /// <summary>
+        /// Schedules as in operating points, each with fewer passes than the one before, at most 8: "stock", "explicit:1:0.5:0". Null for
+        /// the rollout's own alone.
+        /// </summary>
+        public IReadOnlyList<string> Schedules { get; set; }
+
+        /// <summary>Further worlds of the same bundle that the rollout may go on in, loaded with other global windows, at most 8; may be null.</summary>
+        public IReadOnlyList<World> Worlds { get; set; }
+
+        /// <summary>The presenter whose frames are held to it too; may be null.</summary>
+        public Presenter Presenter { get; set; }
+    }
+
+    /// <summary>One running instance of a world: its memory of the past, its clocks and its noise.</summary>
+    /// <remarks>
+    /// <see cref="Append"/>, <see cref="Step"/>, <see cref="Reset"/>, <see cref="Restore"/> and what sets a budget are one at a time:
+    /// beside another of them, or while steps are queued, they throw <see cref="Result.Busy"/> and do nothing. All else may be called from
+    /// any thread at any time; queries throw <see cref="Result.Busy"/> while a step is running.
+    /// </remarks>
+    public sealed unsafe class Rollout : CairnObject
+    {
+        internal Rollout(IntPtr value) : base(value, handle => Library.C.rollout_destroy(handle))
+        {
+        }
+
+        /// <summary>What it is, and how far.</summary>
+        /// <exception cref="CairnException"><see cref="Result.Busy"/> while a step is running.</exception>
+        public RolloutInfo Info
+        {
+            get
+            {
+                var native = new Native.rollout_info { struct_size = (uint)sizeof(Native.rollout_info) };
+                Done(Library.C.rollout_get_info(Value, &native));
+                return new RolloutInfo(ref native);
+            }
+        }
+
+        /// <summary>What it has done so far; does not wait for a step that is running.</summary>
+        public RolloutStatistics Statistics
+        {
+            get
+            {
+                var native = new Native.rollout_statistics { struct_size = (uint)sizeof(Native.rollout_statistics) };
+                Done(Library.C.rollout_get_statistics(Value, &native));
+                return new RolloutStatistics(native);
+            }
+        }
+
+        /// <summary>Appends a picture of any size: the seed, or later an edit of the scene. On the calling thread.</summary>
+        /// <param name="picture">Is copied.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/>, <see cref="Result.Device"/>,
+        /// <see cref="Result.Cancelled"/>; the rollout is then as it was.
+        /// </exception>
+        public StepInfo Append(PictureView picture)
+        {
+            fixed (byte* pixels = &MemoryMarshal.GetReference(picture.Pixels))
+            {
+                Native.picture native = picture.At(pixels);
+                Native.step_info info = EmptyInfo();
+                Done(Library.C.rollout_append(Value, &native, &info));
+                return new StepInfo(info);
+            }
+        }
+
+        /// <summary>
+        /// Makes the next latent; the controls stand for one latent's span of world time. On the calling thread.
+        /// </summary>
+        /// <param name="controls">Of the step.</param>
+        /// <exception cref="CairnException">
+        /// As for <see cref="Append"/>, and <see cref="Result.Unsupported"/> for a key that the world does not know.
+        /// </exception>
+        public StepInfo Step(Controls controls = default(Controls))
+        {
+            Native.controls native = controls.Struct();
+            Native.step_info info = EmptyInfo();
+            Done(Library.C.rollout_step(Value, &native, &info));
+            return new StepInfo(info);
+        }
+
+        /// <summary>A copy of the last anchor: its pictures and its latent.</summary>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.InvalidArgument"/> before the first latent; <see cref="Result.Busy"/> while a step is running.
+        /// </exception>
+        public Anchor Anchor()
+        {
+            IntPtr anchor = IntPtr.Zero;
+            int result = Done(Library.C.rollout_get_anchor(Value, &anchor));
+            return new Anchor(Made(result, ref anchor));
+        }
+
+        /// <summary>Back to the start with the same seed: no latents, empty memory.</summary>
+        /// <exception cref="CairnException"><see cref="Result.Busy"/>, <see cref="Result.Device"/>.</exception>
+        public void Reset()
+        {
+            Done(Library.C.rollout_reset(Value));
+        }
+
+        /// <summary>
+        /// Holds latents to so much wall time each: they are made by the first of the schedules until that takes too long, then by one with
+        /// fewer passes. It goes by the times of the latents before, so that the same controls may give other pictures the next time.
+        /// </summary>
+        /// <param name="latentNs">Nanoseconds for a latent.</param>
+        /// <param name="schedules">As in operating points, such as "stock" and "explicit:1:0.5:0"; none ends it.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>.</exception>
+        public void SetBudget(long latentNs, params string[] schedules)
+        {
+            fixed (byte* list = Text.Encode(string.Join(" ", Check.NotNull(schedules, nameof(schedules))), nameof(schedules)))
+            {
+                Done(Library.C.rollout_set_budget(Value, Check.NotNegative(latentNs, nameof(latentNs)), list));
+            }
+        }
+
+        /// <summary>
+        /// Holds the rollout, and the frames of a presenter, to a budget: it picks how many passes latents have, how far back they see, and
+        /// how many of the frames between anchors are made. <see cref="Statistics"/> says what it did.
+        /// </summary>
+        /// <param name="budget">What they may take; null ends it, and leaves things as they are.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/> where even the narrowest
+        /// window needs too much.
+        /// </exception>
+        public void Govern(Budget budget)
+        {
+            if (budget == null)
+            {
+                Done(Library.C.rollout_govern(Value, null));
+                return;
+            }
+            int count = budget.Worlds == null ? 0 : budget.Worlds.Count;
+            var worlds = new IntPtr[count];
+            for (int i = 0; i < count; i++) worlds[i] = Check.NotNull(budget.Worlds[i], nameof(budget)).Value;
+            string list = budget.Schedules == null ? null : string.Join(" ", budget.Schedules);
+            fixed (IntPtr* each = worlds)
+            fixed (byte* schedules = Text.Encode(list, nameof(budget)))
+            {
+                var native = new Native.budget
+                {
+                    struct_size = (uint)sizeof(Native.budget),
+                    multiplier = Check.NotNegative(budget.Multiplier, nameof(budget)),
+                    frame_ns = Check.NotNegative(budget.FrameNs, nameof(budget)),
+                    memory_mib = Check.NotNegative(budget.MemoryMib, nameof(budget)),
+                    schedules = schedules,
+                    worlds = each,
+                    world_count = (uint)count,
+                    presenter = budget.Presenter == null ? IntPtr.Zero : budget.Presenter.Value,
+                };
+                int result = Library.C.rollout_govern(Value, &native);
+                GC.KeepAlive(budget);
+                Done(result);
+            }
+        }
+
+        /// <summary>Queues a step for the rollout's own thread, and returns at once. A step that fails takes those behind it with it.</summary>
+        /// <param name="controls">Of the step.</param>
+        /// <param name="ticket">To ask for the result with.</param>
+        /// <returns>False where the queue is full: take results from it, then try again.</returns>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
+        public bool TrySubmit(Controls controls, out long ticket)
+        {
+            Native.controls native = controls.Struct();
+            ulong number = 0;
+            int result = Done(Library.C.rollout_submit(Value, &native, &number));
+            ticket = (long)number;
+            return result == Native.OK;
+        }
+
+        /// <summary>Queues the append of a picture, which is copied.</summary>
+        /// <param name="picture">See <see cref="Append"/>.</param>
+        /// <param name="ticket">To ask for the result with.</param>
+        /// <returns>False where the queue is full.</returns>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
+        public bool TrySubmitPicture(PictureView picture, out long ticket)
+        {
+            fixed (byte* pixels = &MemoryMarshal.GetReference(picture.Pixels))
+            {
+                Native.picture native = picture.At(pixels);
+                ulong number = 0;
+                int result = Done(Library.C.rollout_submit_picture(Value, &native, &number));
+                ticket = (long)number;
+                return result == Native.OK;
+            }
+        }
+
+        /// <summary>Asks for the result of a queued step, without waiting. Each ticket has one result, which is given once.</summary>
+        /// <param name="ticket">Of the step.</param>
+        /// <param name="info">What it did.</param>
+        /// <param name="anchor">What it made, yours to close.</param>
+        /// <returns>False while it waits or runs.</returns>
+        /// <exception cref="CairnException">
+        /// What the step failed with; <see cref="Result.InvalidArgument"/> for a ticket that was given its result.
+        /// </exception>
+        public bool TryTake(long ticket, out StepInfo info, out Anchor anchor)
+        {
+            Native.step_info native = EmptyInfo();
+            IntPtr made = IntPtr.Zero;
+            int result = Done(Library.C.rollout_poll(Value, Check.NotNegative(ticket, nameof(ticket)), &native, &made));
+            return Taken(result, native, made, out info, out anchor);
+        }
+
+        /// <summary>As <see cref="TryTake"/>, and waits for the step to end.</summary>
+        /// <param name="ticket">Of the step.</param>
+        /// <param name="timeout">How long at most; <see cref="System.Threading.Timeout.InfiniteTimeSpan"/> for as long as it takes.</param>
+        /// <param name="info">What it did.</param>
+        /// <param name="anchor">What it made, yours to close.</param>
+        /// <returns>False when the time is over.</returns>
+        /// <exception cref="CairnException">
+        /// As <see cref="TryTake"/>; closing the rollout ends the wait with <see cref="Result.Cancelled"/>.
+        /// </exception>
+        public bool Wait(long ticket, TimeSpan timeout, out StepInfo info, out Anchor anchor)
+        {
+            ulong most = Native.FOREVER;
+            if (timeout != System.Threading.Timeout.InfiniteTimeSpan)
+            {
+                if (timeout < TimeSpan.Zero) throw new ArgumentOutOfRangeException(nameof(timeout), timeout, "It must not be negative");
+                most = (ulong)timeout.Ticks * 100;
+            }
+            Native.step_info native = EmptyInfo();
+            IntPtr made = IntPtr.Zero;
+            int result = Done(Library.C.rollout_wait(Value, Check.NotNegative(ticket, nameof(ticket)), most, &native, &made));
+            return Taken(result, native, made, out info, out anchor);
+        }
+
+        /// <summary>
+        /// Ends all that is going on: queued steps are not made, and the one in progress ends before its next pass. Each fails with
+        /// <see cref="Result.Cancelled"/>, and the rollout is as before it. Does not wait.
+        /// </summary>
+        public void Cancel()
+        {
+            Done(Library.C.rollout_cancel(Value));
+        }
+
+        /// <summary>Holds the queue: the step in progress ends as it would, and no other begins.</summary>
+        public void Pause()
+        {
+            Done(Library.C.rollout_pause(Value));
+        }
+
+        /// <summary>Lets a held queue go on.</summary>
+        public void Resume()
+        {
+            Done(Library.C.rollout_resume(Value));
+        }
+
+        /// <summary>Lets exactly one step of a held queue run.</summary>
+        /// <returns>False where none is queued that was not let go already.</returns>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> where the queue is not held.</exception>
+        public bool SingleStep()
+        {
+            return Done(Library.C.rollout_single_step(Value)) == Native.OK;
+        }
+
+        /// <summary>
+        /// The whole state: memory, clocks, seed, operating point and last pictures. A rollout that takes it up goes on bit for bit.
+        /// </summary>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.Busy"/> while a step is running; <see cref="Result.OutOfMemory"/>, <see cref="Result.Device"/>.
+        /// </exception>
+        public byte[] Save()
+        {
+            UIntPtr size = UIntPtr.Zero;
+            Done(Library.C.rollout_save(Value, null, UIntPtr.Zero, &size));
+            var state = new byte[(long)size];
+            fixed (byte* at = state)
+            {
+                Done(Library.C.rollout_save(Value, at, size, &size));
+            }
+            return state;
+        }
+
+        /// <summary>Writes the whole state into a file, whole or not at all.</summary>
+        /// <param name="path">A file that is there is replaced.</param>
+        /// <exception cref="CairnException"><see cref="Result.Io"/>, and as <see cref="Save"/>.</exception>
+        public void SaveFile(string path)
+        {
+            fixed (byte* at = Text.Encode(Check.NotNull(path, nameof(path)), nameof(path)))
+            {
+                Done(Library.C.rollout_save_file(Value, at));
+            }
+        }
+
+        /// <summary>Takes up a state of the same bundle, precision and global window; seed and operating point become the state's.</summary>
+        /// <param name="state">What <see cref="Save"/> gave.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.InvalidState"/>, <see cref="Result.Unsupported"/> for a state of another version, <see cref="Result.Busy"/>,
+        /// <see cref="Result.Device"/>; the rollout is then as it was.
+        /// </exception>
+        public void Restore(ReadOnlySpan<byte> state)
+        {
+            fixed (byte* at = &MemoryMarshal.GetReference(state))
+            {
+                Done(Library.C.rollout_restore(Value, at, (UIntPtr)state.Length));
+            }
+        }
+
+        /// <summary>Takes up a state from a file.</summary>
+        /// <param name="path">Of the file.</param>
+        /// <exception cref="CairnException"><see cref="Result.Io"/>, and as <see cref="Restore"/>.</exception>
+        public void RestoreFile(string path)
+        {
+            fixed (byte* at = Text.Encode(Check.NotNull(path, nameof(path)), nameof(path)))
+            {
+                Done(Library.C.rollout_restore_file(Value, at));
+            }
+        }
+
+        private static Native.step_info EmptyInfo()
+        {
+            return new Native.step_info { struct_size = (uint)sizeof(Native.step_info) };
+        }
+
+        private static bool Taken(int result, Native.step_info native, IntPtr made, out StepInfo info, out Anchor anchor)
+        {
+            bool taken = result == Native.OK;
+            info = new StepInfo(native);
+            anchor = taken ? new Anchor(made) : null;
+            return taken;
+        }
+    }
+}

@@ -1,0 +1,112 @@
+using System;
+using System.Collections.Generic;
+using System.Diagnostics;
+using System.IO;
+using System.Linq;
+using System.Reflection;
+
+namespace Cairn.Tests
+{
+    /// <summary>A test: a method without parameters. Those of a class run in the order they are written.</summary>
+    [AttributeUsage(AttributeTargets.Method)]
+    internal sealed class TestAttribute : Attribute
+    {
+        /// <summary>It asks what .NET itself has, and Mono's packages have not.</summary>
+        public bool OnDotNet { get; set; }
+    }
+
+    internal sealed class Failure : Exception
+    {
+        internal Failure(string message) : base(message)
+        {
+        }
+    }
+
+    /// <summary>What tests say of what they see.</summary>
+    internal static class Expect
+    {
+        internal static void True(bool holds, string what)
+        {
+            if (!holds) throw new Failure(what);
+        }
+
+        internal static void Equal<T>(T expected, T found, string what = "value")
+        {
+            if (!EqualityComparer<T>.Default.Equals(expected, found)) throw new Failure($"{what} is {found}, not {expected}");
+        }
+
+        internal static void Same(byte[] expected, byte[] found, string what)
+        {
+            True(expected.AsSpan().SequenceEqual(found), $"{what} differ");
+        }
+
+        internal static void Contains(string part, string whole)
+        {
+            True(whole.Contains(part), $"\"{part}\" is not in \"{whole}\"");
+        }
+
+        internal static T Throws<T>(Action act) where T : Exception
+        {
+            try
+            {
+                act();
+            }
+            catch (T thrown)
+            {
+                return thrown;
+            }
+            throw new Failure($"no {typeof(T).Name} was thrown");
+        }
+
+        internal static CairnException Fails(Result result, Action act)
+        {
+            var thrown = Throws<CairnException>(act);
+            Equal(result, thrown.Result, $"the result ({thrown.Message})");
+            Contains(thrown.Function + ": ", thrown.Message);
+            return thrown;
+        }
+    }
+
+    internal static class Program
+    {
+        /// <summary>What the program is told by its environment.</summary>
+        internal static string Told(string name)
+        {
+            string value = Environment.GetEnvironmentVariable(name);
+            Expect.True(!string.IsNullOrEmpty(value), $"{name} is not set: `cargo xtask test csharp` sets it");
+            return value;
+        }
+
+        private static int Main()
+        {
+            // A library is loaded once: what comes before that is first.
+            var classes = new[]
+            {
+                typeof(InterfaceTests), typeof(LoadingTests), typeof(ObjectTests), typeof(RolloutTests), typeof(PresenterTests), typeof(PageTests),
+            };
+            var failed = 0;
+            foreach (Type type in classes)
+            {
+                foreach (MethodInfo method in type.GetMethods(BindingFlags.Static | BindingFlags.NonPublic | BindingFlags.Public).OrderBy(each => each.MetadataToken))
+                {
+                    var test = method.GetCustomAttribute<TestAttribute>();
+                    if (test == null || test.OnDotNet && Type.GetType("Mono.Runtime") != null) continue;
+                    var clock = Stopwatch.StartNew();
+                    try
+                    {
+                        method.Invoke(null, null);
+                        Console.WriteLine($"test {type.Name}.{method.Name} ... ok");
+                        Console.WriteLine($"  {clock.ElapsedMilliseconds} ms");
+                    }
+                    catch (TargetInvocationException why)
+                    {
+                        failed++;
+                        Console.WriteLine(why.InnerException);
+                        Console.WriteLine($"test {type.Name}.{method.Name} ... FAILED");
+                    }
+                }
+            }
+            return failed == 0 ? 0 : 1;
+        }
+    }
+}

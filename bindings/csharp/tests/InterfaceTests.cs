@@ -1,0 +1,192 @@
+using System;
+using System.Collections.Generic;
+using System.IO;
+using System.Linq;
+using System.Reflection;
+using System.Runtime.CompilerServices;
+using System.Runtime.InteropServices;
+
+namespace Cairn.Tests
+{
+    /// <summary>What is declared here against abi.txt, the record of the C interface.</summary>
+    internal static class InterfaceTests
+    {
+        private const BindingFlags All = BindingFlags.NonPublic | BindingFlags.Public | BindingFlags.Instance | BindingFlags.Static;
+
+        private static string[][] Lines(string kind)
+        {
+            string[] record = File.ReadAllLines(Program.Told("CAIRN_TEST_RECORD"));
+            string[][] found = record.Where(line => line.StartsWith(kind + " ")).Select(line => line.Split(' ').Skip(1).ToArray()).ToArray();
+            Expect.True(found.Length > 0, $"abi.txt has no {kind}");
+            return found;
+        }
+
+        private static Type Struct(string name)
+        {
+            return typeof(Native).GetNestedType(name.Substring("cairn_".Length), All);
+        }
+
+        [Test]
+        private static void ConstantsAreThoseOfTheRecord()
+        {
+            string[][] recorded = Lines("constant");
+            foreach (string[] line in recorded)
+            {
+                FieldInfo field = typeof(Native).GetField(line[0].Substring("CAIRN_".Length), All);
+                Expect.True(field != null, $"there is no {line[0]}");
+                // The record has a timeout that never comes as a signed number.
+                long value = field.FieldType == typeof(ulong) ? (long)(ulong)field.GetRawConstantValue() : (int)field.GetRawConstantValue();
+                Expect.Equal(long.Parse(line[1]), value, line[0]);
+            }
+            Expect.Equal(recorded.Length, typeof(Native).GetFields(All).Length, "the number of constants");
+        }
+
+        [Test]
+        private static void StructsHaveTheSizesAndPlacesOfTheRecord()
+        {
+            string[][] fields = Lines("field");
+            // Of several sizes the last is today's.
+            Dictionary<string, int> sizes = Lines("size").GroupBy(line => line[0]).ToDictionary(each => each.Key, each => int.Parse(each.Last()[1]));
+            var compared = 0;
+            foreach (string name in sizes.Keys)
+            {
+                Type type = Struct(name);
+                if (type == null) continue;
+                Expect.Equal(sizes[name], Marshal.SizeOf(type), $"the size of {name}");
+                string[][] own = fields.Where(line => line[0].StartsWith(name + ".")).ToArray();
+                FieldInfo[] declared = type.GetFields(All).OrderBy(field => field.MetadataToken).ToArray();
+                Expect.Equal(own.Length, declared.Length, $"the number of fields of {name}");
+                for (int i = 0; i < own.Length; i++)
+                {
+                    Expect.Equal(own[i][0], $"{name}.{declared[i].Name}", "a field");
+                    Expect.Equal(int.Parse(own[i][1]), (int)Marshal.OffsetOf(type, declared[i].Name), $"the place of {own[i][0]}");
+                    Expect.Equal(int.Parse(own[i][2]), SizeOf(declared[i]), $"the size of {own[i][0]}");
+                    compared++;
+                }
+            }
+            Expect.True(compared > 200, $"only {compared} fields were compared");
+        }
+
+        private static int SizeOf(FieldInfo field)
+        {
+            var array = field.GetCustomAttribute<FixedBufferAttribute>();
+            if (array != null) return Marshal.SizeOf(array.ElementType) * array.Length;
+            return field.FieldType.IsPointer ? IntPtr.Size : Marshal.SizeOf(field.FieldType);
+        }
+
+        /// <summary>The C type of each parameter, from "cairn_result name(TYPE a, TYPE b)".</summary>
+        private static string[] Parameters(string prototype)
+        {
+            string inside = prototype.Substring(prototype.IndexOf('(') + 1).TrimEnd(')');
+            if (inside == "void") return new string[0];
+            return inside.Split(',').Select(each => each.Substring(0, each.LastIndexOfAny(new[] { ' ', '*' }) + 1).Replace("const ", "").Replace("struct ", "").Trim()).ToArray();
+        }
+
+        private static Type Of(string c)
+        {
+            var plain = new Dictionary<string, Type>
+            {
+                ["uint32_t"] = typeof(uint), ["int32_t"] = typeof(int), ["uint64_t"] = typeof(ulong), ["size_t"] = typeof(UIntPtr), ["float"] = typeof(float),
+                ["cairn_result"] = typeof(int), ["void"] = typeof(void), ["char"] = typeof(byte), ["uint8_t"] = typeof(byte), ["uint16_t"] = typeof(ushort),
+                ["cairn_log_callback"] = typeof(IntPtr),
+            };
+            int stars = c.Count(letter => letter == '*');
+            string name = c.Replace("*", "").Trim();
+            Type type;
+            if (!plain.TryGetValue(name, out type)) type = Struct(name);
+            if (type == null)
+            {
+                // A handle is a number.
+                Expect.True(name.StartsWith("cairn_") && stars > 0, $"an unknown type: {c}");
+                type = typeof(IntPtr);
+                stars--;
+            }
+            for (; stars > 0; stars--) type = type.MakePointerType();
+            return type;
+        }
+
+        [Test]
+        private static void FunctionsTakeAndAnswerWhatTheRecordSays()
+        {
+            var recorded = new HashSet<string>();
+            foreach (string line in Lines("function").Select(words => string.Join(" ", words)))
+            {
+                string head = line.Substring(0, line.IndexOf('('));
+                string name = head.Substring(head.LastIndexOfAny(new[] { ' ', '*' }) + 1);
+                string answer = head.Substring(0, head.Length - name.Length).Replace("const ", "").Trim();
+                FieldInfo field = typeof(Native.Functions).GetField(name.Substring("cairn_".Length), All);
+                Expect.True(field != null, $"there is no {name}");
+                MethodInfo method = field.FieldType.GetMethod("Invoke");
+                Expect.Equal(Of(answer), method.ReturnType, $"the result of {name}");
+                Type[] own = method.GetParameters().Select(each => each.ParameterType).ToArray();
+                Type[] wanted = Parameters(line).Select(Of).ToArray();
+                Expect.True(own.SequenceEqual(wanted), $"{name} takes {string.Join<Type>(", ", own)}, not {string.Join<Type>(", ", wanted)}");
+                var convention = field.FieldType.GetCustomAttribute<UnmanagedFunctionPointerAttribute>();
+                Expect.Equal(CallingConvention.Cdecl, convention.CallingConvention, name);
+                recorded.Add(field.Name);
+            }
+            var declared = new HashSet<string>(typeof(Native.Functions).GetFields(All).Select(field => field.Name));
+            Expect.True(declared.SetEquals(recorded), "functions are not those of the record: " + string.Join(", ", declared.Except(recorded)));
+        }
+
+        [Test(OnDotNet = true)]
+        private static void OnlyTypesOfNetstandardAreUsed()
+        {
+            // All that it has is defined elsewhere and forwarded from there.
+            MethodInfo forwarded = typeof(Assembly).GetMethod("GetForwardedTypes", Type.EmptyTypes);
+            var standard = new HashSet<Type>((Type[])forwarded.Invoke(Assembly.Load("netstandard"), null));
+            Module module = typeof(Library).Module;
+            var used = 0;
+            try
+            {
+                // The table of types that are used and not defined here.
+                for (int token = 0x01000001; ; token++, used++)
+                {
+                    Type type = module.ResolveType(token);
+                    Expect.True(type.IsNested || standard.Contains(type), $"{type} is not in netstandard");
+                }
+            }
+            catch (ArgumentOutOfRangeException)
+            {
+                Expect.True(used > 30, $"only {used} types were looked at");
+            }
+        }
+
+        [Test]
+        private static void EveryConstantOfAKindHasItsName()
+        {
+            Named<LogLevel>("LOG_");
+            Named<DeviceKind>("DEVICE_");
+            Named<Precision>("PRECISION_", "Best");
+            Named<LoadStage>("LOAD_");
+            Named<PixelFormat>("FORMAT_");
+            Named<MotionSource>("MOTION_");
+            Named<DepthKind>("DEPTH_", "Device");
+            Named<Preference>("PREFER_");
+            Named<ColourSpace>("COLOUR_");
+            Named<FrameSource>("FRAME_", without: new[] { "FRAME_CUT", "FRAME_REPEATED" });
+            string[] statuses = { "REQUIREMENT_MET", "REQUIREMENT_NOT_MET", "REQUIREMENT_UNKNOWN", "REQUIREMENT_OPTIONAL" };
+            Named<RequirementKind>("REQUIREMENT_", without: statuses);
+            Expect.Equal(statuses.Length, Enum.GetNames(typeof(RequirementStatus)).Length);
+            Named<Result>("ERROR_", "Ok", "NotReady", "Truncated", "QueueFull");
+        }
+
+        private static void Named<T>(string prefix, params string[] besides)
+        {
+            Named<T>(prefix, new string[0], besides);
+        }
+
+        private static void Named<T>(string prefix, string[] without, params string[] besides)
+        {
+            IEnumerable<FieldInfo> constants = typeof(Native).GetFields(All).Where(field => field.Name.StartsWith(prefix) && !without.Contains(field.Name));
+            foreach (FieldInfo constant in constants)
+            {
+                string name = Enum.GetName(typeof(T), constant.GetRawConstantValue());
+                string expected = constant.Name.Substring(prefix.Length).Replace("_", "");
+                Expect.True(string.Equals(name, expected, StringComparison.OrdinalIgnoreCase), $"{typeof(T).Name} calls {constant.Name} {name}");
+            }
+            Expect.Equal(constants.Count() + besides.Length, Enum.GetNames(typeof(T)).Length, $"the number of names of {typeof(T).Name}");
+            Expect.True(besides.All(name => Enum.IsDefined(typeof(T), name)), $"{typeof(T).Name} lacks a name");
+        }
+    }
+}

@@ -1,0 +1,14 @@
+using System.IO;
+
+namespace Cairn.Tests
+{
+    /// <summary>The examples of README.md, which are compiled into <c>Page</c> as they stand there.</summary>
+    internal static class PageTests
+    {
+        [Test]
+        private static void ExamplesDoWhatTheySay()
+        {
+            Page.Run();
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! `bindings/csharp`: it declares what `include/cairn.h` does, compiles without a warning and with a word on every public item, and its tests
+//! run against the library on Mono and on .NET.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::{Console, DotNet, Mono};
+
+use super::Context;
+use super::abi;
+use super::tally::{Skip, Tally};
+use crate::abi::{csharp, declarations, header, record};
+use crate::shell::Log;
+
+/// Its examples are compiled and run.
+pub(super) const PAGE: &str = "bindings/csharp/README.md";
+const PROJECT: &str = "bindings/csharp/Cairn.csproj";
+const STAND_IN: &str = "tests/host/stand_in.c";
+
+/// Where library and assemblies are brought: with a space and a letter that is not Latin.
+const FOLDER: &str = "a folder Ж";
+
+/// Libraries that are not quite Cairn, and what makes them so.
+const STAND_INS: [(&str, &[&str]); 5] = [
+    ("other", &[]),
+    ("later", &["-DSTAND_IN_ABI=CAIRN_ABI_VERSION+1"]),
+    ("earlier", &["-DSTAND_IN_ABI=CAIRN_ABI_VERSION-1"]),
+    ("older", &["-DSTAND_IN_ABI=CAIRN_ABI_VERSION", "-DSTAND_IN_VERSION=CAIRN_VERSION-1"]),
+    ("incomplete", &["-DSTAND_IN_ABI=CAIRN_ABI_VERSION", "-DSTAND_IN_VERSION=CAIRN_VERSION"]),
+];
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let clone = context.clone;
+    let mut tally = Tally::default();
+    let declared = declarations::read(&clone.read(header::HEADER)?)?;
+    let differs = csharp::generate(&declared)? != clone.read(csharp::NATIVE)?;
+    tally.check(
+        differs.then(|| format!("{} is not what the header says; cargo xtask fix --abi writes it", csharp::NATIVE)),
+    );
+    let version = format!("<Version>{}</Version>", env!("CARGO_PKG_VERSION"));
+    let stale = !clone.read(PROJECT)?.contains(&version);
+    tally.check(stale.then(|| format!("{PROJECT} does not have {version}")));
+
+    let skip = |name: &str, reason: String| Skip { name: name.to_owned(), reason };
+    if !cfg!(target_os = "linux") {
+        tally.skips.push(skip("C#", "needs linux: elsewhere no Mono is fetched".to_owned()));
+        return Ok(tally);
+    }
+    let mono = match provision::mono(&Console::new()) {
+        Ok(mono) => mono,
+        Err(e) => {
+            tally.skips.push(skip("C#", format!("needs mono: {e}")));
+            return Ok(tally);
+        }
+    };
+    let library = abi::library(context, log)?;
+    let place = Place { context, mono, work: clone.target.join("xtask").join("test").join("csharp") };
+    place.make_stand_ins(log)?;
+    place.check(log, &library, &place.of_mono()?, &mut tally)?;
+    match provision::dotnet(&Console::new()) {
+        Ok(dotnet) => place.check(log, &library, &place.of_dotnet(&dotnet)?, &mut tally)?,
+        Err(e) => tally.skips.push(skip("C# on .NET", format!("needs dotnet: {e}"))),
+    }
+    Ok(tally)
+}
+
+/// Of .NET's own assemblies those that the binding and its tests use.
+const FRAMEWORK: [&str; 14] = [
+    "Microsoft.Win32.Primitives",
+    "System.Collections",
+    "System.Console",
+    "System.IO.FileSystem",
+    "System.Linq",
+    "System.Memory",
+    "System.Private.CoreLib",
+    "System.Runtime",
+    "System.Runtime.Extensions",
+    "System.Runtime.InteropServices",
+    "System.Runtime.InteropServices.RuntimeInformation",
+    "System.Text.Encoding.Extensions",
+    "System.Threading",
+    "System.Threading.Thread",
+];
+
+/// What programs run on.
+struct Runtime {
+    name: &'static str,
+    /// Of the library and the assemblies.
+    folder: PathBuf,
+    /// What the compiler is told of the runtime's own assemblies.
+    references: Vec<String>,
+    /// To be given a program.
+    program: Command,
+}
+
+struct Place<'a> {
+    context: &'a Context<'a>,
+    mono: Mono,
+    work: PathBuf,
+}
+
+impl Place<'_> {
+    fn of_mono(&self) -> Result<Runtime, String> {
+        let mut program = self.mono.program();
+        program.arg("--debug");
+        let folder = self.folder("mono")?;
+        Ok(Runtime { name: "C# on Mono", folder, references: vec!["-r:System.Core.dll".to_owned()], program })
+    }
+
+    fn of_dotnet(&self, dotnet: &DotNet) -> Result<Runtime, String> {
+        let folder = self.folder("dotnet")?;
+        let settings = folder.join("Cairn.Tests.runtimeconfig.json");
+        fs::write(&settings, DotNet::SETTINGS).map_err(|e| format!("{}: {e}", settings.display()))?;
+        let own = dotnet.framework();
+        // Its assemblies name each other by versions that the compiler wants to talk about.
+        let mut references: Vec<String> = ["-nostdlib", "-noconfig", "-nowarn:1702"].map(str::to_owned).into();
+        references.extend(FRAMEWORK.iter().map(|name| format!("-r:{}", own.join(format!("{name}.dll")).display())));
+        Ok(Runtime { name: "C# on .NET", folder, references, program: dotnet.program() })
+    }
+
+    fn folder(&self, name: &str) -> Result<PathBuf, String> {
+        let folder = self.work.join(FOLDER).join(name);
+        fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        Ok(folder)
+    }
+
+    /// In a new folder, libraries that are not quite Cairn.
+    fn make_stand_ins(&self, log: &mut Log) -> Result<(), String> {
+        match fs::remove_dir_all(&self.work) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", self.work.display())),
+            _ => {}
+        }
+        fs::create_dir_all(&self.work).map_err(|e| format!("{}: {e}", self.work.display()))?;
+        for (name, defines) in STAND_INS {
+            let root = &self.context.clone.root;
+            let mut command = Command::new("cc");
+            command.args(["-std=c11", "-shared", "-fPIC", "-include", "cairn.h"]).args(defines);
+            command.arg("-I").arg(root.join("include")).arg(root.join(STAND_IN));
+            command.arg("-o").arg(self.work.join(format!("{name}.so")));
+            if !log.run(&mut command)?.success {
+                return Err(format!("{STAND_IN} does not compile as {name}"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Compiles everything for a runtime, beside the library, and runs the tests.
+    fn check(&self, log: &mut Log, library: &Path, runtime: &Runtime, tally: &mut Tally) -> Result<(), String> {
+        let own = runtime.folder.join(library.file_name().unwrap_or_default());
+        // The same file under another name takes no room; not every file system has that.
+        if fs::hard_link(library, &own).is_err() {
+            fs::copy(library, &own).map_err(|e| format!("{}: {e}", own.display()))?;
+        }
+        let tests = runtime.folder.join("Cairn.Tests.dll");
+        if let Some(failure) = self.compile(log, runtime, &tests)? {
+            tally.failures.push(format!("{}: {failure}", runtime.name));
+            return Ok(());
+        }
+        let mut command = Command::new(runtime.program.get_program());
+        command.args(runtime.program.get_args()).arg(&tests).current_dir(&runtime.folder);
+        command.envs(runtime.program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        command.env("CAIRN_TEST_RECORD", self.context.clone.root.join(record::RECORD));
+        command.env("CAIRN_TEST_STAND_INS", &self.work).env_remove("CAIRN_LIBRARY");
+        self.context.provide_worlds(&mut command)?;
+        abi::count(runtime.name, &log.run(&mut command)?, tally);
+        Ok(())
+    }
+
+    /// Compiles the assembly, its documentation and its tests; what went wrong.
+    fn compile(&self, log: &mut Log, runtime: &Runtime, tests: &Path) -> Result<Option<String>, String> {
+        // Mono's compiler knows nothing later; a project of .NET compiles them as 7.3.
+        const STRICT: [&str; 4] = ["-langversion:7.2", "-unsafe", "-warnaserror+", "-warn:4"];
+        let clone = self.context.clone;
+        let files = clone.files()?;
+        let below = |folder: &str| -> Vec<PathBuf> {
+            let files = files.iter().filter(|file| file.starts_with(folder) && file.ends_with(".cs"));
+            files.map(|file| clone.root.join(file)).collect()
+        };
+        let option = |name: &str, file: &Path| format!("-{name}:{}", file.display());
+        let assembly = runtime.folder.join("Cairn.dll");
+        let mut command = self.mono.compiler();
+        command.arg("-target:library").args(STRICT).args(&runtime.references).args(below("bindings/csharp/src/"));
+        // With it a public item without a word is a warning, and so an error.
+        command.arg(option("doc", &runtime.folder.join("Cairn.xml"))).arg(option("out", &assembly));
+        if !log.run(&mut command)?.success {
+            return Ok(Some("bindings/csharp/src does not compile".to_owned()));
+        }
+        let page = self.work.join("Page.cs");
+        fs::write(&page, examples(&clone.read(PAGE)?)?).map_err(|e| format!("{}: {e}", page.display()))?;
+        let mut command = self.mono.compiler();
+        command.arg("-target:exe").args(STRICT).args(&runtime.references).arg(option("r", &assembly));
+        command.args(below("bindings/csharp/tests/")).arg(&page).arg(option("out", tests));
+        let compiled = log.run(&mut command)?.success;
+        Ok((!compiled).then(|| format!("bindings/csharp/tests, or an example of {PAGE}, does not compile")))
+    }
+}
+
+/// A page's examples as a source file, one after the other.
+fn examples(page: &str) -> Result<String, String> {
+    let blocks: Vec<&str> = page.split("```csharp\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    if blocks.is_empty() {
+        return Err(format!("{PAGE} has no example"));
+    }
+    let body: String = blocks.iter().map(|block| format!("{{\n{block}}}\n")).collect();
+    Ok(format!(
+        "using System;\n\nnamespace Cairn.Tests\n{{\ninternal static class Page\n{{\ninternal static void Run()\n{{\n{body}}}\n}}\n}}\n"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_example_of_a_page_is_taken() {
+        let text = examples("text\n```csharp\nA();\n```\n```sh\nls\n```\n```csharp\nB();\n```\n").unwrap();
+        assert!(text.contains("{\nA();\n}\n{\nB();\n}\n") && !text.contains("ls"), "{text}");
+        assert!(examples("no example").is_err());
+    }
+}
