@@ -408,7 +408,7 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
     let ground = |x: usize, y: usize| {
         [((x * 37 + y * 101) % 200) as u8, ((x * 59 + y * 23) % 120 + 80) as u8, ((x * y + x) % 180) as u8, 255]
     };
-    let presenter = Presenter::new(options(MotionSource::PictureFlow), None).expect("a presenter");
+    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
     for number in 0..2 {
         let mut picture = Picture::new(size.0, size.1).expect("a picture");
         for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
@@ -416,36 +416,51 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
         }
         let guidance = (number > 0).then(|| going(size, -12.0));
         let anchor = Arc::new(KeptAnchor::of_picture(picture, number as u64, false));
-        presenter.push(anchor, guidance, number as u64 * INTERVAL).expect("it is taken");
+        both.push(&anchor, guidance.as_ref(), number as u64 * INTERVAL);
     }
-    let mut drawer = DeviceDrawer::new(&gpu, size, Colours::Shown).expect("a drawer");
-    let mut frame_at = |now: u64| {
+    let count = (size.0 * size.1) as usize;
+    let told = |over: &dyn Fn(usize) -> bool| Some((size, (0..count).map(|i| u8::from(over(i))).collect::<Vec<_>>()));
+    // The frame at a time by each generator, where so much is said.
+    let mut frames_at = |now: u64, overlay: Option<((u32, u32), Vec<u8>)>| {
+        for presenter in [&both.host, &both.device] {
+            presenter.set_overlay(overlay.clone()).expect("an overlay");
+        }
         let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
         let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
-        let (_, moment) = presenter.submit(now, &mut drawer, &target).expect("it is made").expect("a frame");
+        let (_, moment) = both.device.submit(now, &mut both.drawer, &target).expect("it is made").expect("a frame");
         moment.wait().expect("it is there");
-        textures::read(&engine.device, &engine.direct, &texture, PRESENT)
+        let of_device = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
+        let mut of_host = Vec::new();
+        both.host.draw(now, size, |picture| of_host.extend_from_slice(picture.rgba())).expect("it is drawn");
+        [("shader", of_device), ("cpu", of_host)]
     };
-    let count = (size.0 * size.1) as usize;
-    let told = |over: &dyn Fn(usize) -> bool| Some((size, (0..count).map(|i| u8::from(over(i))).collect()));
-    presenter.set_overlay(told(&is_over)).expect("an overlay");
-    let found = frame_at(INTERVAL * 5 / 4);
-    for (i, pixel) in found.as_chunks::<4>().0.iter().enumerate() {
-        let expected = if is_over(i) { COLOUR } else { ground(i % 95 + 9, i / 95) };
-        assert_eq!(*pixel, expected, "pixel {i}");
+    for (generator, found) in frames_at(INTERVAL * 5 / 4, told(&is_over)) {
+        for (i, pixel) in found.as_chunks::<4>().0.iter().enumerate() {
+            let expected = if is_over(i) { COLOUR } else { ground(i % 95 + 9, i / 95) };
+            assert_eq!(*pixel, expected, "{generator}: pixel {i}");
+        }
     }
     // Where everything stands still, nothing goes; and where nothing is said any more, the ground does again.
-    presenter.set_overlay(told(&|_| true)).expect("an overlay");
-    let still = frame_at(INTERVAL * 3 / 2);
-    presenter.set_overlay(None).expect("none");
+    let still = frames_at(INTERVAL * 3 / 2, told(&|_| true));
+    let again = frames_at(INTERVAL * 7 / 4, None);
     let moved = |pixels: &[u8], shift: usize| {
         let pairs = pixels.as_chunks::<4>().0.iter().enumerate();
         pairs.filter(|(i, pixel)| !is_over(*i) && **pixel == ground(i % 95 + 12 - shift, i / 95)).count()
     };
-    let again = frame_at(INTERVAL * 7 / 4);
     let ground_pixels = (0..count).filter(|i| !is_over(*i)).count();
-    let counts = [moved(&still, 6), moved(&again, 9)];
-    assert!(counts[0] * 2 < ground_pixels && counts[1] * 10 > 9 * ground_pixels, "{counts:?} of {ground_pixels}");
+    for ((generator, still), (_, again)) in still.iter().zip(&again) {
+        let counts = [moved(still, 6), moved(again, 9)];
+        assert!(
+            counts[0] * 2 < ground_pixels && counts[1] * 10 > 9 * ground_pixels,
+            "{generator}: {counts:?} of {ground_pixels}"
+        );
+    }
+    // Beyond the last anchor nobody could tell it from colours: there is no other picture.
+    for (generator, found) in frames_at(INTERVAL * 9 / 4, told(&is_over)) {
+        let pixels = found.as_chunks::<4>().0.iter().enumerate();
+        let wrong = pixels.filter(|(i, pixel)| is_over(*i) != (**pixel == COLOUR)).count();
+        assert_eq!(wrong, 0, "{generator}: beyond the last anchor");
+    }
 }
 
 #[test]

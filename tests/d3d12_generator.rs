@@ -64,6 +64,13 @@ where
         if has_depth {
             pair = pair.with_previous_depth(&depth).expect("a depth");
         }
+        let mut anchor = Anchor::new(&current, &guidance).expect("an anchor");
+        let mask = cases::overlay(&mut dice, size);
+        let hud = (dice.below(2) == 0).then(|| filled(&gpu, size, DXGI_FORMAT_R8_UNORM, &mask));
+        if hud.is_some() {
+            pair = pair.with_overlay(&mask).expect("a mask");
+            anchor = anchor.with_overlay(&mask).expect("a mask");
+        }
         let mut wanted = previous.clone();
         let report = FrameGenerator::<P>::generate(&mut cpu, &pair, t, &mut wanted).expect("a frame");
         cuts += usize::from(report.outcome == Outcome::CutFallback);
@@ -73,10 +80,11 @@ where
         let (before, after, guided) =
             (textured(&gpu, &previous), textured(&gpu, &current), Guided::new(&gpu, &guidance));
         let depth = depth_texture(&gpu, &depth);
+        let told = GuidanceTextures { hud: hud.as_ref().map(Kept::resting), ..guided.textures() };
         let textures = TexturePair {
             previous: before.resting(),
             current: after.resting(),
-            guidance: guided.textures(),
+            guidance: told,
             previous_depth: has_depth.then(|| (depth.resting(), guidance.depth().tile())),
             cut: false,
         };
@@ -89,12 +97,9 @@ where
         between.compare(&read(&gpu, &out, row), &wanted, &what);
         assert_reported(&gpu, generator, &report, size, &what);
 
-        let anchor = Anchor::new(&current, &guidance).expect("an anchor");
         let report = FrameGenerator::<P>::extrapolate(&mut cpu, &anchor, t, &mut wanted).expect("a frame");
         let mut frame = frames.begin().expect("a frame");
-        generator
-            .extrapolate(&mut frame, &after.resting(), &guided.textures(), false, t, &out.resting())
-            .expect("it is recorded");
+        generator.extrapolate(&mut frame, &after.resting(), &told, false, t, &out.resting()).expect("it is recorded");
         frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
         beyond.compare(&read(&gpu, &out, row), &wanted, &format!("case {seed}, {size:?}, t = {t}, beyond"));
         assert_reported(&gpu, generator, &report, size, &format!("case {seed}, beyond"));

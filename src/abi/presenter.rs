@@ -362,7 +362,7 @@ pub unsafe extern "C" fn cairn_presenter_resize(
 }
 
 /// Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD. Without it that is told from
-/// colours that do not move. The generator of shaders heeds it; that of the processor does not. cairn_presenter_reset forgets it.
+/// colours that do not move. Every generator heeds it. cairn_presenter_reset forgets it.
 ///
 /// mask: a byte to a pixel of an anchor, row by row from the top left, 0 where nothing lies over it; null, with 0 for all the rest, for
 /// nothing known.

@@ -50,6 +50,7 @@ struct Brought {
     tiles: [u32; 2],
     depth_is_even: bool,
     previous_depth: Option<(ID3D12Resource, u32)>,
+    overlay: Option<ID3D12Resource>,
 }
 
 impl DeviceGenerator {
@@ -83,7 +84,15 @@ impl DeviceGenerator {
     }
 
     /// Brings all of it to the device.
-    fn bring(&self, pictures: &[&Picture], guidance: &Guidance, previous: Option<&DepthMap>) -> Result<Brought> {
+    fn bring(
+        &self,
+        pictures: &[&Picture],
+        guidance: &Guidance,
+        previous: Option<&DepthMap>,
+        overlay: Option<&[u8]>,
+    ) -> Result<Brought> {
+        let size = guidance.size();
+        let overlay = overlay.map(|mask| upload(&self.gpu, mask, size, DXGI_FORMAT_R8_UNORM)).transpose()?;
         let pictures = pictures.iter().map(|picture| Ok(texture_of(&self.gpu, picture)?.0)).collect::<Result<_>>()?;
         let [motion, depth] = textures_of(&self.gpu, guidance)?;
         let previous = previous.map(|map| Ok::<_, Error>((of_depth(&self.gpu, map)?, map.tile())));
@@ -94,6 +103,7 @@ impl DeviceGenerator {
             tiles: [guidance.motion().tile(), guidance.depth().tile()],
             depth_is_even: guidance.depth().even().is_some(),
             previous_depth: previous.transpose()?,
+            overlay,
         })
     }
 }
@@ -106,7 +116,7 @@ impl Brought {
             depth: resting(&self.depth),
             depth_tile: self.tiles[1],
             depth_is_even: self.depth_is_even,
-            hud: None,
+            hud: self.overlay.as_ref().map(resting),
         }
     }
 }
@@ -126,7 +136,8 @@ impl FrameGenerator for DeviceGenerator {
             let why = format!("{} makes no frame at phase {t}", self.name());
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("t").remedy("Use shader, or cpu"));
         }
-        let brought = self.bring(&[pair.previous(), pair.current()], pair.guidance(), pair.previous_depth())?;
+        let brought =
+            self.bring(&[pair.previous(), pair.current()], pair.guidance(), pair.previous_depth(), pair.overlay())?;
         let (gpu, interval_ms) = (self.gpu.clone(), self.interval_ms);
         let made = self.made(pair.size())?;
         let textures = TexturePair {
@@ -157,7 +168,7 @@ impl FrameGenerator for DeviceGenerator {
 
     fn extrapolate(&mut self, anchor: &Anchor<'_>, t: f32, out: &mut Picture) -> Result<GenerateReport> {
         super::pair::check_size(out.size(), anchor.picture().size(), "out")?;
-        let brought = self.bring(&[anchor.picture()], anchor.guidance(), None)?;
+        let brought = self.bring(&[anchor.picture()], anchor.guidance(), None, anchor.overlay())?;
         let gpu = self.gpu.clone();
         let made = self.made(anchor.picture().size())?;
         let mut frame = made.frames.begin()?;

@@ -10,6 +10,7 @@ pub struct AnchorPair<'a, P: Pixel = [u8; 4]> {
     current: &'a Raster<P>,
     guidance: &'a Guidance,
     previous_depth: Option<&'a DepthMap>,
+    overlay: Option<&'a [u8]>,
     cut: bool,
 }
 
@@ -21,7 +22,7 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
     pub fn new(previous: &'a Raster<P>, current: &'a Raster<P>, guidance: &'a Guidance) -> Result<Self> {
         check_size(previous.size(), current.size(), "previous")?;
         check_size(guidance.size(), current.size(), "guidance")?;
-        Ok(Self { previous, current, guidance, previous_depth: None, cut: false })
+        Ok(Self { previous, current, guidance, previous_depth: None, overlay: None, cut: false })
     }
 
     /// Adds the depth of the previous anchor, so that it is known what stood in front there and is hidden or has left the
@@ -32,6 +33,17 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
     pub fn with_previous_depth(mut self, depth: &'a DepthMap) -> Result<Self> {
         check_size(depth.size(), self.size(), "previous_depth")?;
         self.previous_depth = Some(depth);
+        Ok(self)
+    }
+
+    /// Says what lies over the current anchor and stands still, like a HUD: a byte to a pixel, row by row, 0 where nothing does. What a
+    /// generator finds to stand still besides counts as well.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for another number of bytes than the pair has pixels.
+    pub fn with_overlay(mut self, mask: &'a [u8]) -> Result<Self> {
+        check_overlay(mask, self.size())?;
+        self.overlay = Some(mask);
         Ok(self)
     }
 
@@ -63,6 +75,11 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
         self.previous_depth
     }
 
+    /// What lies over the current anchor, where that is known.
+    pub fn overlay(&self) -> Option<&'a [u8]> {
+        self.overlay
+    }
+
     /// Whether the caller stated a cut.
     pub fn is_cut(&self) -> bool {
         self.cut
@@ -79,6 +96,7 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
 pub struct Anchor<'a, P: Pixel = [u8; 4]> {
     picture: &'a Raster<P>,
     guidance: &'a Guidance,
+    overlay: Option<&'a [u8]>,
     after_cut: bool,
 }
 
@@ -89,7 +107,17 @@ impl<'a, P: Pixel> Anchor<'a, P> {
     /// `InvalidArgument` when the picture and the guidance differ in size.
     pub fn new(picture: &'a Raster<P>, guidance: &'a Guidance) -> Result<Self> {
         check_size(guidance.size(), picture.size(), "guidance")?;
-        Ok(Self { picture, guidance, after_cut: false })
+        Ok(Self { picture, guidance, overlay: None, after_cut: false })
+    }
+
+    /// Says what lies over it, as [`AnchorPair::with_overlay`] does.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for another number of bytes than the anchor has pixels.
+    pub fn with_overlay(mut self, mask: &'a [u8]) -> Result<Self> {
+        check_overlay(mask, self.picture.size())?;
+        self.overlay = Some(mask);
+        Ok(self)
     }
 
     /// States that a cut precedes this anchor, so that its motion means nothing.
@@ -109,10 +137,24 @@ impl<'a, P: Pixel> Anchor<'a, P> {
         self.guidance
     }
 
+    /// What lies over it, where that is known.
+    pub fn overlay(&self) -> Option<&'a [u8]> {
+        self.overlay
+    }
+
     /// Whether the caller stated a cut before this anchor.
     pub fn is_after_cut(&self) -> bool {
         self.after_cut
     }
+}
+
+/// Refuses a mask that has not a byte to each pixel.
+fn check_overlay(mask: &[u8], (width, height): (u32, u32)) -> Result<()> {
+    if mask.len() as u64 != u64::from(width) * u64::from(height) {
+        let cause = format!("{} bytes for {width} x {height} pixels", mask.len());
+        return Err(Error::new(ErrorKind::InvalidArgument, cause).field("overlay"));
+    }
+    Ok(())
 }
 
 /// Refuses `have` where `want` is needed.

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::area::Area;
 use super::motion::{Extractors, MotionSource};
-use super::presenter::{Drawn, Plan, PresenterOptions};
+use super::presenter::{Drawn, Plan, PresenterOptions, Taken};
 use super::statistics::PresenterStatistics;
 use super::upscale::{Filter, Upscaler};
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
@@ -49,25 +49,24 @@ impl Drawer {
         self.generator.as_ref().map(|generator| generator.phases())
     }
 
-    /// The picture of `plan` in the size of the frames; `again` when it is the last one made.
+    /// The picture of a frame that was taken, in the size of the frames.
     pub(super) fn make<'a>(
         &'a mut self,
-        plan: &'a Plan,
-        epoch: u64,
+        taken: &'a Taken,
         options: &PresenterOptions,
         size: (u32, u32),
-        again: bool,
         times: &mut PresenterStatistics,
     ) -> Result<&'a Picture> {
+        let again = taken.shown.repeated;
         if !again {
             self.drawn = None;
-            self.generate(plan, epoch, options, times)?;
+            self.generate(taken, options.motion, times)?;
         }
-        let made = match plan {
+        let made = match &taken.plan {
             Plan::Copy { current, picture, .. } => current.anchor.read(*picture)?,
             Plan::Between { .. } | Plan::Beyond { .. } => self.generated.as_ref().ok_or_else(nothing_made)?,
         };
-        let wanted = options.size.unwrap_or(made.size());
+        let wanted = taken.size.unwrap_or(made.size());
         if wanted != size {
             let cause = format!("{} x {} pixels where frames have {} x {}", size.0, size.1, wanted.0, wanted.1);
             return Err(Error::new(ErrorKind::InvalidArgument, cause).field("target"));
@@ -100,9 +99,8 @@ impl Drawer {
     /// Fills `generated` where the plan is to generate.
     fn generate(
         &mut self,
-        plan: &Plan,
-        epoch: u64,
-        options: &PresenterOptions,
+        Taken { plan, epoch, overlay, .. }: &Taken,
+        motion: MotionSource,
         times: &mut PresenterStatistics,
     ) -> Result<()> {
         let (previous, current, index, t) = match plan {
@@ -111,9 +109,9 @@ impl Drawer {
             Plan::Beyond { previous, last, index, t } => (previous.as_ref(), last, *index, *t),
         };
         let start = Instant::now();
-        if current.guidance.is_none() && self.guidance.as_ref().is_none_or(|(of, _)| *of != (epoch, index)) {
+        if current.guidance.is_none() && self.guidance.as_ref().is_none_or(|(of, _)| *of != (*epoch, index)) {
             let previous = &previous.ok_or_else(nothing_made)?.anchor;
-            self.extract(options.motion, previous, &current.anchor, (epoch, index))?;
+            self.extract(motion, previous, &current.anchor, (*epoch, index))?;
         }
         let guidance = match &current.guidance {
             Some(guidance) => guidance,
@@ -130,9 +128,18 @@ impl Drawer {
                 if let Some(guidance) = &previous.guidance {
                     pair = pair.with_previous_depth(guidance.depth())?;
                 }
+                if let Some(overlay) = overlay {
+                    pair = pair.with_overlay(&overlay.mask)?;
+                }
                 generator.generate(&pair, t, out)?
             }
-            _ => generator.extrapolate(&Anchor::new(picture, guidance)?, t, out)?,
+            _ => {
+                let mut anchor = Anchor::new(picture, guidance)?;
+                if let Some(overlay) = overlay {
+                    anchor = anchor.with_overlay(&overlay.mask)?;
+                }
+                generator.extrapolate(&anchor, t, out)?
+            }
         };
         self.outcome = report.outcome;
         times.generate += start.elapsed();

@@ -132,7 +132,6 @@ pub(super) struct Slot {
 #[derive(Debug)]
 pub(super) struct Overlay {
     pub(super) size: (u32, u32),
-    #[cfg_attr(not(windows), expect(dead_code, reason = "it is for frames that a device makes"))]
     pub(super) mask: Vec<u8>,
 }
 
@@ -188,7 +187,6 @@ pub(super) struct Taken {
     /// Size of the frames where it is not the anchors'.
     pub(super) size: Option<(u32, u32)>,
     /// What lies over the anchors.
-    #[cfg_attr(not(windows), expect(dead_code, reason = "it is for frames that a device makes"))]
     pub(super) overlay: Option<Arc<Overlay>>,
     pub(super) key: Drawn,
 }
@@ -309,8 +307,7 @@ impl Presenter {
 
     /// Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD: `mask` has a byte to a pixel of
     /// an anchor, `size.0` times `size.1` of them row by row, and 0 where there is nothing; `None`: nothing is known, and it is told from
-    /// colours that do not move. A [`reset`](Self::reset) forgets it. The generators on a device heed it; the `cpu` generator
-    /// does not.
+    /// colours that do not move. A [`reset`](Self::reset) forgets it. Every generator heeds it.
     ///
     /// # Errors
     /// `InvalidArgument` for another number of bytes, and for another size than that of the anchors that have come.
@@ -355,15 +352,13 @@ impl Presenter {
     pub fn draw(&self, now: u64, size: (u32, u32), write: impl FnOnce(&Picture)) -> Result<Option<Shown>> {
         let mut drawer = self.drawer.lock();
         let phases = drawer.phases();
-        let Some(Taken { mut shown, plan, epoch, size: wanted, key, .. }) = self.take(now, phases) else {
-            return Ok(None);
-        };
-        shown.repeated = drawer.drawn == Some(key);
+        let Some(mut taken) = self.take(now, phases) else { return Ok(None) };
+        taken.shown.repeated = drawer.drawn == Some(taken.key);
         let mut figures = PresenterStatistics::default();
-        let options = PresenterOptions { size: wanted, ..self.options.clone() };
-        let picture = drawer.make(&plan, epoch, &options, size, shown.repeated, &mut figures)?;
+        let picture = drawer.make(&taken, &self.options, size, &mut figures)?;
         write(picture);
-        drawer.drawn = Some(key);
+        drawer.drawn = Some(taken.key);
+        let Taken { mut shown, plan, .. } = taken;
         if !matches!(plan, Plan::Copy { .. }) && drawer.outcome != Outcome::Generated {
             shown.source = ShownSource::Held;
             shown.cut |= drawer.outcome == Outcome::CutFallback;

@@ -21,6 +21,23 @@ fn apart(a: &Picture, b: &Picture) -> u8 {
     a.rgba().iter().zip(b.rgba()).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
 }
 
+/// What stands in front.
+const OVER: [u8; 4] = [255, 0, 255, 255];
+
+/// A mask of what lies over some columns.
+fn over_columns() -> Vec<u8> {
+    (0..SIZE.0 * SIZE.1).map(|place| u8::from((40..56).contains(&(place % SIZE.0)))).collect()
+}
+
+/// Whether a picture differs from an anchor under a mask, and beside it.
+fn moved_under(mask: &[u8], made: &Picture, anchor: &Picture) -> [bool; 2] {
+    let pixels = made.pixels().iter().zip(anchor.pixels()).zip(mask);
+    pixels.fold([false; 2], |mut moved, ((made, anchor), mask)| {
+        moved[usize::from(*mask == 0)] |= made != anchor;
+        moved
+    })
+}
+
 #[test]
 fn pictures_in_memory_become_what_they_become_elsewhere() {
     let gpu = Gpu::on_adapter(None).expect("a device");
@@ -50,6 +67,27 @@ fn pictures_in_memory_become_what_they_become_elsewhere() {
     let reports = [shader.generate(&cut, 0.5, &mut made), cpu.generate(&cut, 0.5, &mut wanted)];
     assert_eq!(reports.map(|report| report.expect("generated").outcome), [Outcome::CutFallback; 2]);
     assert!(made == wanted);
+    // What lies over them stands still in both.
+    let mask = over_columns();
+    let [first, second] = [first, second].map(|mut picture| {
+        picture.pixels_mut().iter_mut().zip(&mask).filter(|(_, mask)| **mask > 0).for_each(|(pixel, _)| *pixel = OVER);
+        picture
+    });
+    let pair = AnchorPair::new(&first, &second, &guidance).expect("a pair").with_overlay(&mask).expect("a mask");
+    let anchor = Anchor::new(&second, &guidance).expect("an anchor").with_overlay(&mask).expect("a mask");
+    for refused in [pair.with_overlay(&mask[1..]).err(), anchor.with_overlay(&mask[1..]).err()] {
+        assert_eq!(refused.expect("a byte too few").offending_field(), Some("overlay"));
+    }
+    for is_pair in [true, false] {
+        let frames: [(&mut dyn FrameGenerator, &mut Picture); 2] = [(&mut shader, &mut made), (&mut cpu, &mut wanted)];
+        for (generator, out) in frames {
+            let report =
+                if is_pair { generator.generate(&pair, 0.5, out) } else { generator.extrapolate(&anchor, 0.5, out) };
+            assert_eq!(report.expect("generated").outcome, Outcome::Generated);
+            assert_eq!(moved_under(&mask, out, &second), [false, true], "{}", generator.name());
+        }
+        assert!(apart(&made, &wanted) <= 1, "a pair: {is_pair}");
+    }
 }
 
 #[test]
@@ -76,6 +114,10 @@ fn pictures_in_memory_go_through_a_provider() {
         let cut = fsr.generate(&pair.with_cut(true), 0.5, &mut made).expect("an anchor");
         assert_eq!((cut.outcome, made == second), (Outcome::CutFallback, true));
     }
+    let (first, second, mask) = (moved(0), moved(STEP), over_columns());
+    let pair = AnchorPair::new(&first, &second, &guidance).expect("a pair").with_overlay(&mask).expect("a mask");
+    fsr.generate(&pair, 0.5, &mut made).expect("generated");
+    assert_eq!(moved_under(&mask, &made, &second), [false, true], "what lies over it stands still");
     assert_eq!(stage.judgement(), [""; 0]);
 }
 

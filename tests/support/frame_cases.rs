@@ -96,6 +96,19 @@ pub(crate) fn previous_depth(dice: &mut Dice, current: &DepthMap) -> DepthMap {
     depth
 }
 
+/// What lies over a picture: a few boxes, at times all of it or nothing.
+pub(crate) fn overlay(dice: &mut Dice, (width, height): (u32, u32)) -> Vec<u8> {
+    let boxes: Vec<_> = (0..dice.below(4))
+        .map(|_| {
+            let (x, y) = (dice.below(width.into()) as u32, dice.below(height.into()) as u32);
+            let side = [1, 7, 20, 200][dice.below(4) as usize];
+            (x..x + side, y..y + side / 2 + 1, 1 + dice.below(255) as u8)
+        })
+        .collect();
+    let over = |x: u32, y: u32| boxes.iter().find(|(across, down, _)| across.contains(&x) && down.contains(&y));
+    (0..width * height).map(|i| over(i % width, i / width).map_or(0, |(.., value)| *value)).collect()
+}
+
 /// Two pictures that have to do with each other, at times with bars or something that stands still.
 pub(crate) fn pictures(dice: &mut Dice, (width, height): (u32, u32)) -> [Vec<[f32; 4]>; 2] {
     let waves: [f32; 6] = std::array::from_fn(|_| dice.part() * 0.4);

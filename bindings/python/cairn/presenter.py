@@ -322,8 +322,7 @@ class Presenter(Object):
 
     def set_overlay(self, mask: Any | None) -> None:
         """Says what lies over the anchors from the next frame on and stands still, like a HUD: `mask` is `[height, width]`
-        of the anchors' size, and anything but 0 is such a pixel; None for nothing known. Frames that a Direct3D device makes
-        heed it.
+        of the anchors' size, and anything but 0 is such a pixel; None for nothing known. Every generator heeds it.
 
         Raises `InvalidArgument`.
         """

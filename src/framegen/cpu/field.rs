@@ -4,7 +4,6 @@
 use half::f16;
 use rayon::prelude::*;
 
-use super::bars::Inside;
 use super::colour::Colour;
 use super::kernels::claims;
 use super::kernels::{
@@ -12,6 +11,7 @@ use super::kernels::{
 };
 use super::layer::{self, ALIKE, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, key};
 use super::sized;
+use super::standing::Standing;
 use crate::Result;
 use crate::guidance::Guidance;
 
@@ -33,13 +33,14 @@ pub(super) struct Preparation {
 }
 
 impl Preparation {
-    /// Fills `field` with the motion of `guidance`. With a pair of anchors, bars stand still and in front, and where
+    /// Fills `field` with the motion of `guidance`, and of what stands still in front of it. With a pair of anchors, where
     /// depth says nothing, pixels are ranked by how well the previous anchor matches.
     pub(super) fn prepare<P: Colour>(
         &mut self,
         level: Level,
         guidance: &Guidance,
-        anchors: Option<(Source<'_, P>, Source<'_, P>, &Inside)>,
+        anchors: Option<(Source<'_, P>, Source<'_, P>)>,
+        standing: Standing<'_>,
         field: &mut Layer,
     ) -> Result<()> {
         let grid = Grid::new(guidance.size());
@@ -48,7 +49,7 @@ impl Preparation {
         field.reserve(grid)?;
         self.find_ranges(level, guidance, limit)?;
         let is_flat = self.ranks.iter().all(|r| *r == self.ranks[0]) && self.ranks[0].near == self.ranks[0].far;
-        let given = Given { level, guidance, limit, grid, inside: anchors.map(|(.., inside)| inside) };
+        let given = Given { level, guidance, limit, grid, standing };
 
         let columns = grid.columns;
         let (vectors, ranks) = (&self.vectors, &self.ranks);
@@ -63,7 +64,7 @@ impl Preparation {
         let edges = Edges {
             level,
             given: &self.given,
-            anchors: anchors.map(|(previous, current, _)| (previous, current)),
+            anchors,
             is_flat,
             can_dilate: !is_flat && guidance.motion().tile() == 1,
         };
@@ -141,7 +142,7 @@ struct Given<'a> {
     guidance: &'a Guidance,
     limit: [i32; 2],
     grid: Grid,
-    inside: Option<&'a Inside>,
+    standing: Standing<'a>,
 }
 
 impl Given<'_> {
@@ -158,19 +159,12 @@ impl Given<'_> {
     ) {
         let [across, down] = self.grid.extent(column, row);
         let corner = [column * TILE, row * TILE];
-        let (of_pictures, of_bars) = self.inside.map_or((across * down, 0), |inside| {
-            let pixels = (0..down).flat_map(|j| (0..across).map(move |i| [corner[0] + i, corner[1] + j]));
-            if inside.holds(corner, [across, down]) {
-                return (across * down, 0);
-            }
-            let inner = pixels.filter(|&[x, y]| inside.contains(x, y)).count();
-            (inner, across * down - inner)
-        });
-        if of_pictures == 0 {
+        let standing = self.standing.count(corner, [across, down]);
+        if standing == across * down {
             *tile = Tile { key: key(0, 0, [0; 2]), ..Tile::default() };
             return;
         }
-        if of_bars == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH) {
+        if standing == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH) {
             let middle = std::array::from_fn(|c| (low[c] + high[c]) >> 1);
             *tile = Tile { key: key(ranks.near, 0, middle), low: middle, high: middle, ..Tile::default() };
             return;
@@ -194,20 +188,19 @@ impl Given<'_> {
                 land(self.level, &motion[..across], &depth[..across], [0, 0], 0, self.limit, &mut landing);
             }
             keys[j * TILE..][..across].copy_from_slice(&landing.keys[..across]);
-            if of_bars > 0 {
-                let inside = self.inside.expect("bars were found");
-                for i in (0..across).filter(|&i| !inside.contains(corner[0] + i, y)) {
+            if standing > 0 {
+                for i in (0..across).filter(|&i| self.standing.is_at([corner[0] + i, y])) {
                     keys[j * TILE + i] = key(0, 0, [0; 2]);
                 }
             }
         }
-        let zero = if of_bars > 0 { [0; 2] } else { low };
+        let zero = if standing > 0 { [0; 2] } else { low };
         *tile = Tile {
             kind: Kind::Rough,
             key: EMPTY,
             holes: 0,
             low: [low[0].min(zero[0]), low[1].min(zero[1])],
-            high: if of_bars > 0 { high.map(|v| v.max(0)) } else { high },
+            high: if standing > 0 { high.map(|v| v.max(0)) } else { high },
         };
     }
 

@@ -3,7 +3,7 @@
 //! A picture at phase t comes about in these steps, each a module of its own:
 //!
 //! 1. `cut`: if the two anchors have nothing to do with each other, the nearer one is shown and the rest is left out.
-//!    `bars`: letterbox bars stand still, whatever their vectors say.
+//!    `bars`: letterbox bars stand still, whatever their vectors say; `standing`: so does what the caller says lies over the anchor.
 //! 2. `field`: the motion of the current anchor, in tiles of 8 x 8 pixels. Where it is smooth a tile has one vector;
 //!    elsewhere every pixel has its own, with a rank that says who is in front.
 //! 3. `landing`: the vectors go to phase 0, where they tell which pixels of the previous anchor have an owner in the
@@ -42,6 +42,7 @@ mod past;
 mod perspective;
 mod render;
 mod soften;
+mod standing;
 #[cfg(test)]
 mod tests;
 
@@ -59,6 +60,7 @@ use overlay::Stills;
 use past::Past;
 use perspective::{Moment, Seen, Way};
 use render::Between;
+use standing::Standing;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
 use crate::{Error, ErrorKind, Raster, Result};
@@ -129,7 +131,8 @@ impl CpuGenerator {
         // Depth that says nothing stands beside motion that was found in pictures.
         let is_found = pair.guidance().depth().even().is_some();
         let inside = Inside::find(self.level, previous, current);
-        self.preparation.prepare(self.level, pair.guidance(), Some((previous, current, &inside)), &mut self.field)?;
+        let standing = Standing::new(Some(&inside), pair.overlay(), current.width);
+        self.preparation.prepare(self.level, pair.guidance(), Some((previous, current)), standing, &mut self.field)?;
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
@@ -137,7 +140,7 @@ impl CpuGenerator {
         let way = Way::from_current(Moment::previous());
         self.owners.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
         let margin = foreign::margin(previous, current);
-        let seen = Seen::find(pair.guidance(), Some(&inside));
+        let seen = Seen::find(pair.guidance(), &standing);
         let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
         match &past {
             Some(past) => past.uncover(self.level, &mut self.owners, &self.field),
@@ -182,11 +185,12 @@ impl CpuGenerator {
 
     fn beyond<P: Colour>(&mut self, anchor: &Anchor<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
         let current = source(anchor.picture());
-        self.preparation.prepare::<P>(self.level, anchor.guidance(), None, &mut self.field)?;
+        let standing = Standing::new(None, anchor.overlay(), current.width);
+        self.preparation.prepare::<P>(self.level, anchor.guidance(), None, standing, &mut self.field)?;
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
-        let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), None).perspective);
+        let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), &standing).perspective);
         let way = Way::from_current(moment);
         self.places.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
         let evidence = Evidence::<P> { field: &self.field, way, shown: None, past: None, leaving: None, mark: HOLE };

@@ -244,6 +244,7 @@ impl<'a> Past<'a> {
 mod tests {
     use super::super::layer::{Grid, rank};
     use super::super::perspective::tests::{SIZE, guidance, key_of, seen, shown, walk};
+    use super::super::standing::Standing;
     use super::*;
     use crate::guidance::{Guidance, Projection};
 
@@ -284,7 +285,7 @@ mod tests {
     #[test]
     fn what_is_at_rest_is_followed_to_the_current_anchor() {
         let guidance = guidance(walk, 1);
-        let seen_by = Seen::find(&guidance, None);
+        let seen_by = Seen::find(&guidance, &Standing::default());
         let depth = depths(0);
         let past = Past::new(&seen_by, Some(&depth), guidance.depth()).unwrap();
         let mut followed = 0;
@@ -305,7 +306,7 @@ mod tests {
     #[test]
     fn what_stood_in_front_and_has_left_uncovers_its_places() {
         let guidance = guidance(walk, 1);
-        let (seen_by, field) = (Seen::find(&guidance, None), field(&guidance));
+        let (seen_by, field) = (Seen::find(&guidance, &Standing::default()), field(&guidance));
         let mut owners = Layer::default();
         owners.reserve(field.grid).unwrap();
         owners.tiles.iter_mut().for_each(|tile| tile.key = key_of(([0.0; 2], 0.99)));
@@ -319,7 +320,7 @@ mod tests {
     #[test]
     fn another_camera_and_no_way_tell_nothing() {
         let (guidance, depth) = (guidance(walk, 1), depths(0));
-        let found = Seen::find(&guidance, None);
+        let found = Seen::find(&guidance, &Standing::default());
         let mut other = depth.clone();
         other.set_projection(Projection::new(0.2, 50.0, 1.0).unwrap());
         assert!(Past::new(&found, Some(&depth), guidance.depth()).is_some());

@@ -13,9 +13,9 @@
 //! moves by itself and what a camera carries along is left over then. Where no motion explains half of the pixels,
 //! everything is taken to move evenly.
 
-use super::bars::Inside;
 use super::kernels::TILE;
 use super::layer::{Key, WHOLE};
+use super::standing::Standing;
 use crate::guidance::Guidance;
 
 /// Pixels that are asked, across and down.
@@ -266,8 +266,8 @@ impl Perspective {
 }
 
 impl Seen {
-    /// What a guidance tells, of what lies between bars.
-    pub(super) fn find(guidance: &Guidance, inside: Option<&Inside>) -> Self {
+    /// What a guidance tells, but of what stands still in front.
+    pub(super) fn find(guidance: &Guidance, standing: &Standing<'_>) -> Self {
         let (width, height) = (guidance.motion().width() as usize, guidance.motion().height() as usize);
         if width < ASKED[0] || height < ASKED[1] {
             return Self::default();
@@ -278,7 +278,7 @@ impl Seen {
         for number in 0..room.len() {
             let place = [number % ASKED[0], number / ASKED[0]];
             let at = [0, 1].map(|c| (2 * place[c] + 1) * size[c] / (2 * ASKED[c]));
-            if inside.is_some_and(|inside| !inside.contains(at[0], at[1])) {
+            if standing.is_at(at) {
                 continue;
             }
             if let Some(sample) = sample(guidance, at) {
@@ -473,7 +473,7 @@ pub(super) mod tests {
         let even = worst(Perspective::default());
         assert!(even > 0.5, "{even}");
         for tile in [1, 8] {
-            let found = worst(Seen::find(&guidance(walk, tile), None).perspective);
+            let found = worst(Seen::find(&guidance(walk, tile), &Standing::default()).perspective);
             assert!(found < 0.05 * even, "{found} of {even}, tiles of {tile}");
         }
     }
@@ -485,7 +485,8 @@ pub(super) mod tests {
             (90..150, 70..120) => ([9.0, -3.0], 0.98),
             _ => walk(x, y),
         };
-        let (found, even) = (worst(Seen::find(&guidance(motion, 1), None).perspective), worst(Perspective::default()));
+        let (found, even) =
+            (worst(Seen::find(&guidance(motion, 1), &Standing::default()).perspective), worst(Perspective::default()));
         assert!(found < 0.1 * even, "{found} of {even}");
     }
 
@@ -493,12 +494,12 @@ pub(super) mod tests {
     fn motion_that_tells_nothing_is_even() {
         let any = |x: f64, y: f64| f64::from((x as u32 * 7919 + y as u32 * 104_729) % 257) / 16.0;
         let wild = guidance(|x, y| ([any(x, y), any(y, x)], 1.0 - 0.1 / (1.0 + any(x + 3.0, y))), 1);
-        assert_eq!(Seen::find(&wild, None).perspective, Perspective::default());
+        assert_eq!(Seen::find(&wild, &Standing::default()).perspective, Perspective::default());
         let nothing = guidance(|_, _| ([f64::NAN, f64::INFINITY], f64::NAN), 1);
-        assert_eq!(Seen::find(&nothing, None).perspective, Perspective::default());
+        assert_eq!(Seen::find(&nothing, &Standing::default()).perspective, Perspective::default());
         // Without depth, what grows may lie in the picture.
         let growing = guidance(|x, y| ([0.05 * (160.0 - x), 0.05 * (90.0 - y)], 0.5), 1);
-        let moment = Moment::new(WHOLE / 2, Seen::find(&growing, None).perspective);
+        let moment = Moment::new(WHOLE / 2, Seen::find(&growing, &Standing::default()).perspective);
         assert!(
             [[0, 0], [319, 0], [160, 179]]
                 .iter()
@@ -508,7 +509,7 @@ pub(super) mod tests {
 
     #[test]
     fn anchors_are_where_they_are_and_bounds_hold() {
-        let perspective = Seen::find(&guidance(walk, 1), None).perspective;
+        let perspective = Seen::find(&guidance(walk, 1), &Standing::default()).perspective;
         for phase in [0, 1, WHOLE / 3, WHOLE, 2 * WHOLE] {
             let way = Way::from_current(Moment::new(phase, perspective));
             let [least, most] = way.bounds();

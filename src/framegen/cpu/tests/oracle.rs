@@ -10,7 +10,7 @@ use crate::framegen::cpu::colour::Colour;
 use crate::framegen::cpu::kernels::Level;
 use crate::framegen::cpu::layer::WHOLE;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
-use cases::{Dice, guidance, pictures, previous_depth};
+use cases::{Dice, guidance, overlay, pictures, previous_depth};
 
 // What the compute shaders are held against the generator on, too.
 #[path = "../../../../tests/support/frame_cases.rs"]
@@ -38,8 +38,12 @@ fn compare<P: Colour>(cases: u64) {
         let phase = ((t * WHOLE as f32).round() as i32).max(1);
         let pair = AnchorPair::new(&previous, &current, &guidance).unwrap();
         let depth = previous_depth(&mut dice, guidance.depth());
-        let pair = if dice.below(3) == 0 { pair } else { pair.with_previous_depth(&depth).unwrap() };
-        let anchor = Anchor::new(&current, &guidance).unwrap();
+        let mut pair = if dice.below(3) == 0 { pair } else { pair.with_previous_depth(&depth).unwrap() };
+        let mut anchor = Anchor::new(&current, &guidance).unwrap();
+        let mask = overlay(&mut dice, size);
+        if dice.below(2) == 0 {
+            (pair, anchor) = (pair.with_overlay(&mask).unwrap(), anchor.with_overlay(&mask).unwrap());
+        }
         let (mut between, beyond) = (None, reference::beyond(&anchor, phase));
         let mut out = previous.clone();
         for (level, generator) in &mut generators {

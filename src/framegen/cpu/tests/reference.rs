@@ -1,7 +1,7 @@
 //! The frame that the generator must make, described plainly: place by place over whole pictures, with no bands, no early
 //! outs, no threads and no instruction sets.
 //!
-//! What a claim is (`layer`), and rules about a single pixel (`Inside`, `Overlays`, `is_foreign`, `distance`, `match_of`, the
+//! What a claim is (`layer`), and rules about a single pixel (`Standing`, `Overlays`, `is_foreign`, `distance`, `match_of`, the
 //! cost of a candidate) are the generator's own, and so is the painting of what nobody sees, which has no other form.
 
 use crate::Raster;
@@ -24,6 +24,7 @@ use crate::framegen::cpu::perspective::{Moment, Seen, Way};
 use crate::framegen::cpu::render::{AGREE, CAREFUL, DISTINCT, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
 use crate::framegen::cpu::soften::{SHARE, TORN};
 use crate::framegen::cpu::source;
+use crate::framegen::cpu::standing::Standing;
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
 
@@ -32,12 +33,13 @@ use crate::guidance::Guidance;
 pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raster<P>, f32) {
     let (previous, current) = (source(pair.previous()), source(pair.current()));
     let inside = Inside::find(Level::SCALAR, previous, current);
-    let field = moved_by(pair.guidance(), Some((previous, current, &inside)));
+    let standing = Standing::new(Some(&inside), pair.overlay(), current.width);
+    let field = moved_by(pair.guidance(), Some((previous, current)), &standing);
 
     let mut owners = settled(&field, &claims_of(&field), Way::from_current(Moment::previous()));
     let mut leaving = Leaving::default();
     let is_found = pair.guidance().depth().even().is_some();
-    let seen = Seen::find(pair.guidance(), Some(&inside));
+    let seen = Seen::find(pair.guidance(), &standing);
     let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
     match &past {
         Some(past) => uncover(&mut owners, &field, past),
@@ -70,8 +72,9 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
 /// The picture `phase` of [`WHOLE`] after an anchor, and the same share.
 pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P>, f32) {
     let current = source(anchor.picture());
-    let field = moved_by::<P>(anchor.guidance(), None);
-    let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), None).perspective);
+    let standing = Standing::new(None, anchor.overlay(), current.width);
+    let field = moved_by::<P>(anchor.guidance(), None, &standing);
+    let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), &standing).perspective);
     let way = Way::from_current(moment);
     let mut places = settled(&field, &claims_of(&field), way);
     fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, past: None, leaving: None, mark: HOLE });
@@ -119,10 +122,13 @@ fn empty(grid: Grid) -> Layer {
 }
 
 /// The motion of the current anchor.
-fn moved_by<P: Colour>(guidance: &Guidance, anchors: Option<(Source<'_, P>, Source<'_, P>, &Inside)>) -> Layer {
+fn moved_by<P: Colour>(
+    guidance: &Guidance,
+    anchors: Option<(Source<'_, P>, Source<'_, P>)>,
+    standing: &Standing<'_>,
+) -> Layer {
     let grid = Grid::new(guidance.size());
     let limit = [grid.width, grid.height].map(|side| (side as i32 * 64).min(LONGEST));
-    let is_bar = |[x, y]: [usize; 2]| anchors.is_some_and(|(.., inside)| !inside.contains(x, y));
     let told = |[x, y]: [usize; 2]| {
         let mut landing = Landing::default();
         let vector = guidance.motion().at(x as u32, y as u32);
@@ -137,16 +143,16 @@ fn moved_by<P: Colour>(guidance: &Guidance, anchors: Option<(Source<'_, P>, Sour
 
     let mut given = empty(grid);
     for (tile, at) in tiles(grid) {
-        let bars = pixels_of(grid, at).filter(|&at| is_bar(at)).count();
+        let still = pixels_of(grid, at).filter(|&at| standing.is_at(at)).count();
         let ([low, high], near) = (range(pixels_of(grid, at).map(told)), pixels_of(grid, at).map(rank).min().unwrap());
-        if bars == pixels_of(grid, at).count() {
+        if still == pixels_of(grid, at).count() {
             given.tiles[tile].key = layer::key(0, 0, [0; 2]);
-        } else if bars == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH_GIVEN) {
+        } else if still == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH_GIVEN) {
             given.tiles[tile].key = layer::key(near, 0, [0, 1].map(|c| (low[c] + high[c]).div_euclid(2)));
         } else {
             given.tiles[tile].kind = Kind::Rough;
             for pixel in pixels_of(grid, at) {
-                let key = if is_bar(pixel) { layer::key(0, 0, [0; 2]) } else { told(pixel) };
+                let key = if standing.is_at(pixel) { layer::key(0, 0, [0; 2]) } else { told(pixel) };
                 given.keys[tile][grid.place(pixel[0], pixel[1]).1] = key;
             }
         }
@@ -176,12 +182,12 @@ fn moved_by<P: Colour>(guidance: &Guidance, anchors: Option<(Source<'_, P>, Sour
                 .flat_map(|v| (x.saturating_sub(1)..(x + 2).min(grid.width)).map(move |u| [u, v]));
             let nearest = rim.map(|[u, v]| given.owner(u, v)).min().unwrap();
             let key = match anchors {
-                Some((previous, current, _)) if is_flat => {
+                Some((previous, current)) if is_flat => {
                     is_changed = true;
                     layer::marked(own, field::match_of(previous, current, [x, y], own))
                 }
                 _ if can_dilate && is_nearer(nearest, own) && !alike(nearest, own) => {
-                    let fits = anchors.is_none_or(|(previous, current, _)| {
+                    let fits = anchors.is_none_or(|(previous, current)| {
                         let distance = |claim| field::distance(previous, current, [x, y], claim);
                         distance(nearest) <= RIM && distance(nearest) < distance(own)
                     });
