@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <cstring>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 void worked(HRESULT result, const char *call)
 {
@@ -104,12 +106,12 @@ void gpu::wait_for(std::uint64_t value)
     worked(device_->GetDeviceRemovedReason(), "ID3D12Device");
 }
 
-swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t height)
+swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t height, const frame_format &format)
 {
     DXGI_SWAP_CHAIN_DESC1 wanted = {};
     wanted.Width = width;
     wanted.Height = height;
-    wanted.Format = DXGI_FORMAT_R8G8B8A8_UNORM;
+    wanted.Format = format.format;
     wanted.SampleDesc.Count = 1;
     wanted.BufferUsage = DXGI_USAGE_RENDER_TARGET_OUTPUT;
     wanted.BufferCount = FRAMES_IN_FLIGHT;
@@ -120,6 +122,15 @@ swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t h
     worked(gpu.factory()->CreateSwapChainForHwnd(gpu.queue(), window, &wanted, nullptr, nullptr, &chain),
            "IDXGIFactory4::CreateSwapChainForHwnd");
     worked(chain.As(&chain_), "IDXGISwapChain3");
+    if (format.format != DXGI_FORMAT_R8G8B8A8_UNORM) {
+        UINT support = 0;
+        const HRESULT asked = chain_->CheckColorSpaceSupport(format.display, &support);
+        if (FAILED(asked) || (support & DXGI_SWAP_CHAIN_COLOR_SPACE_SUPPORT_FLAG_PRESENT) == 0) {
+            throw std::runtime_error(std::string("this display does not show ") + format.name +
+                                     ". Turn HDR on in the system's display settings, or leave --colours out");
+        }
+        worked(chain_->SetColorSpace1(format.display), "IDXGISwapChain3::SetColorSpace1");
+    }
     for (unsigned i = 0; i < FRAMES_IN_FLIGHT; i++) {
         worked(chain_->GetBuffer(i, IID_PPV_ARGS(&buffers_[i])), "IDXGISwapChain::GetBuffer");
     }
@@ -127,7 +138,8 @@ swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t h
 
 void swapchain::present(bool vsync) { worked(chain_->Present(vsync ? 1 : 0, 0), "IDXGISwapChain::Present"); }
 
-offscreen::offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height) : width_(width), height_(height), pitch_(pitch_of(width))
+offscreen::offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height, const frame_format &format)
+    : format_(format), width_(width), height_(height), pitch_(pitch_of(width, format))
 {
     D3D12_HEAP_PROPERTIES heap = {};
     heap.Type = D3D12_HEAP_TYPE_DEFAULT;
@@ -137,7 +149,7 @@ offscreen::offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height) : widt
     texture.Height = height;
     texture.DepthOrArraySize = 1;
     texture.MipLevels = 1;
-    texture.Format = DXGI_FORMAT_R8G8B8A8_UNORM;
+    texture.Format = format.format;
     texture.SampleDesc.Count = 1;
     /* As a swapchain's buffers are. */
     texture.Flags = D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
@@ -149,23 +161,31 @@ offscreen::offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height) : widt
 
 void offscreen::record_read(ID3D12GraphicsCommandList *list)
 {
-    const D3D12_TEXTURE_COPY_LOCATION to = rows_of(memory_.Get(), width_, height_, pitch_), from = picture_of(texture_.Get());
+    const D3D12_TEXTURE_COPY_LOCATION to = rows_of(memory_.Get(), format_.format, width_, height_, pitch_), from = picture_of(texture_.Get());
     list->CopyTextureRegion(&to, 0, 0, 0, &from, nullptr);
     const D3D12_RESOURCE_BARRIER back = transition(texture_.Get(), D3D12_RESOURCE_STATE_COPY_SOURCE, D3D12_RESOURCE_STATE_COMMON);
     list->ResourceBarrier(1, &back);
 }
 
-image offscreen::read() const
+void offscreen::write(const std::string &name) const
 {
-    image made(width_, height_);
+    /* Without what fills the rows up. */
+    const std::size_t row = std::size_t{width_} * format_.bytes;
+    std::vector<unsigned char> pixels(row * height_);
     void *bytes = nullptr;
     worked(memory_->Map(0, nullptr, &bytes), "ID3D12Resource::Map");
-    for (std::size_t y = 0; y < height_; y++) {
-        std::memcpy(&made.rgba[y * width_ * 4], static_cast<unsigned char *>(bytes) + y * pitch_, std::size_t{width_} * 4);
-    }
+    for (std::size_t y = 0; y < height_; y++) std::memcpy(&pixels[y * row], static_cast<unsigned char *>(bytes) + y * pitch_, row);
     const D3D12_RANGE nothing = {0, 0};
     memory_->Unmap(0, &nothing);
-    return made;
+    switch (format_.format) {
+    case DXGI_FORMAT_R10G10B10A2_UNORM: write_ppm_of_ten(name + ".ppm", width_, height_, pixels); break;
+    case DXGI_FORMAT_R16G16B16A16_FLOAT: write_pfm(name + ".pfm", width_, height_, pixels); break;
+    default: {
+        image made(width_, height_);
+        made.rgba = std::move(pixels);
+        write_ppm(name + ".ppm", made);
+    }
+    }
 }
 
 com<ID3D12Resource> make_buffer(ID3D12Device *device, std::uint64_t size, D3D12_HEAP_TYPE kind)
@@ -188,12 +208,13 @@ com<ID3D12Resource> make_buffer(ID3D12Device *device, std::uint64_t size, D3D12_
     return made;
 }
 
-D3D12_TEXTURE_COPY_LOCATION rows_of(ID3D12Resource *buffer, std::uint32_t width, std::uint32_t height, std::uint32_t pitch)
+D3D12_TEXTURE_COPY_LOCATION rows_of(ID3D12Resource *buffer, DXGI_FORMAT format, std::uint32_t width, std::uint32_t height,
+                                    std::uint32_t pitch)
 {
     D3D12_TEXTURE_COPY_LOCATION place = {};
     place.pResource = buffer;
     place.Type = D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT;
-    place.PlacedFootprint.Footprint = {DXGI_FORMAT_R8G8B8A8_UNORM, width, height, 1, pitch};
+    place.PlacedFootprint.Footprint = {format, width, height, 1, pitch};
     return place;
 }
 

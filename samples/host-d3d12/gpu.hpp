@@ -2,6 +2,7 @@
 #ifndef HOST_D3D12_GPU_HPP
 #define HOST_D3D12_GPU_HPP
 
+#include "colours.hpp"
 #include "pictures.hpp"
 
 #include <cstdint>
@@ -69,10 +70,11 @@ private:
     gpu &gpu_;
 };
 
-/* Back buffers of a window, RGBA8, in state PRESENT between frames. */
+/* Back buffers of a window, of the colours that are asked for, in state PRESENT between frames. */
 class swapchain {
 public:
-    swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t height);
+    /* Throws std::runtime_error where the display does not show these colours. */
+    swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t height, const frame_format &format);
 
     /* The one that the next present() shows. */
     ID3D12Resource *target() const { return buffers_[chain_->GetCurrentBackBufferIndex()].Get(); }
@@ -83,29 +85,32 @@ private:
     com<ID3D12Resource> buffers_[FRAMES_IN_FLIGHT];
 };
 
-/* A texture to draw into where there is no window, RGBA8, in state COMMON between frames; it can be read. */
+/* A texture to draw into where there is no window, in state COMMON between frames; it can be read. */
 class offscreen {
 public:
-    offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height);
+    offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height, const frame_format &format);
 
     ID3D12Resource *target() const { return texture_.Get(); }
     /* Records the copy of what was drawn; the texture is in state COPY_SOURCE, and is COMMON afterwards. */
     void record_read(ID3D12GraphicsCommandList *list);
-    /* What was copied, once the list has run. */
-    image read() const;
+    /* Writes what was copied, once the list has run, as a file of this name and the ending that its format has: .ppm, with 8 or 10 bits, or
+     * .pfm. */
+    void write(const std::string &name) const;
 
 private:
+    const frame_format &format_;
     std::uint32_t width_, height_, pitch_;
     com<ID3D12Resource> texture_, memory_;
 };
 
 /* A buffer in memory that both sides see: UPLOAD or READBACK. */
 com<ID3D12Resource> make_buffer(ID3D12Device *device, std::uint64_t size, D3D12_HEAP_TYPE heap);
-/* Where rows of RGBA8 lie in such a buffer. */
-D3D12_TEXTURE_COPY_LOCATION rows_of(ID3D12Resource *buffer, std::uint32_t width, std::uint32_t height, std::uint32_t pitch);
+/* Where rows of pixels lie in such a buffer. */
+D3D12_TEXTURE_COPY_LOCATION rows_of(ID3D12Resource *buffer, DXGI_FORMAT format, std::uint32_t width, std::uint32_t height,
+                                    std::uint32_t pitch);
 D3D12_TEXTURE_COPY_LOCATION picture_of(ID3D12Resource *texture);
 /* A row's bytes as copies want them: a multiple of 256. */
-inline std::uint32_t pitch_of(std::uint32_t width) { return (width * 4 + 255) / 256 * 256; }
+inline std::uint32_t pitch_of(std::uint32_t width, const frame_format &format) { return (width * format.bytes + 255) / 256 * 256; }
 D3D12_RESOURCE_BARRIER transition(ID3D12Resource *resource, D3D12_RESOURCE_STATES before, D3D12_RESOURCE_STATES after);
 
 #endif

@@ -3,43 +3,50 @@
 #include <algorithm>
 #include <cairn.hpp>
 #include <cstdio>
+#include <cstring>
 
-using colour = std::uint32_t; /* as bytes in memory: red is the lowest */
-
-static constexpr colour BACK = 0xFF201810, LINE = 0xFF706050, INK = 0xFFFFFFFF;
 /* Pixels for a millisecond: the panel is 51.2 ms high. */
 static constexpr float SCALE = 1.25f;
-
-static colour colour_of(std::uint32_t source)
-{
-    switch (source) {
-    case CAIRN_FRAME_ANCHOR: return 0xFFF0F0F0;
-    case CAIRN_FRAME_DECODED: return 0xFFF0C040;
-    case CAIRN_FRAME_GENERATED: return 0xFF60C850;
-    case CAIRN_FRAME_EXTRAPOLATED: return 0xFF30D0F0;
-    default: return 0xFF4040E0;
-    }
-}
 
 /* Digits and a point, three pixels wide and five high, a row in three bits. */
 static constexpr std::uint16_t GLYPHS[] = {075557, 026227, 071747, 071717, 055711, 074717, 074757, 071111, 075757, 075717, 000002};
 
-static void write(unsigned char *rows, std::uint32_t pitch, std::uint32_t left, std::uint32_t top, const char *text)
+graph::graph(gpu &gpu, colours colours, std::uint32_t white_nits) : format_(format_of(colours))
+{
+    /* Red is the lowest byte. */
+    static constexpr std::uint32_t levels[INKS] = {0x201810, 0x706050, 0xFFFFFF, 0xF0F0F0, 0xF0C040, 0x60C850, 0x30D0F0, 0x4040E0};
+    for (int i = 0; i < INKS; i++) inks_[i] = pixel_of(colours, levels[i], white_nits);
+    for (com<ID3D12Resource> &memory : memory_) {
+        memory = make_buffer(gpu.device(), std::uint64_t{WIDTH} * format_.bytes * HEIGHT, D3D12_HEAP_TYPE_UPLOAD);
+    }
+}
+
+graph::ink graph::ink_of(std::uint32_t source)
+{
+    switch (source) {
+    case CAIRN_FRAME_ANCHOR: return ANCHOR;
+    case CAIRN_FRAME_DECODED: return DECODED;
+    case CAIRN_FRAME_GENERATED: return GENERATED;
+    case CAIRN_FRAME_EXTRAPOLATED: return EXTRAPOLATED;
+    default: return HELD;
+    }
+}
+
+void graph::put(unsigned char *rows, std::uint32_t x, std::uint32_t y, ink ink) const
+{
+    std::memcpy(rows + (std::size_t{y} * WIDTH + x) * format_.bytes, &inks_[ink], format_.bytes);
+}
+
+void graph::write(unsigned char *rows, std::uint32_t left, std::uint32_t top, const char *text) const
 {
     for (; *text != '\0'; text++, left += 8) {
         const std::uint16_t glyph = *text == '.' ? GLYPHS[10] : *text >= '0' && *text <= '9' ? GLYPHS[*text - '0'] : 0;
         for (std::uint32_t y = 0; y < 10; y++) {
             for (std::uint32_t x = 0; x < 6; x++) {
-                const bool on = (glyph >> ((4 - y / 2) * 3 + 2 - x / 2) & 1) != 0;
-                if (on) reinterpret_cast<colour *>(rows + (top + y) * pitch)[left + x] = INK;
+                if ((glyph >> ((4 - y / 2) * 3 + 2 - x / 2) & 1) != 0) put(rows, left + x, top + y, NUMBER);
             }
         }
     }
-}
-
-graph::graph(gpu &gpu)
-{
-    for (com<ID3D12Resource> &memory : memory_) memory = make_buffer(gpu.device(), PITCH * HEIGHT, D3D12_HEAP_TYPE_UPLOAD);
 }
 
 void graph::add(float milliseconds, std::uint32_t source)
@@ -61,20 +68,22 @@ float graph::median() const
 
 void graph::draw(unsigned char *rows) const
 {
-    const auto pixel = [&](std::uint32_t x, std::uint32_t y) -> colour & { return reinterpret_cast<colour *>(rows + y * PITCH)[x]; };
     for (std::uint32_t y = 0; y < HEIGHT; y++) {
         const float above = static_cast<float>(HEIGHT - 1 - y) / SCALE;
         const bool line = static_cast<int>(above * 60 / 1000) != static_cast<int>((above + 1 / SCALE) * 60 / 1000);
-        for (std::uint32_t x = 0; x < WIDTH; x++) pixel(x, y) = line && x < BARS * 2 ? LINE : BACK;
+        for (std::uint32_t x = 0; x < WIDTH; x++) put(rows, x, y, line && x < BARS * 2 ? LINE : BACK);
     }
     for (std::uint32_t i = 0; i < BARS; i++) {
         const bar &shown = bars_[(next_ + i) % BARS];
         const std::uint32_t height = std::min(static_cast<std::uint32_t>(shown.milliseconds * SCALE), HEIGHT);
-        for (std::uint32_t y = HEIGHT - height; y < HEIGHT; y++) pixel(i * 2, y) = pixel(i * 2 + 1, y) = colour_of(shown.source);
+        for (std::uint32_t y = HEIGHT - height; y < HEIGHT; y++) {
+            put(rows, i * 2, y, ink_of(shown.source));
+            put(rows, i * 2 + 1, y, ink_of(shown.source));
+        }
     }
     char text[8];
     std::snprintf(text, sizeof text, "%5.1f", static_cast<double>(std::min(median(), 999.9f)));
-    write(rows, PITCH, NUMBER_AT, HEIGHT - 14, text);
+    write(rows, NUMBER_AT, HEIGHT - 14, text);
 }
 
 void graph::record(gpu &gpu, ID3D12GraphicsCommandList *list, ID3D12Resource *target, std::uint32_t width, std::uint32_t height)
@@ -87,6 +96,6 @@ void graph::record(gpu &gpu, ID3D12GraphicsCommandList *list, ID3D12Resource *ta
     worked(memory->Map(0, &nothing, &rows), "ID3D12Resource::Map");
     draw(static_cast<unsigned char *>(rows));
     memory->Unmap(0, nullptr);
-    const D3D12_TEXTURE_COPY_LOCATION to = picture_of(target), from = rows_of(memory, WIDTH, HEIGHT, PITCH);
+    const D3D12_TEXTURE_COPY_LOCATION to = picture_of(target), from = rows_of(memory, format_.format, WIDTH, HEIGHT, WIDTH * format_.bytes);
     list->CopyTextureRegion(&to, margin, height - HEIGHT - margin, 0, &from, nullptr);
 }

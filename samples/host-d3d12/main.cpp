@@ -45,6 +45,8 @@ static cairn::presenter make_presenter(const options &o, std::uint32_t width, st
     wanted.height = height;
     wanted.interval_ns = interval_ns;
     wanted.flags = CAIRN_PRESENTER_NO_DECODED | flags;
+    wanted.colour_space = format_of(o.shown_in).space;
+    wanted.white_nits = o.shown_in == colours::srgb ? 0 : o.white;
     return cairn::presenter::create(wanted).value();
 }
 
@@ -98,12 +100,12 @@ public:
         const auto info = anchor.info().value();
         image picture(info.width, info.height);
         anchor.read_picture(info.pictures - 1, cairn::target_of(picture.rgba, info.width, info.height)).value();
-        write_ppm(name("anchor", info.latent), picture);
+        write_ppm(name("anchor", info.latent) + ".ppm", picture);
     }
     void frame(std::uint32_t number, const cairn::frame &frame, const offscreen &from)
     {
         if (folder_.empty()) return;
-        write_ppm(name("frame", number), from.read());
+        from.write(name("frame", number));
         char line[128];
         std::snprintf(line, sizeof line, "%u,%s,%llu,%llu,%.4f\n", static_cast<unsigned>(number), source_name(frame.source),
                       static_cast<unsigned long long>(frame.previous), static_cast<unsigned long long>(frame.current),
@@ -119,7 +121,7 @@ private:
     std::string name(const char *what, std::uint64_t number) const
     {
         char text[64];
-        std::snprintf(text, sizeof text, "/%s-%05llu.ppm", what, static_cast<unsigned long long>(number));
+        std::snprintf(text, sizeof text, "/%s-%05llu", what, static_cast<unsigned long long>(number));
         return folder_ + text;
     }
 
@@ -159,8 +161,8 @@ static void in_window(const host &host, const cairn::device &world_device)
     const std::uint32_t width = o.width > 0 ? o.width : 960, height = o.height > 0 ? o.height : 540;
     input player;
     window window(L"Cairn", width, height, player);
-    swapchain chain(host.gpu, window.handle(), width, height);
-    graph graph(host.gpu);
+    swapchain chain(host.gpu, window.handle(), width, height, format_of(o.shown_in));
+    graph graph(host.gpu, o.shown_in, o.white);
     const std::uint32_t rate = o.rate > 0 || o.scene.empty() ? o.rate : SCENE_RATE;
     cairn::presenter presenter = make_presenter(o, width, height, rate > 0 ? SECOND / rate : 0, CAIRN_PRESENTER_CATCH_UP);
     const settled wait(host.gpu);
@@ -223,7 +225,7 @@ static void without_window(const host &host, const cairn::device &world_device)
     const std::uint32_t width = o.width > 0 ? o.width : info.width, height = o.height > 0 ? o.height : info.height;
     /* Time is counted: anchor i comes at i intervals, of which a frame is a whole part for every multiplier. */
     const std::uint64_t interval = SECOND / (info.latents_per_second > 0 ? info.latents_per_second : SCENE_RATE) / 12 * 12;
-    offscreen target(host.gpu, width, height);
+    offscreen target(host.gpu, width, height, format_of(o.shown_in));
     cairn::presenter presenter = make_presenter(o, width, height, interval, 0);
     const settled wait(host.gpu);
     std::uint64_t came = 0;

@@ -29,6 +29,9 @@ const char options_help[] =
     "                       cannot make more\n"
     "  --size WxH           of the frames; a window stretches them to its own size. 960x540 without it, and without a window\n"
     "                       as large as the anchors\n"
+    "  --colours WHICH      srgb; or for displays of a high dynamic range hdr10 (PQ, 10 bits) or scrgb (light, half floats). srgb\n"
+    "                       without it\n"
+    "  --white NITS         how bright the pictures' white is in hdr10 and scrgb, 80 to 1000; 203 without it\n"
     "  --adapter N          which graphics adapter, the fastest being 0\n"
     "  --anchors gpu|cpu    where the world runs: on that adapter by DirectML, beside the frames; or on the processor\n"
     "  --no-vsync           do not wait for the display\n"
@@ -38,8 +41,8 @@ const char options_help[] =
     "without a window\n"
     "  --headless N         make N frames as fast as it goes, always the same: time is counted, not read, and the player does\n"
     "                       what the script says, or walks ahead\n"
-    "  --record DIR         write them there: frame-00000.ppm and so on, the anchors they were made of as anchor-00000.ppm,\n"
-    "                       and frames.csv, which says what each frame is. With a window the anchors only. What the player of\n"
+    "  --record DIR         write them there: frame-00000.ppm and so on (of scrgb .pfm), the anchors they were made of as\n"
+    "                       anchor-00000.ppm, and frames.csv, which says what each frame is. With a window the anchors only. What the player of\n"
     "                       a world did is in controls.txt, for --script\n"
     "\n"
     "  --verbose            say what the library says\n"
@@ -80,6 +83,14 @@ static std::string scene(const std::string &text)
     throw wrong_options("--source: \"" + text + "\" is neither world nor scene:forest, scene:sword, scene:desert or scene:snow");
 }
 
+static colours colours_of(const std::string &text)
+{
+    if (text == "srgb") return colours::srgb;
+    if (text == "hdr10") return colours::hdr10;
+    if (text == "scrgb") return colours::scrgb;
+    throw wrong_options("--colours: \"" + text + "\" is neither srgb, hdr10 nor scrgb");
+}
+
 /* What fits together. */
 static void check(const options &o)
 {
@@ -95,6 +106,7 @@ static void check(const options &o)
 options read_options(const std::vector<std::string> &arguments)
 {
     options o;
+    bool white = false;
     for (std::size_t i = 0; i < arguments.size(); i++) {
         const std::string &name = arguments[i];
         const auto value = [&]() -> const std::string & {
@@ -114,6 +126,11 @@ options read_options(const std::vector<std::string> &arguments)
         else if (name == "--multiplier") o.multiplier = static_cast<std::uint32_t>(number(name, value(), 1, 6));
         else if (name == "--rate") o.rate = static_cast<std::uint32_t>(number(name, value(), 1, 60));
         else if (name == "--size") size(value(), o);
+        else if (name == "--colours") o.shown_in = colours_of(value());
+        else if (name == "--white") {
+            o.white = static_cast<std::uint32_t>(number(name, value(), 80, 1000));
+            white = true;
+        }
         else if (name == "--adapter") o.adapter = static_cast<std::uint32_t>(number(name, value(), 0, 63));
         else if (name == "--anchors") {
             const std::string &where = value();
@@ -131,5 +148,6 @@ options read_options(const std::vector<std::string> &arguments)
         else o.world = name;
     }
     check(o);
+    if (white && o.shown_in == colours::srgb) throw wrong_options("--white: is for --colours hdr10 or scrgb");
     return o;
 }

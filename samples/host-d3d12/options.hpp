@@ -15,6 +15,9 @@ struct wrong_options : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
+/* What the numbers of frames mean. */
+enum class colours { srgb, hdr10, scrgb };
+
 /* Texts are UTF-8; empty ones were not given. */
 struct options {
     bool help = false;
@@ -29,6 +32,9 @@ struct options {
     /* Anchors a second in a window; 0 for as many as they stand for. */
     std::uint32_t rate = 0;
     std::uint32_t width = 0, height = 0;
+    colours shown_in = colours::srgb;
+    /* How bright the pictures' white is, in nits, where frames have a high dynamic range. */
+    std::uint32_t white = 203;
     /* Frames without a window; 0 for a window. */
     std::uint32_t headless = 0;
     /* Frames until the window closes by itself; 0 for never. */

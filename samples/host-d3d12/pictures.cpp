@@ -1,8 +1,11 @@
 #include "pictures.hpp"
 
+#include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 
@@ -57,6 +60,46 @@ void write_ppm(const std::string &path, const image &image)
     std::string text = "P6\n" + std::to_string(image.width) + " " + std::to_string(image.height) + "\n255\n";
     for (std::size_t i = 0; i < image.rgba.size(); i++) {
         if (i % 4 != 3) text.push_back(static_cast<char>(image.rgba[i]));
+    }
+    write_text(path, text);
+}
+
+void write_ppm_of_ten(const std::string &path, std::uint32_t width, std::uint32_t height, const std::vector<unsigned char> &pixels)
+{
+    std::string text = "P6\n" + std::to_string(width) + " " + std::to_string(height) + "\n1023\n";
+    for (std::size_t i = 0; i < pixels.size(); i += 4) {
+        std::uint32_t word;
+        std::memcpy(&word, &pixels[i], sizeof word);
+        for (int c = 0; c < 3; c++, word >>= 10) {
+            text.push_back(static_cast<char>(word >> 8 & 3));
+            text.push_back(static_cast<char>(word & 255));
+        }
+    }
+    write_text(path, text);
+}
+
+static float number_of(std::uint16_t half)
+{
+    const int exponent = half >> 10 & 31, fraction = half & 1023;
+    float value = std::ldexp(static_cast<float>(fraction), -24);
+    if (exponent == 31) value = fraction != 0 ? std::numeric_limits<float>::quiet_NaN() : std::numeric_limits<float>::infinity();
+    else if (exponent > 0) value = std::ldexp(static_cast<float>(fraction + 1024), exponent - 25);
+    return (half >> 15) != 0 ? -value : value;
+}
+
+void write_pfm(const std::string &path, std::uint32_t width, std::uint32_t height, const std::vector<unsigned char> &pixels)
+{
+    std::string text = "PF\n" + std::to_string(width) + " " + std::to_string(height) + "\n-1.0\n";
+    for (std::size_t y = height; y-- > 0;) {
+        for (std::size_t i = 0; i < std::size_t{width} * 4; i++) {
+            if (i % 4 == 3) continue;
+            std::uint16_t half;
+            std::memcpy(&half, &pixels[(y * width * 4 + i) * 2], sizeof half);
+            const float value = number_of(half);
+            char bytes[sizeof value];
+            std::memcpy(bytes, &value, sizeof value);
+            text.append(bytes, sizeof bytes);
+        }
     }
     write_text(path, text);
 }

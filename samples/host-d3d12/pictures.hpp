@@ -1,4 +1,4 @@
-/* Pictures as PPM files (P6). */
+/* Pictures as files: PPM (P6), and PFM for numbers beyond white. */
 #ifndef HOST_D3D12_PICTURES_HPP
 #define HOST_D3D12_PICTURES_HPP
 
@@ -18,6 +18,10 @@ struct image {
 /* Paths are UTF-8. What cannot be done throws std::runtime_error with the path, the cause and what to do. */
 image read_ppm(const std::string &path);
 void write_ppm(const std::string &path, const image &image);
+/* Pixels of R10G10B10A2, as they are: numbers to 1023, two bytes each, the higher first. */
+void write_ppm_of_ten(const std::string &path, std::uint32_t width, std::uint32_t height, const std::vector<unsigned char> &pixels);
+/* Pixels of four half floats, without the fourth: single floats, lower bytes first, the lowest row first. */
+void write_pfm(const std::string &path, std::uint32_t width, std::uint32_t height, const std::vector<unsigned char> &pixels);
 void write_text(const std::string &path, const std::string &text);
 std::string read_text(const std::string &path);
 /* Makes a folder, with those above it. */

@@ -19,6 +19,13 @@ pub(super) struct Ppm {
     pub(super) pixels: Vec<u8>,
 }
 
+/// Numbers of red, green and blue of each pixel that go beyond eight bits, rows from top to bottom.
+pub(super) struct Numbers {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) values: Vec<f64>,
+}
+
 fn bytes(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|e| format!("{}: {e}", path.display()))
 }
@@ -99,9 +106,97 @@ impl Ppm {
     }
 }
 
+impl Numbers {
+    /// A PPM of ten bits, 0 to 1023, or a PFM of single floats.
+    pub(super) fn read(path: &Path) -> Result<Self, String> {
+        Self::parse(&bytes(path)?).map_err(|why| format!("{}: {why}", path.display()))
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let mut parts = bytes.splitn(4, |byte| *byte == b'\n');
+        let mut line = || parts.next().and_then(|line| std::str::from_utf8(line).ok()).unwrap_or_default();
+        let (kind, size, range) = (line(), line(), line());
+        let size = size.split_once(' ').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+        let (width, height): (usize, usize) = size.ok_or("the header names no size")?;
+        let rest = parts.next().unwrap_or_default();
+        let values: Vec<f64> = match (kind, range) {
+            ("P6", "1023") => rest.as_chunks().0.iter().map(|pair| u16::from_be_bytes(*pair).into()).collect(),
+            ("PF", "-1.0") => {
+                let numbers: Vec<f64> =
+                    rest.as_chunks().0.iter().map(|four| f32::from_le_bytes(*four).into()).collect();
+                numbers.chunks(3 * width.max(1)).rev().flatten().copied().collect()
+            }
+            _ => return Err("is neither a PPM of ten bits nor a PFM".to_owned()),
+        };
+        match values.len() == width * height * 3 {
+            true => Ok(Self { width, height, values }),
+            false => Err(format!("{} numbers", values.len())),
+        }
+    }
+
+    /// By how much they are off what `pixel` makes of a picture's pixels at most; infinite for another size.
+    pub(super) fn distance(&self, picture: &Ppm, pixel: impl Fn([f64; 3]) -> [f64; 3]) -> f64 {
+        if (self.width, self.height) != (picture.width, picture.height) {
+            return f64::INFINITY;
+        }
+        let pairs = self.values.chunks_exact(3).zip(picture.pixels.chunks_exact(3));
+        let differences = pairs.flat_map(|(found, of)| {
+            let wanted = pixel([0, 1, 2].map(|c| f64::from(of[c]) / 255.0));
+            [0, 1, 2].map(|c| (found[c] - wanted[c]).abs())
+        });
+        // What is no number is nowhere near.
+        differences.fold(0.0, |most, v| if v <= most { most } else { if v.is_nan() { f64::INFINITY } else { v } })
+    }
+}
+
+/// Light of a part of sRGB's range.
+fn light(v: f64) -> f64 {
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Red, green and blue of sRGB as HDR10 has them in ten bits, where white is so many nits: SMPTE ST 2084, ITU-R BT.2087.
+pub(super) fn hdr10([r, g, b]: [f64; 3], white: f64) -> [f64; 3] {
+    const WIDE: [[f64; 3]; 3] = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
+    let seen = [r, g, b].map(light);
+    WIDE.map(|row| {
+        let nits = white * row.iter().zip(seen).map(|(a, b)| a * b).sum::<f64>();
+        let p = (nits / 10_000.0).powf(2610.0 / 16384.0);
+        let (c1, c2, c3) = (3424.0 / 4096.0, 2413.0 / 128.0, 2392.0 / 128.0);
+        1023.0 * ((c1 + c2 * p) / (1.0 + c3 * p)).powf(2523.0 / 32.0)
+    })
+}
+
+/// The same as scRGB has them: light, 1 being 80 nits.
+pub(super) fn scrgb(pixel: [f64; 3], white: f64) -> [f64; 3] {
+    pixel.map(|v| light(v) * white / 80.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_beyond_eight_bits_are_read_whole_or_not() {
+        let ten = Numbers::parse(b"P6\n1 1\n1023\n\x03\xff\0\x0a\0\0").unwrap();
+        assert_eq!((ten.width, ten.height, ten.values), (1, 1, vec![1023.0, 10.0, 0.0]));
+        let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+        let text = [b"PF\n1 2\n-1.0\n".to_vec(), floats(&[4.0, 5.0, 6.0, 1.0, 2.0, 3.0])].concat();
+        let read = Numbers::parse(&text).unwrap();
+        assert_eq!(read.values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "the lowest row comes first");
+        assert!(Numbers::parse(&text[..text.len() - 1]).is_err() && Numbers::parse(b"P6\n1 1\n255\nabc").is_err());
+        let picture = Ppm { width: 1, height: 2, pixels: vec![0; 6] };
+        assert_eq!((read.distance(&picture, |p| p), read.distance(&picture, |_| [f64::NAN; 3])), (6.0, f64::INFINITY));
+    }
+
+    #[test]
+    fn white_is_as_bright_as_it_is_said_to_be() {
+        // ITU-R BT.2408: 203 nits are 58 % of PQ.
+        assert!(hdr10([1.0; 3], 203.0).iter().all(|v| (v / 1023.0 - 0.58).abs() < 0.002));
+        assert!(
+            hdr10([0.0; 3], 203.0).iter().all(|v| *v < 0.001) && (hdr10([1.0; 3], 10_000.0)[0] - 1023.0).abs() < 0.1
+        );
+        assert_eq!((scrgb([1.0, 0.0, 1.0], 80.0), scrgb([1.0; 3], 160.0)), ([1.0, 0.0, 1.0], [2.0; 3]));
+    }
 
     #[test]
     fn videos_and_pictures_are_read_whole_or_not() {

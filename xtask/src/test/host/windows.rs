@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use provision::{Console, tools};
 
-use super::frames::Ppm;
+use super::frames::{Numbers, Ppm, hdr10, scrgb};
 use super::screen::{self, Rectangle};
 use crate::shell::Log;
 use crate::test::abi::STRICT;
@@ -54,6 +54,8 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
     let program = build(context, log, &cmake, &work)?;
     let host = Host { context, work, program };
     recorded(&host, log, &mut tally)?;
+    high_range(&host, log, &mut tally)?;
+    on_the_device(&host, log, &mut tally)?;
     scene(&host, log, &mut tally)?;
     refusals(&host, log, &mut tally)?;
     window(&host, log, &mut tally)?;
@@ -166,6 +168,64 @@ fn recorded(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     Ok(())
 }
 
+/// Frames for displays of a high dynamic range: those of anchors are the anchors' pictures, as bright as is asked for. The lab's display
+/// shows none of them, and that is said.
+fn high_range(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let script = host.script();
+    let shared = ["--multiplier", "1", "--anchors", "cpu", "--script", &script];
+    type Pixel = fn([f64; 3], f64) -> [f64; 3];
+    // A number of ten bits, and the least that a half float has near white; each is rounded to the nearest.
+    let kinds: [(&str, &str, f64, Pixel, f64); 2] =
+        [("hdr10", "ppm", 203.0, hdr10, 1.01), ("scrgb", "pfm", 400.0, scrgb, 0.003)];
+    for (colours, ending, white, pixel, near) in kinds {
+        let bright = white.to_string();
+        let arguments = ["--headless", "2", "--record", colours, "--colours", colours, "--white", &bright];
+        if !log.run(&mut host.command(&[&arguments[..], &shared].concat())?)?.success {
+            tally.failures.push(format!("the sample does not record {colours}"));
+            continue;
+        }
+        for i in 0..2 {
+            let frame = Numbers::read(&host.work.join(colours).join(format!("frame-{i:05}.{ending}")))?;
+            let anchor = host.picture(colours, "anchor", i)?;
+            let (off, dark) =
+                (frame.distance(&anchor, |p| pixel(p, white)), frame.distance(&anchor, |p| pixel(p, 80.0)));
+            log.line(&format!("{colours}, frame {i}: {off} off, {dark} off another white"))?;
+            tally.check((off > near).then(|| format!("{colours}: frame {i} is {off} off its anchor's picture")));
+            tally.check((dark < 10.0 * near).then(|| format!("{colours}: frame {i} is as bright as any")));
+        }
+        if !cfg!(windows) {
+            let window = ["--frames", "1", "--colours", colours];
+            let ended = log.run(&mut host.command(&[&window[..], &shared].concat())?)?;
+            let said = ended.output.contains("host-d3d12: this display does not show");
+            tally.check((ended.success || !said).then(|| format!("{colours} in a window: {:?}", ended.output)));
+        }
+    }
+    Ok(())
+}
+
+/// Anchors that DirectML makes, on the device that shows them: near those of the processor.
+fn on_the_device(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let script = host.script();
+    let arguments =
+        ["--headless", "2", "--record", "device", "--anchors", "gpu", "--script", &script, "--multiplier", "1"];
+    let ended = log.run(&mut host.command(&arguments)?)?;
+    if !ended.success || !ended.output.contains("DirectML") {
+        tally.failures.push(format!("anchors of DirectML: {:?}", ended.output));
+        return Ok(());
+    }
+    for i in 0..2 {
+        let (device, processor) = (host.picture("device", "anchor", i)?, host.picture("walk", "anchor", i)?);
+        let shown = host.picture("device", "frame", i)?;
+        let pairs = device.pixels.iter().zip(&processor.pixels);
+        let squares: f64 = pairs.map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
+        let decibels = 10.0 * (255.0_f64.powi(2) * device.pixels.len() as f64 / squares.max(1.0)).log10();
+        log.line(&format!("anchor {i} of DirectML: {decibels:.1} dB from the processor's"))?;
+        tally.check((decibels < 40.0).then(|| format!("anchor {i} of DirectML is {decibels:.1} dB off")));
+        tally.check((shown.pixels != device.pixels).then(|| format!("anchor {i} of DirectML is not what is shown")));
+    }
+    Ok(())
+}
+
 /// Whether nothing is to be seen: less than sixteen levels between the darkest and the brightest byte.
 fn is_flat(picture: &Ppm) -> bool {
     let (least, most) = picture.pixels.iter().fold((u8::MAX, 0), |(least, most), v| (least.min(*v), most.max(*v)));
@@ -225,6 +285,7 @@ fn compile(context: &Context<'_>, log: &mut Log, source: &str, program: &Path) -
 fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     for (arguments, says) in [
         (&["--size", "3"][..], "--size: \"3\" is no size. Write it as 960x540. See host-d3d12 --help"),
+        (&["--white", "300"], "--white: is for --colours hdr10 or scrgb. See host-d3d12 --help"),
         (&["--headless", "2", "--seed-picture", "nowhere.ppm", "--anchors", "cpu"], "nowhere.ppm: cannot be read"),
     ] {
         let ended = log.run(&mut host.command(arguments)?)?;
