@@ -85,6 +85,15 @@ fn push(presenter: *mut cairn_presenter, number: u64, now: u64) {
     assert_eq!([pushed, unsafe { cairn_anchor_destroy(anchor) }], [CAIRN_OK; 2]);
 }
 
+/// Destroys what a test has made.
+fn end<const P: usize, const D: usize>(presenters: [*mut cairn_presenter; P], devices: [*mut cairn_device; D]) {
+    // SAFETY: live handles; what presenters recorded has run or never will.
+    let ended = presenters.map(|presenter| unsafe { cairn_presenter_destroy(presenter) });
+    assert_eq!(ended, [CAIRN_OK; P]);
+    // SAFETY: live handles.
+    assert_eq!(devices.map(|device| unsafe { cairn_device_destroy(device) }), [CAIRN_OK; D]);
+}
+
 /// The frame at `now` as it is drawn into memory.
 fn drawn(presenter: *mut cairn_presenter, now: u64) -> Picture {
     drawn_in(presenter, now, SIZE)
@@ -235,11 +244,9 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
         assert!(name == "cpu" && why.contains("not to be used"), "{name}: {why}");
         let memory = drawn(self::presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_NEVER), INTERVAL * 9 / 4);
         assert!(pixels == expected(&memory, format, linear), "{format:?}: what is drawn into memory");
-        // SAFETY: a live handle; the queue was waited for.
-        assert_eq!(unsafe { cairn_presenter_destroy(presenter) }, CAIRN_OK);
+        end([presenter], []);
     }
-    // SAFETY: live handles.
-    assert_eq!(unsafe { [cairn_device_destroy(direct), cairn_device_destroy(compute)] }, [CAIRN_OK; 2]);
+    end([], [direct, compute]);
 }
 
 #[test]
@@ -255,8 +262,7 @@ fn a_device_says_what_of_its_memory_may_be_used() {
         Some(told) => assert!(info.memory_budget_mib > 0 && told.granted >> 20 > 0, "{told:?}"),
         None => assert_eq!((info.memory_budget_mib, info.memory_used_mib), (0, 0)),
     }
-    // SAFETY: a live handle.
-    assert_eq!(unsafe { cairn_device_destroy(direct) }, CAIRN_OK);
+    end([], [direct]);
 }
 
 #[test]
@@ -307,8 +313,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
         assert_eq!(unsafe { cairn_presenter_release_d3d12(presenter) }, CAIRN_OK);
         let held = u32::from(name == "shader");
         engine::comes_back(|| [engine::references(&own)], [alone - held]);
-        // SAFETY: a live handle.
-        assert_eq!(unsafe { cairn_presenter_destroy(presenter) }, CAIRN_OK);
+        end([presenter], []);
     }
     // Light, which the processor makes of the same numbers; a level near white is more than two of those of light.
     let bright = presenter(CAIRN_COLOUR_LINEAR, CAIRN_PREFER_AUTO);
@@ -327,8 +332,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
     let pairs = found.as_chunks::<2>().0.iter().zip(wanted.as_chunks::<2>().0);
     let apart = pairs.map(|(a, b)| (number(a) - number(b)).abs()).fold(0.0, f32::max);
     assert!(found.len() == wanted.len() && apart <= 2.4 / 255.0, "{apart}");
-    // SAFETY: a live handle; the queue was waited for.
-    assert_eq!(unsafe { cairn_presenter_destroy(bright) }, CAIRN_OK);
+    end([bright], []);
 
     // In memory there is nobody to make what only shaders may make.
     let mut pixels = vec![0_u8; (4 * SIZE.0 * SIZE.1) as usize];
@@ -338,9 +342,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
     // SAFETY: a live handle and a target that lives during the call.
     let refused = unsafe { cairn_presenter_draw(required, INTERVAL, &target, null_mut()) };
     assert_eq!(refused, CAIRN_ERROR_UNSUPPORTED);
-    // SAFETY: live handles.
-    let ended = unsafe { [cairn_presenter_destroy(required), cairn_device_destroy(direct)] };
-    assert_eq!(ended, [CAIRN_OK; 2]);
+    end([required], [direct]);
 }
 
 #[test]
@@ -422,10 +424,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     let (frame, _) = frame_at(presenter, 33 * INTERVAL);
     assert_eq!((frame.source, frame.previous), (CAIRN_FRAME_ANCHOR, 30), "{frame:?}");
     drop(kept);
-    // SAFETY: live handles.
-    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_presenter_destroy(holding)] };
-    // SAFETY: a live handle.
-    assert_eq!((ended, unsafe { cairn_device_destroy(direct) }), ([CAIRN_OK; 2], CAIRN_OK));
+    end([presenter, holding], [direct]);
 }
 
 #[test]
@@ -503,10 +502,7 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     unsafe { engine.direct.ExecuteCommandLists(&[Some(list)]) };
     let call = Call { list: open.list(), ..call };
     assert_eq!(call.record().0, CAIRN_ERROR_DEVICE_REMOVED);
-    // SAFETY: live handles.
-    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_presenter_destroy(empty)] };
-    // SAFETY: live handles.
-    assert_eq!([ended, unsafe { [cairn_device_destroy(direct), cairn_device_destroy(compute)] }], [[CAIRN_OK; 2]; 2]);
+    end([presenter, empty], [direct, compute]);
 }
 
 #[test]
@@ -548,9 +544,7 @@ fn what_stands_is_copied_and_not_made_again() {
     assert_eq!((next.source, next.previous), (CAIRN_FRAME_ANCHOR, 2));
     let done = statistics(presenter);
     assert_eq!((done.repeated, done.shown_generated, done.shown_held, done.late_anchors), (17, 18, 2, 1));
-    // SAFETY: live handles.
-    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_device_destroy(direct)] };
-    assert_eq!(ended, [CAIRN_OK; 2]);
+    end([presenter], [direct]);
 }
 
 #[test]
@@ -594,7 +588,5 @@ fn frames_are_held_to_a_budget_of_the_device_s_time() {
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_presenter_set_budget(presenter, 0) }, CAIRN_OK);
     assert_eq!(frames(4), [anchor, generated, generated, generated]);
-    // SAFETY: live handles.
-    let ended = unsafe { [cairn_presenter_destroy(presenter), cairn_device_destroy(direct)] };
-    assert_eq!(ended, [CAIRN_OK; 2]);
+    end([presenter], [direct]);
 }
