@@ -1575,7 +1575,8 @@ typedef struct cairn_budget {
      */
     const char *schedules;
     /**
-     * Further worlds of the same bundle that the rollout may go on in, loaded with other global windows; may be null.
+     * Further worlds of the same bundle that the rollout may go on in, loaded with other global windows; may be null: the window then stays,
+     * as no world is loaded for it.
      */
     const cairn_world *const *worlds;
     /** How many, at most CAIRN_MAX_BUDGET_WORLDS. */
@@ -1591,7 +1592,9 @@ typedef struct cairn_budget {
  * else by wall time, it picks how many passes latents have, how far back they see, and how many of the frames between anchors are made:
  * passes are given up first, then frames, the window last, and what was given up comes back where there is time. The window is also narrowed
  * where the device's memory runs short. The same controls may then give other pictures the next time. A move to another window is made
- * before a step, goes through the host's memory and takes a while. What it does is logged, and cairn_rollout_statistics has it.
+ * before a step, goes through the host's memory and takes a while. No world is loaded by it, as that takes seconds to minutes and the
+ * weights' memory once more: load those of the windows that may be wanted beforehand, on a thread of your own. What it does is logged, and
+ * cairn_rollout_statistics has it.
  *
  * It takes the place of cairn_rollout_set_budget, which ends it, as a restored state does and the rollout's end, and of
  * cairn_presenter_set_budget, which takes the presenter out of it.
@@ -1602,7 +1605,7 @@ typedef struct cairn_budget {
  * nothing has changed.
  * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
- * CAIRN_ERROR_OUT_OF_MEMORY, with figures, where even the narrowest window needs too much.
+ * CAIRN_ERROR_OUT_OF_MEMORY, with figures and the window to go below, where even the narrowest of the worlds needs too much.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_govern(cairn_rollout *rollout, const cairn_budget *budget);

@@ -231,9 +231,10 @@ class Rollout(Object):
     ) -> None:
         """Holds the rollout, and a presenter's frames, to a budget: `frame_ns` nanoseconds of the device's time for each frame that is
         shown, and `memory_mib`; 0 for no limit. From the times so far it picks the passes of latents, the window, one of `worlds`, which are
-        of the same bundle, or the rollout's own, and how many frames to an anchor are made. Passes are given up first, then frames, the
-        window last, and all come back where there is time. `multiplier` are the frames that are shown for each anchor: 0 for the
-        presenter's own, and for 1 without. `statistics` says what it did. It takes the place of `set_budget`, which ends it.
+        of the same bundle, or the rollout's own, and how many frames to an anchor are made; it loads no world itself. Passes are given up
+        first, then frames, the window last, and all come back where there is time. `multiplier` are the frames that are shown for each
+        anchor: 0 for the presenter's own, and for 1 without. `statistics` says what it did. It takes the place of `set_budget`, which
+        ends it.
 
         Raises `InvalidArgument`; `OutOfMemory` where even the narrowest window needs too much; `Busy` while steps are queued.
         """

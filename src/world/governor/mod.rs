@@ -159,6 +159,10 @@ impl Rollout {
     /// windows, that it may [`move_to`](Self::move_to) by itself, before a latent; none: its own alone. All that are given take memory as long
     /// as they are loaded, and the ring only of the one in use.
     ///
+    /// It loads no world itself: making sessions takes seconds to minutes and the weights' memory once more, which no step may, least of all
+    /// when memory is short. A host loads the windows that it may want beforehand, on a thread of its own; where there is no other, passes
+    /// and frames are all that is given up, and [`beyond`](GovernorStatistics::beyond) counts what that does not help.
+    ///
     /// The same controls may give other pictures the next time. A restored state, [`set_budget`](Self::set_budget) and
     /// [`ungovern`](Self::ungovern) end it, and leave things as they are.
     ///
@@ -201,7 +205,16 @@ impl Rollout {
         }
         let fits = |world: &Arc<World>| budget.memory.is_none_or(|limit| world.memory_need().total <= limit);
         if let (Some(limit), Some(narrowest), false) = (budget.memory, all.last(), all.iter().any(fits)) {
-            narrowest.memory_need().check_fits(limit)?;
+            let narrower = |e: Error| {
+                let (g, least) = (narrowest.global_window(), narrowest.manifest().geometry.global.dilation);
+                e.field("worlds").remedy(match g > least {
+                    true => {
+                        format!("Load the bundle at a window below g{g} and give that world too, or allow more memory")
+                    }
+                    false => "Allow more memory, or use a smaller bundle".to_owned(),
+                })
+            };
+            narrowest.memory_need().check_fits(limit).map_err(narrower)?;
         }
         let window = |world: &Arc<World>| Window::new(world.global_window(), world.memory_need().ring, fits(world));
         let windows = all.iter().map(window).collect();

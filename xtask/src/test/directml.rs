@@ -1,5 +1,5 @@
-//! Worlds on DirectML, in the lab or on Windows, held to what worlds on the processor are held to: parity with the oracle, and
-//! saved states that go on to the bit. A short form in every run, all of it with `--thorough`.
+//! Worlds on DirectML, in the lab or on Windows, held to what worlds on the processor are held to: parity with the oracle, saved
+//! states that go on to the bit, and budgets. A short form in every run, all of it with `--thorough`.
 
 use std::process::Command;
 
@@ -10,10 +10,13 @@ use crate::shell::Log;
 /// What cargo is told to build: all in one command, so that nothing is compiled a second time for another choice of features.
 const PACKAGES: [&str; 4] = ["--package", "cairn", "--package", "parity-trace"];
 const STATES: &str = "rollout_state";
+const BUDGETS: &str = "rollout_budget";
 const TRACE: &str = "parity-trace";
 
 /// The tests of the short form that load no world besides their own: each world is gigabytes where a processor plays the device.
-const SHORT: [&str; 2] = ["a_restored_rollout_continues", "in_another_process"];
+const SHORT_STATES: [&str; 2] = ["a_restored_rollout_continues", "in_another_process"];
+/// Those that ask what only a device can answer: whether its memory is moved right, and what its clock says.
+const SHORT_BUDGETS: [&str; 2] = ["a_narrower_window_sees", "a_device_s_own_clock"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     all(context, log, true)
@@ -30,24 +33,25 @@ fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, St
         return Ok(tally);
     }
     let mut build = context.clone.cargo(["build"]);
-    build.args(PACKAGES).args(["--bin", TRACE, "--test", STATES]);
+    build.args(PACKAGES).args(["--bin", TRACE, "--test", STATES, "--test", BUDGETS]);
     lab::for_windows(&mut build)?;
     if !log.run(&mut build)?.success {
         return Ok(Tally::broken("the programs do not build for Windows"));
     }
-    tally.add(states(context, log, is_short)?);
+    tally.add(tests(context, log, STATES, is_short.then_some(&SHORT_STATES))?);
+    tally.add(tests(context, log, BUDGETS, is_short.then_some(&SHORT_BUDGETS))?);
     tally.add(parity(context, log, is_short)?);
     Ok(tally)
 }
 
-/// Saved states. One test at a time, as each has worlds of its own.
-fn states(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, String> {
+/// A test program of the library, or some of its tests in their short form. One at a time, as each has worlds of its own.
+fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]>) -> Result<Tally, String> {
     let mut command = context.clone.cargo(["test", "--no-fail-fast"]);
-    command.args(PACKAGES).args(["--test", STATES]);
+    command.args(PACKAGES).args(["--test", name]);
     lab::for_windows(&mut command)?;
     command.args(["--", "--test-threads=1"]);
-    if is_short {
-        command.args(SHORT).env("CAIRN_TEST_SHORT", "1");
+    if let Some(short) = short {
+        command.args(short).env("CAIRN_TEST_SHORT", "1");
     }
     context.provide_windows_worlds(command.env("CAIRN_TEST_DEVICE", "d3d12"))?;
     Ok(cargo::count(&log.run(&mut command)?))

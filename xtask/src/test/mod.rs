@@ -74,7 +74,7 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner {
         name: "directml",
-        what: "parity with the oracle and saved states on DirectML, in short",
+        what: "parity with the oracle, saved states and budgets on DirectML, in short",
         run: directml::run,
     },
     Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
@@ -107,7 +107,12 @@ const THOROUGH: &[Runner] = &[
         what: "every fault at every place, and long random call sequences in C",
         run: abi::run_longer,
     },
-    Runner { name: "directml-all", what: "parity and saved states on DirectML, all of it", run: directml::run_longer },
+    Runner {
+        name: "directml-all",
+        what: "parity, saved states and budgets on DirectML, all of it",
+        run: directml::run_longer,
+    },
+    Runner { name: "cycles", what: "1,000 devices and 20 worlds on Direct3D 12 come and go", run: lab::run_cycles },
     Runner { name: "dist-release", what: "two clones in two places make the same archives", run: dist::run_release },
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
