@@ -3,8 +3,8 @@
 use windows::Win32::Graphics::Dxgi::{DXGI_MEMORY_SEGMENT_GROUP_LOCAL, DXGI_QUERY_VIDEO_MEMORY_INFO, IDXGIAdapter3};
 use windows::core::Interface;
 
+use super::Gpu;
 use super::failure::failed;
-use super::{Gpu, adapter};
 use crate::Result;
 
 /// What this process may use of an adapter's own memory, at this moment: others take and give. In bytes.
@@ -29,7 +29,7 @@ impl Gpu {
     /// # Errors
     /// `Device` when DXGI does not start, `InvalidArgument` when the adapter is gone.
     pub fn budget(&self) -> Result<Option<Budget>> {
-        let (adapter, _) = adapter::find(Some(self.luid()))?;
+        let (adapter, _) = self.found()?;
         let Ok(adapter) = adapter.cast::<IDXGIAdapter3>() else { return Ok(None) };
         let mut told = DXGI_QUERY_VIDEO_MEMORY_INFO::default();
         // SAFETY: a live adapter, and a place that lives during the call.

@@ -1,12 +1,13 @@
 //! A device with its two queues.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
 use windows::Win32::Graphics::Direct3D12::{
     D3D12_COMMAND_LIST_TYPE_COMPUTE, D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12CreateDevice, ID3D12CommandQueue,
     ID3D12Device, ID3D12DeviceChild,
 };
+use windows::Win32::Graphics::Dxgi::IDXGIAdapter1;
 use windows::core::{IUnknown, Interface};
 
 use super::failure::{failed, failed_on, removed};
@@ -25,6 +26,8 @@ struct Inner {
     anchors: Queue,
     device: ID3D12Device,
     luid: u64,
+    /// Looked for once, as each search starts DXGI anew.
+    adapter: OnceLock<(IDXGIAdapter1, Adapter)>,
 }
 
 impl Gpu {
@@ -60,7 +63,7 @@ impl Gpu {
         };
         // SAFETY: a live device.
         let luid = adapter::number(unsafe { device.GetAdapterLuid() });
-        Ok(Self(Arc::new(Inner { frames, anchors, device: device.clone(), luid })))
+        Ok(Self(Arc::new(Inner { frames, anchors, device: device.clone(), luid, adapter: OnceLock::new() })))
     }
 
     /// A device of our own on the adapter with `luid`, as [`adapters`](super::adapters) lists it; without one on the first that
@@ -81,7 +84,8 @@ impl Gpu {
         let device = device.ok_or_else(|| Error::new(ErrorKind::Device, "D3D12CreateDevice gave no device"))?;
         let frames = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_DIRECT)?;
         let anchors = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE)?;
-        Ok(Self(Arc::new(Inner { frames, anchors, device, luid: described.luid })))
+        let (luid, adapter) = (described.luid, OnceLock::from((adapter, described)));
+        Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter })))
     }
 
     /// Direct3D's own.
@@ -104,17 +108,29 @@ impl Gpu {
         self.0.luid
     }
 
-    /// Its adapter. Tries no other, and makes no device on it.
+    /// Its adapter, as it was when it was first asked for. Tries no other, and makes no device on it.
     ///
     /// # Errors
     /// `InvalidArgument` when the adapter is gone.
     pub fn adapter(&self) -> Result<Adapter> {
-        adapter::find(Some(self.luid())).map(|(_, described)| described)
+        self.found().map(|(_, described)| described.clone())
     }
 
     /// What its adapter calls itself. Tries no other adapter, and makes no device on it.
     pub(crate) fn adapter_name(&self) -> Option<String> {
-        adapter::find(Some(self.luid())).ok().map(|(_, described)| described.description)
+        self.found().ok().map(|(_, described)| described.description.clone())
+    }
+
+    /// DXGI's object of its adapter, and what that says of itself.
+    pub(super) fn found(&self) -> Result<&(IDXGIAdapter1, Adapter)> {
+        let cell = &self.0.adapter;
+        match cell.get() {
+            Some(found) => Ok(found),
+            None => {
+                let found = adapter::find(Some(self.luid()))?;
+                Ok(cell.get_or_init(|| found))
+            }
+        }
     }
 
     /// Why it is gone, when it is: driver replaced, command hung, adapter taken out. Nothing made on it works then; all of it can

@@ -53,6 +53,22 @@ fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     Ok(cargo::count(&log.run(&mut command)?))
 }
 
+/// How many lives of a device, and of a world, the long run has.
+const DEVICES: &str = "1000";
+const WORLDS: &str = "20";
+
+pub(super) fn run_cycles(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    if let Some(skip) = or_skip("lives of devices and worlds on Direct3D 12")? {
+        return Ok(Tally { skips: vec![skip], ..Tally::default() });
+    }
+    let mut command = context.clone.cargo(["test", "--package", "cairn", "--test", "d3d12_lifecycle"]);
+    for_windows(&mut command)?;
+    command.args(["--", "come_and_go"]);
+    context.provide_windows_worlds(&mut command)?;
+    command.env("CAIRN_DEVICE_CYCLES", DEVICES).env("CAIRN_WORLD_CYCLES", WORLDS);
+    Ok(cargo::count(&log.run(&mut command)?))
+}
+
 /// Has a cargo command, whose own arguments are all there, build for Windows and run what it built in the lab.
 pub(crate) fn for_windows(command: &mut Command) -> Result<(), String> {
     if cfg!(windows) {

@@ -197,7 +197,7 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
         for runner in all {
             println!("{:16}{}", runner.name, runner.what);
         }
-        println!("\nfuzz, faults, directml-all, dist-release and soak run with --thorough only");
+        println!("\nfuzz, faults, directml-all, cycles, dist-release and soak run with --thorough only");
         return Ok(true);
     }
     let chosen: Vec<&Runner> = all
