@@ -12,6 +12,7 @@ mod cli;
 mod compare;
 mod demo;
 mod device;
+mod document;
 mod generator;
 mod inputs;
 mod interpolate;
@@ -34,6 +35,7 @@ mod sheet;
 mod table;
 mod text;
 mod upscaler;
+mod workers;
 mod world_quality;
 
 pub use cli::run;

@@ -19,41 +19,41 @@ use crate::manifest::Manifest;
 
 /// What one cell cost, for each second of world time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Budget {
+pub(crate) struct Budget {
     /// Latents, the seed's own included.
-    pub(super) latents: f64,
+    pub(crate) latents: f64,
     /// Passes of the transformer.
-    pub(super) passes: f64,
+    pub(crate) passes: f64,
     /// Frames shown.
-    pub(super) presented: f64,
+    pub(crate) presented: f64,
     /// Those of them that the world made: pictures of latents that are shown as they are.
-    pub(super) native: f64,
+    pub(crate) native: f64,
     /// Floating-point operations of the graphs' products: two for each multiplication and addition.
-    pub(super) flops: f64,
+    pub(crate) flops: f64,
     /// Bytes that the graphs' nodes read and write.
-    pub(super) bytes: f64,
+    pub(crate) bytes: f64,
     /// As measured.
-    pub(super) times: Times,
+    pub(crate) times: Times,
 }
 
 /// Seconds of computing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Times {
+pub(crate) struct Times {
     /// Denoise and cache passes, and copies into the ring.
-    pub(super) world: f64,
+    pub(crate) world: f64,
     /// Latents made pictures, and pictures read and resized.
-    pub(super) decode: f64,
+    pub(crate) decode: f64,
     /// Motion and depth.
-    pub(super) guidance: f64,
+    pub(crate) guidance: f64,
     /// Frames between anchors.
-    pub(super) generation: f64,
+    pub(crate) generation: f64,
     /// From the world's size to that of the comparison.
-    pub(super) upscaling: f64,
+    pub(crate) upscaling: f64,
 }
 
 impl Times {
     /// All of them.
-    pub(super) fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         self.world + self.decode + self.guidance + self.generation + self.upscaling
     }
 }
@@ -83,11 +83,15 @@ fn source(cells: &[(Cell, Manifest)], cell: Cell, branch: Branch) -> Result<&Man
 }
 
 /// Graphics devices run the half-precision graphs where a bundle has them.
-pub(super) fn is_half(manifest: &Manifest, bundle: &Bundle) -> bool {
+pub(crate) fn is_half(manifest: &Manifest, bundle: &Bundle) -> bool {
     manifest.settings.device != DeviceChoice::Cpu && bundle.has(Precision::F16)
 }
 
-fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) -> Result<Budget> {
+/// What `manifest` cost, where the latents are those of `source`.
+///
+/// # Errors
+/// As [`Bundle::work`].
+pub(crate) fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) -> Result<Budget> {
     let point: OperatingPoint = source.settings.operating_point.parse()?;
     let shown: OperatingPoint = manifest.settings.operating_point.parse()?;
     let seconds = WorldTime::parse(&manifest.settings.seconds)?.seconds();

@@ -11,7 +11,7 @@ use crate::settings::Settings;
 
 /// What was found in the folder of a cell.
 #[derive(Debug)]
-pub(super) enum Found {
+pub(crate) enum Found {
     /// It is whole and of the same settings and inputs.
     Whole(Box<Manifest>),
     /// It must be made; why, for people.
@@ -20,13 +20,13 @@ pub(super) enum Found {
 
 /// The SHA-256 of everything that a cell is made from.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Digests {
-    pub(super) world: String,
-    pub(super) seed_picture: String,
-    pub(super) script: String,
-    pub(super) onnxruntime: String,
+pub(crate) struct Digests {
+    pub(crate) world: String,
+    pub(crate) seed_picture: String,
+    pub(crate) script: String,
+    pub(crate) onnxruntime: String,
     /// Of the latents that are decoded, where none are made.
-    pub(super) latents: Option<String>,
+    pub(crate) latents: Option<String>,
 }
 
 impl Digests {
@@ -46,7 +46,7 @@ impl Digests {
 ///
 /// # Errors
 /// `Unsupported` for a manifest of a newer version, which is not replaced; `Io` when a file cannot be read.
-pub(super) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Found> {
+pub(crate) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Found> {
     let missing = |why: &str| Ok(Found::Missing(why.to_owned()));
     let path = folder.join(MANIFEST);
     if !path.exists() {
@@ -97,7 +97,7 @@ fn comparable(settings: &Settings) -> Settings {
 ///
 /// # Errors
 /// `InvalidState` when it is not what was asked for, with the reason.
-pub(super) fn expect(name: &str, folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Manifest> {
+pub(crate) fn expect(name: &str, folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Manifest> {
     match look(folder, wanted, digests)? {
         Found::Whole(manifest) => Ok(*manifest),
         Found::Missing(why) => Err(Error::new(ErrorKind::InvalidState, format!("{name} was made, but {why}"))

@@ -1,15 +1,12 @@
 //! Makes the cells that are not there yet, each in a process of its own: this program again, as `study rollout`.
 
 use std::ffi::OsString;
-use std::io::Read;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
+use cairn::Result;
 use cairn::bundle::Bundle;
 use cairn::world::OperatingPoint;
-use cairn::{Error, ErrorKind, Result};
 
 use super::cells::{Digests, Found, expect, look};
 use super::plan::{Cell, Place, Settings};
@@ -17,18 +14,12 @@ use super::turn;
 use crate::inputs;
 use crate::manifest::{Manifest, sha256};
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
-use crate::output::{FRAMES, LATENTS};
+use crate::output::LATENTS;
 use crate::place;
 use crate::progress::Progress;
 use crate::reconstruct::script_of;
 use crate::settings::Settings as Rollout;
-
-/// Between two looks at the processes.
-const EVERY: Duration = Duration::from_millis(50);
-/// How long a process that was interrupted may take to finish its frame and its manifest.
-const PATIENCE: Duration = Duration::from_secs(10);
-/// The most that is kept of what a process says.
-const MAX_WORDS: u64 = 64 << 10;
+use crate::workers::{Work, run_all};
 
 /// All cells, there.
 #[derive(Debug)]
@@ -41,18 +32,12 @@ pub(super) struct Made {
     pub(super) kept: usize,
 }
 
-/// What all cells share.
-struct Common {
-    world: String,
-    onnxruntime: String,
-}
-
-/// A cell to be made.
-struct Work {
-    cell: Cell,
-    rollout: Rollout,
-    digests: Digests,
-    planned: u64,
+/// What all rollouts of a world share.
+pub(crate) struct Common {
+    /// Digest of the bundle.
+    pub(crate) world: String,
+    /// Digest of ONNX Runtime.
+    pub(crate) onnxruntime: String,
 }
 
 /// Makes what is missing.
@@ -67,25 +52,32 @@ pub(super) fn make(settings: &Settings, bundle: &Bundle, progress: &Progress, st
     let common = Common { world: bundle.digest().to_owned(), onnxruntime: onnxruntime.sha256 };
     progress.phase("drawing the seed pictures");
     for place in settings.places() {
-        prepare(place, settings, bundle.manifest().picture.render)?;
+        prepare(place, &settings.out, bundle.manifest().picture.render)?;
+        let straight = turn::straight(place.family);
+        write_if_other(&place.script(&settings.out, true), straight.as_bytes())?;
     }
     let mut kept = 0;
     // What shows latents of others waits for them.
     for shared in [false, true] {
-        let mut work = Vec::new();
+        let (mut work, mut expected) = (Vec::new(), Vec::new());
         for cell in settings.cells().filter(|cell| cell.branch.shares_latents_of().is_some() == shared) {
-            let rollout = cell.rollout(settings);
+            let (rollout, folder) = (cell.rollout(settings), cell.folder(&settings.out));
             let digests = digests(cell, settings, &common)?;
-            match look(&cell.folder(&settings.out), &rollout, &digests)? {
+            match look(&folder, &rollout, &digests)? {
                 Found::Whole(_) => kept += 1,
                 Found::Missing(_) => {
                     let checked = rollout.check()?;
                     let planned = checked.point.counts(checked.duration).presented;
-                    work.push(Work { cell, rollout, digests, planned });
+                    let arguments = arguments(&rollout, &folder)?;
+                    work.push(Work { name: cell.to_string(), folder: folder.clone(), arguments, planned });
+                    expected.push((cell, folder, rollout, digests));
                 }
             }
         }
-        run_all(&work, settings, progress, stop)?;
+        run_all(&work, settings.jobs, progress, stop)?;
+        for (cell, folder, rollout, digests) in expected {
+            expect(&cell.to_string(), &folder, &rollout, &digests)?;
+        }
     }
     let cells = settings.cells().map(|cell| {
         let digests = digests(cell, settings, &common)?;
@@ -97,36 +89,46 @@ pub(super) fn make(settings: &Settings, bundle: &Bundle, progress: &Progress, st
     Ok(Made { cells, straight, kept })
 }
 
-/// Writes the picture and the script of a place, where they are not there as they should be.
-fn prepare(place: Place, settings: &Settings, [width, height]: [u32; 2]) -> Result<()> {
-    let folder = place.folder(&settings.out);
+/// Writes the picture and the script of a place below `out`, where they are not there as they should be.
+pub(crate) fn prepare(place: Place, out: &Path, [width, height]: [u32; 2]) -> Result<()> {
+    let folder = place.folder(out);
     std::fs::create_dir_all(&folder).map_err(|e| describe_io("cannot be made", &folder, &e))?;
     let picture = encode_png(&place::draw(place.family, place.seed, width, height)?)?;
-    let (script, straight) = (script_of(place.family), turn::straight(place.family));
-    for (path, bytes) in [
-        (place.seed_picture(&settings.out), &picture[..]),
-        (place.script(&settings.out, false), script.as_bytes()),
-        (place.script(&settings.out, true), straight.as_bytes()),
-    ] {
-        if std::fs::read(&path).ok().as_deref() != Some(bytes) {
-            write_whole(&RealDisk, &path, bytes)?;
-        }
+    write_if_other(&place.seed_picture(out), &picture)?;
+    write_if_other(&place.script(out, false), script_of(place.family).as_bytes())
+}
+
+fn write_if_other(path: &Path, bytes: &[u8]) -> Result<()> {
+    match std::fs::read(path).ok().as_deref() == Some(bytes) {
+        true => Ok(()),
+        false => write_whole(&RealDisk, path, bytes),
     }
-    Ok(())
 }
 
 fn digests(cell: Cell, settings: &Settings, common: &Common) -> Result<Digests> {
-    let of = |path: &Path| {
-        std::fs::read(path).map(|bytes| sha256(&bytes)).map_err(|e| describe_io("cannot be read", path, &e))
-    };
     let shared = cell.branch.shares_latents_of().map(|branch| Cell { branch, ..cell });
-    Ok(Digests {
-        world: common.world.clone(),
-        seed_picture: of(&cell.place.seed_picture(&settings.out))?,
-        script: of(&cell.place.script(&settings.out, cell.straight))?,
-        onnxruntime: common.onnxruntime.clone(),
-        latents: shared.map(|cell| of(&cell.folder(&settings.out).join(LATENTS))).transpose()?,
-    })
+    let latents = shared.map(|cell| digest_of(&cell.folder(&settings.out).join(LATENTS))).transpose()?;
+    Ok(Digests { latents, ..common.digests(cell.place, cell.straight, &settings.out)? })
+}
+
+fn digest_of(path: &Path) -> Result<String> {
+    std::fs::read(path).map(|bytes| sha256(&bytes)).map_err(|e| describe_io("cannot be read", path, &e))
+}
+
+impl Common {
+    /// Of everything that a rollout through a prepared place is made from.
+    ///
+    /// # Errors
+    /// `Io` where the place was not prepared.
+    pub(crate) fn digests(&self, place: Place, straight: bool, out: &Path) -> Result<Digests> {
+        Ok(Digests {
+            world: self.world.clone(),
+            seed_picture: digest_of(&place.seed_picture(out))?,
+            script: digest_of(&place.script(out, straight))?,
+            onnxruntime: self.onnxruntime.clone(),
+            latents: None,
+        })
+    }
 }
 
 /// The command line that makes `rollout` in `out`.
@@ -165,127 +167,6 @@ fn arguments(rollout: &Rollout, out: &Path) -> Result<Vec<OsString>> {
     add("--device", &rollout.device.to_string());
     add("--out", &out);
     Ok(all)
-}
-
-/// A process that makes a cell. It does not outlive this value.
-struct Running<'a> {
-    work: &'a Work,
-    child: Child,
-    folder: PathBuf,
-    /// Frames that were seen in its folder.
-    frames: u64,
-}
-
-impl Drop for Running<'_> {
-    fn drop(&mut self) {
-        // Both fail for one that has ended, which is as it should be.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-impl<'a> Running<'a> {
-    fn start(work: &'a Work, settings: &Settings) -> Result<Self> {
-        let folder = work.cell.folder(&settings.out);
-        let failed = |e: std::io::Error| {
-            Error::new(ErrorKind::Io, format!("{}: this program cannot be started again: {e}", work.cell))
-        };
-        let program = std::env::current_exe().map_err(failed)?;
-        let child = Command::new(program)
-            .args(arguments(&work.rollout, &folder)?)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .map_err(failed)?;
-        Ok(Self { work, child, folder, frames: 0 })
-    }
-
-    /// Frames that are there by now.
-    fn frames(&mut self) -> u64 {
-        let frames = self.folder.join(FRAMES);
-        while frames.join(format!("{:06}.png", self.frames)).exists() && self.frames < self.work.planned {
-            self.frames += 1;
-        }
-        self.frames
-    }
-
-    /// Whether it has ended; an error when not well.
-    fn ended(&mut self) -> Result<bool> {
-        let cell = self.work.cell;
-        let status = self.child.try_wait().map_err(|e| Error::new(ErrorKind::Io, format!("{cell}: {e}")))?;
-        let Some(status) = status else { return Ok(false) };
-        if status.success() {
-            return Ok(true);
-        }
-        let mut words = String::new();
-        if let Some(stderr) = self.child.stderr.take() {
-            // What it said before it ended; that it cannot be read tells nothing more.
-            let _ = stderr.take(MAX_WORDS).read_to_string(&mut words);
-        }
-        let said = words.lines().find_map(|line| line.strip_prefix("error: ")).unwrap_or_default();
-        let kind = if status.code() == Some(2) { ErrorKind::InvalidArgument } else { ErrorKind::InvalidState };
-        let cause = if said.is_empty() { format!("its process ended by itself: {status}") } else { said.to_owned() };
-        Err(Error::new(kind, format!("{cell}: {cause}"))
-            .field(self.folder.display().to_string())
-            .remedy("Run the same command again: what is whole is kept"))
-    }
-}
-
-/// Makes all of `work`, so many at a time. After a failure nothing new is begun, and what runs comes to its end.
-fn run_all(work: &[Work], settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<()> {
-    let Some(first) = work.first() else { return Ok(()) };
-    let more = if work.len() > 1 { format!(", and {} more", work.len() - 1) } else { String::new() };
-    progress.phase(&format!("{}{more}", first.cell));
-    progress.begin(work.iter().map(|work| work.planned).sum::<u64>());
-    let mut waiting = work.iter();
-    let mut running: Vec<Running<'_>> = Vec::new();
-    let (mut done, mut failure, mut interrupted) = (0, None, None);
-    loop {
-        if interrupted.is_none() && stop.load(Ordering::Relaxed) {
-            interrupted = Some(Instant::now());
-        }
-        while running.len() < settings.jobs && failure.is_none() && interrupted.is_none() {
-            match waiting.next().map(|work| Running::start(work, settings)) {
-                None => break,
-                Some(Ok(started)) => running.push(started),
-                Some(Err(error)) => failure = Some(error),
-            }
-        }
-        // The signal of the keyboard reaches them too; what ignores it is ended.
-        if running.is_empty() || interrupted.is_some_and(|since| since.elapsed() > PATIENCE) {
-            break;
-        }
-        let mut now = done;
-        running.retain_mut(|process| match process.ended() {
-            Ok(false) => {
-                now += process.frames();
-                true
-            }
-            Ok(true) => {
-                done += process.work.planned;
-                now += process.work.planned;
-                false
-            }
-            Err(error) => {
-                if interrupted.is_none() {
-                    failure.get_or_insert(error);
-                }
-                false
-            }
-        });
-        progress.frames(now);
-        std::thread::sleep(EVERY);
-    }
-    progress.end();
-    drop(running);
-    match (failure, interrupted) {
-        (Some(error), _) => Err(error),
-        (None, Some(_)) => Err(Error::new(ErrorKind::Cancelled, "interrupted")),
-        (None, None) => work.iter().try_for_each(|Work { cell, rollout, digests, .. }| {
-            expect(&cell.to_string(), &cell.folder(&settings.out), rollout, digests).map(drop)
-        }),
-    }
 }
 
 #[cfg(test)]

@@ -7,20 +7,20 @@
 //! ```
 
 mod branch;
-mod budget;
-mod cells;
-mod make;
+pub(crate) mod budget;
+pub(crate) mod cells;
+pub(crate) mod make;
 mod panels;
-mod plan;
+pub(crate) mod plan;
 mod report;
-mod score;
-mod series;
+pub(crate) mod score;
+pub(crate) mod series;
 pub(crate) mod summary;
-mod truth;
+pub(crate) mod truth;
 mod turn;
 mod video;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use cairn::Result;
@@ -28,12 +28,11 @@ use cairn::Result;
 pub(crate) use plan::Settings;
 
 use crate::inputs;
-use crate::media::{RealDisk, describe_io, write_whole};
 use crate::metrics::Net;
 use crate::progress::Progress;
 
-/// The report, in the folder of everything: as text, and as a page.
-const REPORT: [&str; 2] = ["report.md", "report.html"];
+/// The report's name, in the folder of everything.
+const REPORT: &str = "report";
 
 /// What came of it.
 pub(crate) struct Outcome {
@@ -69,22 +68,7 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     let mut folders = vec![settings.out.clone()];
     folders.extend(settings.publish.clone());
     for folder in folders {
-        files.extend(write(&report, &folder)?);
+        files.extend(report.write(&folder, REPORT)?);
     }
     Ok(Outcome { text: report.markdown, files })
-}
-
-/// Writes the report into `folder`, with what it has beside it; what was written.
-fn write(report: &report::Report, folder: &Path) -> Result<Vec<PathBuf>> {
-    let figures = folder.join(report::FIGURES);
-    std::fs::create_dir_all(&figures).map_err(|e| describe_io("cannot be made", &figures, &e))?;
-    let texts = REPORT.into_iter().zip([&report.markdown, &report.html]);
-    let texts = texts.map(|(name, text)| (name.to_owned(), text.as_bytes()));
-    let all = texts.chain(report.assets.iter().map(|asset| (asset.path.clone(), &asset.bytes[..])));
-    all.map(|(name, bytes)| {
-        let path = folder.join(name);
-        write_whole(&RealDisk, &path, bytes)?;
-        Ok(path)
-    })
-    .collect()
 }

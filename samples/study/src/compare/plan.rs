@@ -21,14 +21,13 @@ use crate::metrics::{Net, SSIM_WINDOW};
 use crate::output::LATENTS;
 use crate::place::MOST;
 use crate::settings::{Formats, Settings as Rollout};
+use crate::workers::check_jobs;
 use crate::world_quality::held_out;
 
 /// The first place of each kind; the others follow it. No world was trained on any of them.
 pub(crate) const FIRST_PLACE: u64 = 41;
 /// The most places of a kind.
 const MAX_PLACES: u64 = 100;
-/// The most rollouts at a time.
-const MAX_JOBS: usize = 256;
 
 /// What is compared: everything that decides a number, and how many rollouts are made at a time.
 #[derive(Debug, Clone)]
@@ -186,13 +185,7 @@ impl Settings {
                 format!("Use 1 to {MAX_PLACES}"),
             );
         }
-        if !(1..=MAX_JOBS).contains(&self.jobs) {
-            return refused(
-                format!("{} rollouts cannot be made at a time", self.jobs),
-                "--jobs",
-                format!("Use 1 to {MAX_JOBS}"),
-            );
-        }
+        check_jobs(self.jobs)?;
         let least = if self.lpips { Net::Alex.smallest_side() } else { SSIM_WINDOW as u32 };
         let [width, height] = self.size;
         if self.size.iter().any(|side| !(least..=MOST).contains(side)) {

@@ -1,6 +1,6 @@
 //! Every place measured, or read again where it was measured before.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use cairn::Result;
@@ -16,10 +16,11 @@ use super::turn;
 use crate::manifest::{Manifest, sha256, to_json};
 use crate::media::{RealDisk, describe_io, write_whole};
 use crate::metrics::Lpips;
+use crate::output::MANIFEST;
 use crate::progress::Progress;
 
-/// The per-frame series of a place.
-const SERIES: &str = "series.csv";
+/// The per-frame series.
+pub(crate) const SERIES: &str = "series.csv";
 /// What names the way of measuring: raised when a column changes its meaning.
 const VERSION: u32 = 2;
 
@@ -96,8 +97,9 @@ fn true_turn(place: Place, settings: &Settings, progress: &Progress, stop: &Atom
     let Some(seconds) = straight else { return Ok(None) };
     let looks = WorldTime::parse(&seconds)?.whole_steps(RATE) + 1;
     let all = WorldTime::parse(&settings.seconds)?.whole_steps(RATE) + 1;
-    let turned = truth::draw(place, false, all, settings, progress, stop)?;
-    let straight = truth::draw(place, true, looks, settings, progress, stop)?;
+    let drawn = truth::Settings { out: &settings.out, size: settings.size };
+    let turned = truth::draw(place, false, all, &drawn, progress, stop)?;
+    let straight = truth::draw(place, true, looks, &drawn, progress, stop)?;
     Ok(turn::onset(&turned, &straight, 1, command, stop)?.latency)
 }
 
@@ -110,35 +112,67 @@ fn score_place(
     stop: &AtomicBool,
 ) -> Result<Scored> {
     let count = WorldTime::parse(&settings.seconds)?.whole_steps(RATE) + 1;
-    let folder = truth::draw(place, false, count, settings, progress, stop)?;
-    let mut key = format!("{VERSION} {count} {}", lpips.is_some());
-    for (_, manifest) in cells {
-        // Times differ from run to run, files do not.
-        key += &sha256(&to_json(&manifest.outputs)?);
-    }
-    let drawn = folder.join(crate::output::MANIFEST);
-    key += &sha256(&std::fs::read(&drawn).map_err(|e| describe_io("cannot be read", &drawn, &e))?);
-    let key = sha256(key.as_bytes());
-
+    let drawn = truth::Settings { out: &settings.out, size: settings.size };
+    let folder = truth::draw(place, false, count, &drawn, progress, stop)?;
+    let key = key(count, lpips.is_some(), cells.iter().map(|(_, manifest)| manifest), &folder)?;
     let file = place.folder(&settings.out).join(SERIES);
-    let kept = std::fs::read_to_string(&file).ok().and_then(|text| from_csv(&key, &text));
-    let series = match kept.filter(|series| series.len() == cells.len() + 1) {
+    let truth = Stream { name: truth::FOLDER.into(), folder, step: 1 };
+    let streams = cells.iter().map(|(cell, _)| stream(*cell, settings)).collect::<Vec<_>>();
+    let decoder = Some([Branch::Coherence.name(), Branch::Decoded60.name()]);
+    let comparison = Comparison { truth: &truth, streams: &streams, decoder, count, lpips };
+    let series = match kept(&file, &key, streams.len()) {
         Some(series) => series,
         None => {
             progress.phase(&format!("measuring {place}"));
-            let truth = Stream { name: truth::FOLDER.into(), folder, step: 1 };
-            let streams = cells.iter().map(|(cell, _)| stream(*cell, settings)).collect::<Vec<_>>();
-            let decoder = Some([Branch::Coherence.name(), Branch::Decoded60.name()]);
-            let comparison = Comparison { truth: &truth, streams: &streams, decoder, count, lpips };
-            let series = comparison.measure(progress, stop)?;
-            write_whole(&RealDisk, &file, to_csv(&key, &series).as_bytes())?;
-            series
+            measure(&file, &key, &comparison, progress, stop)?
         }
     };
     let truth = figures(&series[0], &series[0]);
     let branches = cells.iter().zip(&series[1..]);
     let branches = branches.map(|((cell, _), stream)| (cell.branch, figures(stream, &series[0]))).collect();
     Ok(Scored { place, key, truth, branches, series, same_before_turn: true, file })
+}
+
+/// Names what series are made from: the streams' files and those of the truth in `truth`.
+///
+/// # Errors
+/// `Io` where the truth was not drawn.
+pub(crate) fn key<'a>(
+    count: u64,
+    lpips: bool,
+    manifests: impl Iterator<Item = &'a Manifest>,
+    truth: &Path,
+) -> Result<String> {
+    let mut key = format!("{VERSION} {count} {lpips}");
+    for manifest in manifests {
+        // Times differ from run to run, files do not.
+        key += &sha256(&to_json(&manifest.outputs)?);
+    }
+    let drawn = truth.join(MANIFEST);
+    key += &sha256(&std::fs::read(&drawn).map_err(|e| describe_io("cannot be read", &drawn, &e))?);
+    Ok(sha256(key.as_bytes()))
+}
+
+/// The series of truth and `streams` others in `file`, where they were measured under that key.
+pub(crate) fn kept(file: &Path, key: &str, streams: usize) -> Option<Vec<Series>> {
+    let series = from_csv(key, &std::fs::read_to_string(file).ok()?)?;
+    (series.len() == streams + 1).then_some(series)
+}
+
+/// Measures, and keeps the series in `file`.
+///
+/// # Errors
+/// As [`Comparison::measure`]; `Io` when they cannot be written.
+pub(crate) fn measure(
+    file: &Path,
+    key: &str,
+    comparison: &Comparison<'_>,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> Result<Vec<Series>> {
+    let series = comparison.measure(progress, stop)?;
+    write_whole(&RealDisk, file, to_csv(key, &series).as_bytes())?;
+    Ok(series)
 }
 
 fn stream(cell: Cell, settings: &Settings) -> Stream {

@@ -18,15 +18,15 @@ use crate::picture::decode;
 use crate::progress::Progress;
 
 /// Looks a second: the rate of the paper's presentation.
-pub(super) const RATE: u32 = 30;
+pub(crate) const RATE: u32 = 30;
 /// Looks between two anchors: the paper's anchor-aligned comparison is at 15 Hz.
-pub(super) const STRIDE: u64 = 2;
+pub(crate) const STRIDE: u64 = 2;
 /// The largest frame, in bytes of its file.
 const MAX_FRAME: u64 = 512 << 20;
 
 /// What is measured of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Column {
+pub(crate) enum Column {
     /// Against the truth, in dB.
     Psnr,
     /// Against the truth.
@@ -80,44 +80,44 @@ impl Column {
 }
 
 /// One frame: a value for each column, none where it does not apply.
-pub(super) type Row = [Option<f64>; Column::ALL.len()];
+pub(crate) type Row = [Option<f64>; Column::ALL.len()];
 
 /// All frames of a stream, from world time zero on.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Series {
+pub(crate) struct Series {
     /// Its branch, or `truth`.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// Frame by frame.
-    pub(super) rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
 }
 
 impl Series {
     /// A column, frame by frame.
-    pub(super) fn column(&self, column: Column) -> impl Iterator<Item = Option<f64>> + Clone + '_ {
+    pub(crate) fn column(&self, column: Column) -> impl Iterator<Item = Option<f64>> + Clone + '_ {
         self.rows.iter().map(move |row| row[column as usize])
     }
 }
 
 /// Frames in a folder, seen [`RATE`] times a second.
 #[derive(Debug, Clone)]
-pub(super) struct Stream {
+pub(crate) struct Stream {
     /// Its branch, or `truth`.
-    pub(super) name: String,
-    pub(super) folder: PathBuf,
+    pub(crate) name: String,
+    pub(crate) folder: PathBuf,
     /// Of its frames, how many lie between two looks.
-    pub(super) step: u64,
+    pub(crate) step: u64,
 }
 
 /// What is measured of one place.
-pub(super) struct Comparison<'a> {
-    pub(super) truth: &'a Stream,
-    pub(super) streams: &'a [Stream],
+pub(crate) struct Comparison<'a> {
+    pub(crate) truth: &'a Stream,
+    pub(crate) streams: &'a [Stream],
     /// The stream whose odd frames are generated, and the one that shows the decoder's own pictures of the same latents.
-    pub(super) decoder: Option<[&'a str; 2]>,
+    pub(crate) decoder: Option<[&'a str; 2]>,
     /// Looks to be taken.
-    pub(super) count: u64,
+    pub(crate) count: u64,
     /// Where LPIPS is asked for.
-    pub(super) lpips: Option<&'a Lpips>,
+    pub(crate) lpips: Option<&'a Lpips>,
 }
 
 /// A picture, and what the network sees in it.
@@ -155,7 +155,7 @@ impl Comparison<'_> {
     /// # Errors
     /// `Io` for a frame that is not there, `InvalidArgument` for one that is no picture or of another size; `Cancelled` when
     /// `stop` was set.
-    pub(super) fn measure(&self, progress: &Progress, stop: &AtomicBool) -> Result<Vec<Series>> {
+    pub(crate) fn measure(&self, progress: &Progress, stop: &AtomicBool) -> Result<Vec<Series>> {
         let all: Vec<&Stream> = std::iter::once(self.truth).chain(self.streams).collect();
         let mut series: Vec<Series> =
             all.iter().map(|stream| Series { name: stream.name.clone(), rows: Vec::new() }).collect();
@@ -237,7 +237,7 @@ impl Comparison<'_> {
 }
 
 /// All series as CSV; `key` says what they were made from.
-pub(super) fn to_csv(key: &str, series: &[Series]) -> String {
+pub(crate) fn to_csv(key: &str, series: &[Series]) -> String {
     let mut text = format!("# {key}\nstream,frame,seconds");
     Column::ALL.iter().for_each(|(_, name)| text += &format!(",{name}"));
     text.push('\n');
@@ -258,7 +258,7 @@ pub(super) fn to_csv(key: &str, series: &[Series]) -> String {
 }
 
 /// Series that were written earlier under the same key; none where the text is another.
-pub(super) fn from_csv(key: &str, text: &str) -> Option<Vec<Series>> {
+pub(crate) fn from_csv(key: &str, text: &str) -> Option<Vec<Series>> {
     let mut lines = text.lines();
     if lines.next()?.strip_prefix("# ")? != key {
         return None;

@@ -11,56 +11,56 @@ const CONFIDENCE: f64 = 0.95;
 
 /// The figures of one rollout; none where they could not be measured.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Figures {
+pub(crate) struct Figures {
     /// Mean change from frame to frame, LPIPS. Lower is not better: a frozen picture has 0.
-    pub(super) adjacent_lpips: Option<f64>,
+    pub(crate) adjacent_lpips: Option<f64>,
     /// The same as similarity.
-    pub(super) adjacent_ssim: Option<f64>,
+    pub(crate) adjacent_ssim: Option<f64>,
     /// Mean change from anchor to anchor, LPIPS.
-    pub(super) anchor_lpips: Option<f64>,
+    pub(crate) anchor_lpips: Option<f64>,
     /// The same as similarity.
-    pub(super) anchor_ssim: Option<f64>,
+    pub(crate) anchor_ssim: Option<f64>,
     /// Mean distance of each change from frame to frame from that of the truth at the same time, LPIPS.
-    pub(super) adjacent_error: Option<f64>,
+    pub(crate) adjacent_error: Option<f64>,
     /// The same from anchor to anchor.
-    pub(super) anchor_error: Option<f64>,
+    pub(crate) anchor_error: Option<f64>,
     /// Mean change into odd frames over that into even ones, the larger over the smaller: 1 is even motion, a stream that
     /// shows every frame twice has infinity.
-    pub(super) asymmetry: Option<f64>,
+    pub(crate) asymmetry: Option<f64>,
     /// Means against the truth.
-    pub(super) psnr: Option<f64>,
-    pub(super) ssim: Option<f64>,
-    pub(super) ms_ssim: Option<f64>,
-    pub(super) lpips: Option<f64>,
+    pub(crate) psnr: Option<f64>,
+    pub(crate) ssim: Option<f64>,
+    pub(crate) ms_ssim: Option<f64>,
+    pub(crate) lpips: Option<f64>,
     /// LPIPS against the truth at odd looks alone, where a branch that generates shows what it generated.
-    pub(super) odd_lpips: Option<f64>,
+    pub(crate) odd_lpips: Option<f64>,
     /// Mean LPIPS against the truth of the last third of the walk less that of the first.
-    pub(super) divergence: Option<f64>,
+    pub(crate) divergence: Option<f64>,
     /// Means of generated frames against the decoder's own pictures.
-    pub(super) decoder_psnr: Option<f64>,
-    pub(super) decoder_ssim: Option<f64>,
-    pub(super) decoder_lpips: Option<f64>,
+    pub(crate) decoder_psnr: Option<f64>,
+    pub(crate) decoder_ssim: Option<f64>,
+    pub(crate) decoder_lpips: Option<f64>,
     /// Of all seconds, the farthest mean brightness from that of the truth, 0 to 255.
-    pub(super) brightness_drift: Option<f64>,
+    pub(crate) brightness_drift: Option<f64>,
     /// The same of red less blue: positive is warmer.
-    pub(super) warmth_drift: Option<f64>,
+    pub(crate) warmth_drift: Option<f64>,
     /// Mean change of brightness from frame to frame beyond the truth's.
-    pub(super) flicker: Option<f64>,
+    pub(crate) flicker: Option<f64>,
     /// Seconds until the stream is as far from the truth as its first picture is from the second half of the walk; the whole
     /// length where it never is.
-    pub(super) horizon: Option<f64>,
+    pub(crate) horizon: Option<f64>,
     /// Seconds from the first command to turn until the turn is seen.
-    pub(super) onset: Option<f64>,
+    pub(crate) onset: Option<f64>,
 }
 
 /// Mean of what is there.
-pub(super) fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+pub(crate) fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let (sum, count) = values.flatten().fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The figures of a stream beside the truth of its place.
-pub(super) fn figures(stream: &Series, truth: &Series) -> Figures {
+pub(crate) fn figures(stream: &Series, truth: &Series) -> Figures {
     let of = |column| mean(stream.column(column));
     let error = |column| {
         let pairs = stream.column(column).zip(truth.column(column));

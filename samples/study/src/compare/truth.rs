@@ -8,7 +8,7 @@ use cairn::{Error, ErrorKind, Result};
 use scenes::{Clip, ClipOptions, Scene};
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Place, Settings};
+use super::plan::Place;
 use super::series::RATE;
 use super::turn;
 use crate::manifest::{MANIFEST_VERSION, read_manifest, sha256, to_json};
@@ -18,11 +18,20 @@ use crate::progress::Progress;
 use crate::reconstruct::script_of;
 
 /// The folder of the truth in that of its place.
-pub(super) const FOLDER: &str = "truth";
+pub(crate) const FOLDER: &str = "truth";
 /// That of the same walk without the mouse.
 const STRAIGHT: &str = "truth-straight";
 /// What its manifest says that it is.
 const JOB: &str = "truth";
+
+/// Where walks are drawn, and how large.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Settings<'a> {
+    /// The folder of everything.
+    pub(crate) out: &'a Path,
+    /// `[width, height]`.
+    pub(crate) size: [u32; 2],
+}
 
 /// `manifest.json` of a drawn walk.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,7 +56,7 @@ struct Manifest {
 }
 
 /// The picture of frame `number` in a folder of frames.
-pub(super) fn frame(folder: &Path, number: u64) -> PathBuf {
+pub(crate) fn frame(folder: &Path, number: u64) -> PathBuf {
     folder.join(FRAMES).join(format!("{number:06}.png"))
 }
 
@@ -55,15 +64,15 @@ pub(super) fn frame(folder: &Path, number: u64) -> PathBuf {
 ///
 /// # Errors
 /// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set.
-pub(super) fn draw(
+pub(crate) fn draw(
     place: Place,
     straight: bool,
     count: u64,
-    settings: &Settings,
+    settings: &Settings<'_>,
     progress: &Progress,
     stop: &AtomicBool,
 ) -> Result<PathBuf> {
-    let folder = place.folder(&settings.out).join(if straight { STRAIGHT } else { FOLDER });
+    let folder = place.folder(settings.out).join(if straight { STRAIGHT } else { FOLDER });
     let path = folder.join(MANIFEST);
     let script = if straight { turn::straight(place.family) } else { script_of(place.family).to_owned() };
     let wanted = |files| Manifest {

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::super::series::{Column, RATE, Series};
 use super::super::summary::mean;
-use super::page::escaped;
+use crate::document::escaped;
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 240.0;

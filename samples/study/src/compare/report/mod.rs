@@ -1,4 +1,4 @@
-//! The report: blocks, shown as Markdown, which is also what the program prints, and as one HTML page.
+//! The report as a document.
 //!
 //! Tables and figures have the paper's numbers and stand in its order.
 
@@ -7,7 +7,6 @@ mod costs;
 mod curves;
 mod evidence;
 mod measured;
-mod page;
 mod paper;
 mod pipeline;
 
@@ -25,91 +24,14 @@ use super::panels::{self, Shown};
 use super::plan::{Place, Settings};
 use super::score::Scored;
 use super::series::{Column, RATE};
-use crate::media::encode_jpeg;
+use crate::document::{Asset, Block, Document};
 use crate::table::Table;
 
-/// The longest line of a paragraph.
-const LINE: usize = 120;
 const TITLE: &str = "Fewer and better anchors, or more frames";
 /// Of the walk, the moments that the paper shows of its sword: 2.5, 9 and 11 seconds of 15.
 const MOMENTS: [f64; 3] = [1.0 / 6.0, 3.0 / 5.0, 11.0 / 15.0];
 /// Width of a tile of a figure.
 const TILE: u32 = 400;
-
-/// A part of the report.
-enum Block {
-    /// With the word that links to it lead.
-    Heading(String),
-    Text(String),
-    Table(Table),
-    /// A picture or a drawing of a file of its own, beside the report.
-    Figure {
-        file: Asset,
-        /// What it shows.
-        words: String,
-    },
-    /// A video, of which the page alone has the player.
-    Player {
-        words: String,
-        video: Vec<u8>,
-    },
-}
-
-/// A file beside the report, which the page has inside.
-#[derive(Clone)]
-pub(super) struct Asset {
-    /// Where it lies from the report.
-    pub(super) path: String,
-    pub(super) bytes: Vec<u8>,
-}
-
-impl Asset {
-    fn jpeg(name: &str, picture: &cairn::Picture) -> Result<Self> {
-        Ok(Self { path: format!("{FIGURES}/{name}.jpg"), bytes: encode_jpeg(picture)? })
-    }
-
-    fn svg(name: &str, svg: String) -> Self {
-        Self { path: format!("{FIGURES}/{name}.svg"), bytes: svg.into_bytes() }
-    }
-
-    fn is_svg(&self) -> bool {
-        self.path.ends_with(".svg")
-    }
-}
-
-/// The folder of those files.
-pub(super) const FIGURES: &str = "figures";
-
-impl Block {
-    fn heading(words: impl Into<String>) -> Self {
-        Self::Heading(words.into())
-    }
-
-    fn text(words: impl Into<String>) -> Self {
-        Self::Text(words.into())
-    }
-
-    fn figure(file: Asset, words: impl Into<String>) -> Self {
-        Self::Figure { file, words: words.into() }
-    }
-
-    fn markdown(&self) -> String {
-        match self {
-            Self::Heading(words) => format!("\n## {words}\n"),
-            Self::Text(words) => format!("\n{}", wrapped(words)),
-            Self::Table(table) => format!("\n{}", table.markdown()),
-            Self::Figure { file, words } => format!("\n![{words}]({})\n\n{}", file.path, wrapped(words)),
-            Self::Player { words, .. } => format!("\n{}", wrapped(&format!("{words} It plays in report.html."))),
-        }
-    }
-}
-
-/// The report in both forms, and the files beside it.
-pub(super) struct Report {
-    pub(super) markdown: String,
-    pub(super) html: String,
-    pub(super) assets: Vec<Asset>,
-}
 
 /// Everything that was found.
 pub(super) struct Found<'a> {
@@ -138,7 +60,7 @@ impl Found<'_> {
 ///
 /// # Errors
 /// `InvalidArgument` for settings that were never checked; `Io` for a frame that is not there.
-pub(super) fn report(found: &Found<'_>) -> Result<Report> {
+pub(super) fn report(found: &Found<'_>) -> Result<Document> {
     let Found { settings, made, budgets, scored, .. } = *found;
     let mut blocks = head(found);
     blocks.push(Block::heading("What the paper claims"));
@@ -172,15 +94,7 @@ pub(super) fn report(found: &Found<'_>) -> Result<Report> {
     for (scored, video) in scored.iter().zip(found.videos) {
         blocks.extend(of_place(scored, video, settings)?);
     }
-    let assets = blocks.iter().filter_map(|block| match block {
-        Block::Figure { file, .. } => Some(file.clone()),
-        _ => None,
-    });
-    Ok(Report {
-        markdown: format!("# {TITLE}\n{}", blocks.iter().map(Block::markdown).collect::<String>()),
-        html: page::page(TITLE, &blocks),
-        assets: assets.collect(),
-    })
+    Ok(Document::new(TITLE, &blocks))
 }
 
 fn head(found: &Found<'_>) -> Vec<Block> {
@@ -280,6 +194,7 @@ fn of_place(scored: &Scored, video: &std::path::Path, settings: &Settings) -> Re
                 super::video::VIDEO
             ),
             video: crate::manifest::read_bounded(video, u64::from(u32::MAX))?,
+            rate: RATE,
         },
         Block::figure(sheet, format!("{place}: truth and all branches at six moments.")),
     ];
@@ -294,33 +209,4 @@ fn of_place(scored: &Scored, video: &std::path::Path, settings: &Settings) -> Re
         }
     }
     Ok(blocks)
-}
-
-/// A paragraph in lines of at most [`LINE`] characters.
-fn wrapped(words: &str) -> String {
-    let (mut text, mut length) = (String::new(), 0);
-    for word in words.split_whitespace() {
-        let long = word.chars().count();
-        if length > 0 {
-            let fits = length + 1 + long <= LINE;
-            text.push(if fits { ' ' } else { '\n' });
-            length = if fits { length + 1 } else { 0 };
-        }
-        text += word;
-        length += long;
-    }
-    text + "\n"
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paragraphs_are_wrapped_between_words() {
-        let text = wrapped(&"word ".repeat(60));
-        assert!(text.lines().count() == 3 && text.lines().all(|line| line.chars().count() <= LINE), "{text}");
-        assert_eq!(text.split_whitespace().count(), 60);
-        assert_eq!(wrapped("one"), "one\n");
-    }
 }

@@ -7,7 +7,7 @@ use scenes::Family;
 
 use super::super::branch::Branch;
 use super::super::plan::Settings;
-use super::page::escaped;
+use crate::document::escaped;
 
 const WIDTH: u32 = 1060;
 const HEIGHT: u32 = 400;

@@ -1,4 +1,4 @@
-//! The report as one HTML page that needs nothing beside it.
+//! A document as one HTML page that needs nothing beside it.
 
 use super::{Asset, Block};
 use crate::table::Table;
@@ -83,8 +83,7 @@ fn show(number: usize, block: &Block) -> String {
                 figure(&format!("<img alt=\"{}\" src=\"{source}\">", escaped(words)), words)
             }
         }
-        Block::Player { words, video } => {
-            let rate = super::RATE;
+        Block::Player { words, video, rate } => {
             let player = format!(
                 "<video muted loop playsinline preload=\"auto\" src=\"data:video/mp4;base64,{}\"></video>\
                  <div class=\"player\" data-rate=\"{rate}\"><button title=\"one frame back\">-1</button><button>play</button>\
@@ -136,7 +135,7 @@ fn strong(text: &str) -> String {
 }
 
 /// Text as it may stand in an element or in a quoted attribute.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -195,7 +194,7 @@ mod tests {
             Block::text("**loud** and not"),
             Block::figure(asset("there.jpg", b"foobar"), "a \"sheet\""),
             Block::figure(asset("there.svg", b"<svg><text>x</text></svg>"), "a drawing"),
-            Block::Player { words: "a film".into(), video: b"foo".to_vec() },
+            Block::Player { words: "a film".into(), video: b"foo".to_vec(), rate: 30 },
         ];
         let page = page("Title", &blocks);
         for part in [
