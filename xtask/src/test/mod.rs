@@ -90,9 +90,10 @@ const RUNNERS: &[Runner] = &[
     },
     Runner {
         name: "study",
-        what: "a short video and its replay, and which motion is best, through the program",
+        what: "a short video and its replay, which motion is best, and a small sweep, through the program",
         run: study::run,
     },
+    Runner { name: "cluster", what: "a sweep through Ray, on an instance of this machine", run: python::cluster },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
     Runner { name: "readme", what: "every command the documents name exists", run: readme::run },
@@ -125,14 +126,15 @@ struct Context<'a> {
     lpips: OnceCell<Result<PathBuf, String>>,
     python: OnceCell<Result<PathBuf, String>>,
     training: OnceCell<Result<PathBuf, String>>,
+    cluster: OnceCell<Result<PathBuf, String>>,
     built: OnceCell<Result<(), String>>,
 }
 
 impl<'a> Context<'a> {
     fn new(clone: &'a Clone) -> Self {
         let (library, bundles, lpips) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        let (python, training, built) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        Self { clone, library, bundles, lpips, python, training, built }
+        let (python, training, cluster) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
+        Self { clone, library, bundles, lpips, python, training, cluster, built: OnceCell::new() }
     }
 
     /// Provides something once; a failure is remembered too, so that an unreachable index is asked once.
@@ -151,6 +153,11 @@ impl<'a> Context<'a> {
     /// The Python that trains, with JAX.
     fn training_python(&self) -> Result<&Path, String> {
         Self::provide(&self.training, provision::training_env)
+    }
+
+    /// The Python with Ray.
+    fn cluster_python(&self) -> Result<&Path, String> {
+        Self::provide(&self.cluster, provision::cluster_env)
     }
 
     /// The random-weight world `name`.

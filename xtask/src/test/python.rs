@@ -69,6 +69,20 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
     pytest(context, log, command, folder, (&folder.replace('/', "-"), &[]))
 }
 
+/// Sweeps through Ray, in the only Python that has it.
+pub(super) fn cluster(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    context.build_programs(log)?;
+    let mut command = Command::new(context.cluster_python()?);
+    command
+        .env("PYTHONPATH", provision::python_path())
+        .env("CAIRN_STUDY", context.clone.program("debug", "study"))
+        // Ray tells nobody of the tests, and leaves nothing in the home.
+        .env("RAY_USAGE_STATS_ENABLED", "0")
+        .env("RAY_AUTH_MODE", "disabled");
+    context.provide_worlds(&mut command)?;
+    pytest(context, log, command, FOLDERS[0], ("bindings-python-cluster", &["cluster"]))
+}
+
 /// Has a Python, which has what the tests of `folder` need, run those that are `chosen`; the report is called `name`.
 pub(super) fn pytest(
     context: &Context<'_>,

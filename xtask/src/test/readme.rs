@@ -93,7 +93,7 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
         ["cargo", "test" | "bench", "-p" | "--package", package, ..] => {
             Ok((!context.clone.packages.iter().any(|p| p == package)).then(|| format!("there is no package {package}")))
         }
-        [python, "-m", module @ ("cairn" | "cairn.build"), arguments @ ..] if is_python(python) => {
+        [python, "-m", module @ ("cairn" | "cairn.build" | "cairn.sweep"), arguments @ ..] if is_python(python) => {
             let mut help = Command::new(context.python()?);
             help.args(["-m", module]).env("PYTHONPATH", provision::python_path());
             knows(log, help, arguments)

@@ -1,5 +1,5 @@
-//! The main job end to end, through the program as a user starts it: a short rollout, its replay, and a quick look at which
-//! motion is best.
+//! The main job end to end, through the program as a user starts it: a short rollout, its replay, a quick look at which
+//! motion is best, and the smallest sweep.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -96,6 +96,14 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     );
     for name in ["motion.md", "motion.csv", "motion.png"] {
         tally.check(missing(&looked.join(name)));
+    }
+
+    let swept = folder.join("sweep");
+    let mut sweep = study(context)?;
+    sweep.args(["sweep", "samples/study/sweeps/smoke.toml", "--quiet", "--out"]).arg(&swept);
+    tally.check((!log.run(&mut sweep)?.success).then(|| "the sweep failed".to_owned()));
+    for name in ["smoke.md", "smoke.html", "smoke.csv", "figures/smoke-pareto-ssim.svg"] {
+        tally.check(missing(&swept.join(name)));
     }
     Ok(tally)
 }

@@ -1,0 +1,229 @@
+"""A sweep of the study on a cluster, through Ray: `python -m cairn.sweep FILE.toml`.
+
+The study decides what there is to make and what is whole; this hands one job after the other to Ray, whose workers run
+`study sweep FILE --only JOB`, and in the end has the study write the report. Manifests, and so what is kept and what is made again, are
+the study's: a sweep that was begun on one machine goes on here, and the other way round.
+
+Ray is needed by `run` alone, and imported there: `pip install "cairn[cluster]"`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+LIST_VERSION = 1
+"""The version of the list of jobs that this reads."""
+
+EXAMPLES = """\
+examples:
+  python -m cairn.sweep samples/study/sweeps/smoke.toml --study target/release/study
+      on this machine, with a Ray of its own
+
+  python -m cairn.sweep /shared/mine.toml --out /shared/sweep --study /shared/study --address auto
+      on the cluster that this machine belongs to
+
+Every machine must see the study, the sweep's file and the folder --out under the same names, as on a shared disk; --out must take
+file locks. Each needs this package, ONNX Runtime, and the weights of LPIPS where a sweep measures it: what the study fetches by itself, or what
+CAIRN_ONNXRUNTIME and CAIRN_LPIPS name there.
+
+The same command goes on after whatever ended it, and makes nothing again that is whole.
+"""
+
+
+class SweepError(RuntimeError):
+    """The study refused or failed; the text is its own."""
+
+
+class Killed(SweepError):
+    """The study was killed before its job was whole; it is made again."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One rollout and its measuring."""
+
+    name: str
+    """What names it among all."""
+    scene: str
+    place: int
+    operating_point: str
+    frames: int
+    whole: bool
+    """Whether it was there when it was listed."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """The program, a sweep's file and the folder of everything."""
+
+    program: Path
+    plan: Path
+    out: Path
+
+    def command(self, *more: str) -> list[str]:
+        """The command line."""
+        return [str(self.program), "sweep", str(self.plan), "--out", str(self.out), "--quiet", *more]
+
+    def call(self, *more: str) -> str:
+        """Runs it; what it printed.
+
+        Raises `Killed` when a signal ended it, `SweepError` with its own words when it failed.
+        """
+        ended = subprocess.run(self.command(*more), stdin=subprocess.DEVNULL, capture_output=True, check=False)
+        if ended.returncode == 0:
+            return ended.stdout.decode("utf-8", "replace")
+        said = ended.stderr.decode("utf-8", "replace").strip()
+        # On a signal its number is negative; a shell between would add it to 128.
+        if ended.returncode < 0:
+            raise Killed(f"signal {-ended.returncode} ended the study: {said}".rstrip(": "))
+        raise SweepError(said or f"the study ended with status {ended.returncode}")
+
+    def jobs(self) -> tuple[list[Job], int]:
+        """All jobs, and how many threads each has."""
+        listed = json.loads(self.call("--list-jobs"))
+        version = listed.get("list_version")
+        if version != LIST_VERSION:
+            raise SweepError(f"the study's list of jobs has version {version}, this reads {LIST_VERSION}. Use a study and a package of one version")
+        return [Job(**job) for job in listed["jobs"]], int(listed["threads"])
+
+    def make(self, name: str) -> None:
+        """Makes one job, where it is not whole."""
+        self.call("--only", name)
+
+    def report(self) -> str:
+        """Writes the report on everything, and makes what is missing; the report as Markdown."""
+        return self.call("--jobs", "1")
+
+
+def find_study(program: str | os.PathLike[str] | None = None) -> Path:
+    """The program: as named, else by `CAIRN_STUDY`, else on the path."""
+    named = program or os.environ.get("CAIRN_STUDY")
+    found = shutil.which(named or "study")
+    if found is None:
+        raise SweepError(f"{named or 'study'} is no program that runs. Build it (cargo build --release -p study) and name it with --study")
+    return Path(found).absolute()
+
+
+def run(
+    plan: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    study: str | os.PathLike[str] | None = None,
+    address: str | None = None,
+    retries: int = 3,
+    told: Callable[[int, int, str], None] | None = None,
+) -> str:
+    """Makes what is missing of a sweep on a Ray cluster, and writes its report, which is returned as Markdown.
+
+    `address` is Ray's: `"auto"` for the cluster that this machine belongs to, none for one of our own on this machine; where Ray is
+    initialised already, that one is used. Every job takes as many of Ray's processors as it has threads. One whose worker or whose
+    study is killed is made again, `retries` times. After any other failure the rest is called off, and what is whole is kept.
+    `told` hears of every job that is whole: how many there are, of how many, and its name.
+
+    Raises `SweepError`.
+    """
+    try:
+        import ray
+    except ImportError as missing:
+        raise SweepError('Ray is not installed: pip install "cairn[cluster]"') from missing
+
+    own = Study(find_study(study), Path(plan).absolute(), Path(out).absolute())
+    jobs, threads = own.jobs()
+    missing_jobs = [job for job in jobs if not job.whole]
+    done = len(jobs) - len(missing_jobs)
+    if missing_jobs:
+        begun_here = not ray.is_initialized()
+        if begun_here:
+            ray.init(address=address, log_to_driver=False, include_dashboard=False if address is None else None)
+        try:
+            for name in _through_ray(ray, own, missing_jobs, threads, retries):
+                done += 1
+                if told is not None:
+                    told(done, len(jobs), name)
+        finally:
+            if begun_here:
+                ray.shutdown()
+    return own.report()
+
+
+def _make(study: Study, name: str) -> str:
+    """What a worker of Ray does."""
+    study.make(name)
+    return name
+
+
+def _through_ray(ray, study: Study, jobs: Sequence[Job], threads: int, retries: int):
+    """Has Ray make all of them; their names as they become whole."""
+    task = ray.remote(num_cpus=threads, max_retries=retries, retry_exceptions=[Killed])(_make)
+    pending = {task.remote(study, job.name): job for job in jobs}
+    try:
+        while pending:
+            (ended, *_), _ = ray.wait(list(pending), num_returns=1)
+            job = pending.pop(ended)
+            try:
+                name = ray.get(ended)
+            except ray.exceptions.RayError as error:
+                # Of what a worker raised the cause is ours; of what Ray itself lost there is none.
+                raise SweepError(f"{job.name}: {getattr(error, 'cause', None) or error}") from error
+            yield name
+    finally:
+        for left in pending:
+            ray.cancel(left)
+
+
+def parser() -> argparse.ArgumentParser:
+    """All options."""
+    made = argparse.ArgumentParser(
+        prog="python -m cairn.sweep",
+        description="Makes a sweep of the study on a cluster, through Ray. docs/sweep.md tells what a sweep is.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.add_argument("plan", metavar="FILE", help="the sweep, in TOML")
+    made.add_argument("--out", metavar="DIR", default="target/sweep", help="folder for everything (default: %(default)s)")
+    made.add_argument("--study", metavar="PROGRAM", help="the study; else CAIRN_STUDY names it, or it is on the path")
+    made.add_argument("--address", metavar="ADDRESS", help="of a Ray cluster, such as auto; without it one is started on this machine")
+    made.add_argument("--retries", metavar="N", type=int, default=3, help="how often a killed job is made again (default: %(default)s)")
+    made.add_argument("--quiet", action="store_true", help="no progress")
+    return made
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; its exit status."""
+    given = parser().parse_args(arguments)
+
+    def told(done: int, of: int, name: str) -> None:
+        print(f"{done} of {of}: {name}", file=sys.stderr, flush=True)
+
+    try:
+        text = run(
+            given.plan,
+            given.out,
+            study=given.study,
+            address=given.address,
+            retries=given.retries,
+            told=None if given.quiet else told,
+        )
+    except SweepError as error:
+        print(str(error) if str(error).startswith("error: ") else f"error: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted: what is whole is kept, and the same command goes on", file=sys.stderr)
+        return 130
+    print(text, end="")
+    return 0
+
+
+if __name__ == "__main__":
+    # By the name under which Ray's workers import it, so that both mean the same classes.
+    from cairn.sweep import main as named
+
+    sys.exit(named())

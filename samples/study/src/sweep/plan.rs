@@ -1,0 +1,401 @@
+//! What a sweep consists of: every combination of its axes, in every place, and where they lie.
+//!
+//! ```text
+//! OUT/forest-41/seed.png, script.txt, truth/    what all points of a place start from, and are measured beside
+//! OUT/forest-41/g384-refined-10-.../            a rollout with its manifest and, as series.csv, what was measured of it
+//! OUT/NAME.html, NAME.md, NAME.csv              of the sweep NAME.toml
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use cairn::bundle::Bundle;
+use cairn::world::{OperatingPoint, Presentation, WorldTime};
+use cairn::{Error, ErrorKind, Result};
+use scenes::{FAMILIES, Family};
+
+use super::file::{self, File};
+use super::measure::{Cost, Measure};
+use crate::compare::plan::{FIRST_PLACE, Place};
+use crate::compare::series::RATE;
+use crate::device::DeviceChoice;
+use crate::generator::GeneratorChoice;
+use crate::manifest::sha256;
+use crate::metrics::{Net, SSIM_WINDOW};
+use crate::place::MOST;
+use crate::settings::{Formats, Settings as Rollout};
+use crate::workers::check_jobs;
+use crate::world_quality::held_out;
+
+/// The most points of a sweep.
+pub(super) const MOST_POINTS: usize = 1_000;
+/// The most places of a kind.
+const MOST_PLACES: u64 = 100;
+/// The longest name of a point; longer ones end in a digest.
+const LONGEST: usize = 120;
+
+/// What is swept: everything that decides a number, and how many rollouts are made at a time.
+#[derive(Debug, Clone)]
+pub(crate) struct Settings {
+    /// The file it was read from.
+    pub(super) file: PathBuf,
+    /// Kinds of places.
+    pub(super) scenes: Vec<Family>,
+    /// Places of each kind.
+    pub(super) places: u64,
+    /// Decimal seconds of world time.
+    pub(super) seconds: String,
+    /// `[width, height]` at which everything is compared.
+    pub(super) size: [u32; 2],
+    /// The bundle; none for the library's own.
+    pub(super) world: Option<PathBuf>,
+    /// Threads of a pass.
+    pub(super) threads: usize,
+    /// Where the world runs.
+    pub(super) device: DeviceChoice,
+    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    pub(super) lpips: bool,
+    /// What decides which point is the better.
+    pub(super) measure: Measure,
+    /// What decides which point is the cheaper.
+    pub(super) cost: Cost,
+    /// In the unit of the cost.
+    pub(super) budgets: Vec<f64>,
+    /// Every combination of the axes.
+    pub(super) points: Vec<Point>,
+    /// Rollouts made at a time.
+    pub(super) jobs: usize,
+    /// The folder for everything.
+    pub(super) out: PathBuf,
+    /// Another folder for the report and its figures, without the rollouts.
+    pub(super) publish: Option<PathBuf>,
+}
+
+/// One combination of the axes.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Point {
+    pub(super) point: OperatingPoint,
+    pub(super) generator: GeneratorChoice,
+}
+
+/// One rollout: a point in a place.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cell<'a> {
+    pub(super) place: Place,
+    pub(super) point: &'a Point,
+}
+
+impl std::fmt::Display for Point {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.point.presentation {
+            Presentation::Native => write!(f, "{}", self.point),
+            Presentation::Generated { .. } => write!(f, "{},{}", self.point, self.generator),
+        }
+    }
+}
+
+impl Point {
+    /// Its name as that of a folder: all that it consists of.
+    fn folder_name(&self) -> String {
+        let name = self.to_string().replace([':', ','], "-");
+        if name.len() <= LONGEST {
+            return name;
+        }
+        let digest = sha256(name.as_bytes());
+        format!("{}-{}", &name[..LONGEST - 13], &digest[..12])
+    }
+
+    /// Frames shown for each anchor.
+    pub(super) fn multiplier(&self) -> u32 {
+        self.point.presented_rate() / self.point.latents_per_second.max(1)
+    }
+}
+
+impl Cell<'_> {
+    /// What names it among all cells, and, with slashes, its folder.
+    pub(super) fn name(&self) -> String {
+        format!("{}-{}/{}", self.place.family, self.place.seed, self.point.folder_name())
+    }
+
+    pub(super) fn folder(&self, out: &Path) -> PathBuf {
+        self.place.folder(out).join(self.point.folder_name())
+    }
+
+    /// The rollout that it is.
+    pub(super) fn rollout(&self, settings: &Settings) -> Rollout {
+        let out = &settings.out;
+        Rollout {
+            world: settings.world.clone(),
+            seed_picture: Some(self.place.seed_picture(out)),
+            script: Some(self.place.script(out, false)),
+            latents: None,
+            preset: None,
+            operating_point: self.point.point.to_string(),
+            seconds: settings.seconds.clone(),
+            seed: self.place.seed,
+            size: settings.size,
+            upscaler: "lanczos".into(),
+            formats: Formats { png: true, ..Formats::default() },
+            threads: Some(settings.threads),
+            device: settings.device,
+            generator: self.point.generator,
+        }
+    }
+}
+
+/// A refusal, with the item of the file.
+pub(super) fn refused<T>(cause: String, field: &str, remedy: &str) -> Result<T> {
+    Err(Error::new(ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
+}
+
+/// An error that names an item of the file where it named an option.
+fn as_item(error: Error) -> Error {
+    let item = match error.offending_field().map(|field| field.trim_start_matches("--").to_owned()) {
+        Some(item) if item == "seeds" => "places".to_owned(),
+        Some(item) => item,
+        None => return error,
+    };
+    error.field(item)
+}
+
+impl Settings {
+    /// Reads a sweep from its file; it has passed [`check`](Self::check).
+    ///
+    /// # Errors
+    /// `Io`; `InvalidArgument` for what is no sweep or makes no sense, with file and item; `Unsupported` for what this machine
+    /// cannot have.
+    pub(crate) fn read(path: &Path, out: PathBuf, jobs: Option<usize>, publish: Option<PathBuf>) -> Result<Self> {
+        let text = file::read(path)?;
+        let read = Self::parse(&text, path).and_then(|settings| {
+            let jobs = jobs.unwrap_or_else(|| settings.usual_jobs());
+            let settings = Self { out, jobs, publish, ..settings };
+            settings.check().map(|()| settings)
+        });
+        read.map_err(|e| file::in_file(&e, path))
+    }
+
+    /// Understands the text of the file at `path`.
+    fn parse(text: &str, path: &Path) -> Result<Self> {
+        let file = File::parse(text)?;
+        let scenes = match file.scenes.as_slice() {
+            [] => FAMILIES.to_vec(),
+            names => {
+                let read = |name: &String| {
+                    name.parse::<Family>().or_else(|_| {
+                        refused(format!("there is no scene {name:?}"), "scenes", "Use forest, sword, desert or snow")
+                    })
+                };
+                names.iter().map(read).collect::<Result<_>>()?
+            }
+        };
+        let usual = if file.lpips { Measure::Horizon } else { Measure::Ssim };
+        let beside = path.parent().unwrap_or(Path::new("."));
+        Ok(Self {
+            points: file.points()?,
+            file: path.to_owned(),
+            scenes,
+            places: file.places,
+            seconds: file.seconds.to_string(),
+            size: file.size,
+            world: file.world.as_ref().map(|world| beside.join(world)),
+            threads: file.threads,
+            device: file.device.parse().map_err(as_item)?,
+            lpips: file.lpips,
+            measure: file.measure.as_deref().map_or(Ok(usual), str::parse)?,
+            cost: file.cost.parse()?,
+            budgets: file.budgets,
+            jobs: 1,
+            out: PathBuf::new(),
+            publish: None,
+        })
+    }
+
+    /// As many as there are processors for.
+    fn usual_jobs(&self) -> usize {
+        match self.device {
+            DeviceChoice::Cpu => {
+                let processors = std::thread::available_parallelism().map_or(1, usize::from);
+                (processors / self.threads.max(1)).clamp(1, 256)
+            }
+            _ => 1,
+        }
+    }
+
+    /// The name of the sweep: that of its file.
+    pub(super) fn name(&self) -> String {
+        self.file.file_stem().map_or("sweep".into(), |stem| stem.to_string_lossy().into_owned())
+    }
+
+    pub(super) fn places(&self) -> impl Iterator<Item = Place> + '_ {
+        let seeds = FIRST_PLACE..FIRST_PLACE.saturating_add(self.places);
+        self.scenes.iter().flat_map(move |&family| seeds.clone().map(move |seed| Place { family, seed }))
+    }
+
+    /// Every cell, place by place.
+    pub(super) fn cells(&self) -> impl Iterator<Item = Cell<'_>> + '_ {
+        self.places().flat_map(|place| self.points.iter().map(move |point| Cell { place, point }))
+    }
+
+    /// Looks at all streams, from world time zero to the end.
+    pub(super) fn looks(&self) -> Result<u64> {
+        Ok(WorldTime::parse(&self.seconds)?.whole_steps(RATE) + 1)
+    }
+
+    /// Refuses what makes no sense; needs no other file.
+    fn check(&self) -> Result<()> {
+        if !(1..=MOST_PLACES).contains(&self.places) {
+            let remedy = format!("Use 1 to {MOST_PLACES}");
+            return refused(format!("{} places of a kind cannot be swept", self.places), "places", &remedy);
+        }
+        if (1..self.scenes.len()).any(|n| self.scenes[..n].contains(&self.scenes[n])) {
+            return refused("a scene is named twice".into(), "scenes", "Name each once");
+        }
+        check_jobs(self.jobs)?;
+        let least = if self.lpips { Net::Alex.smallest_side() } else { SSIM_WINDOW as u32 };
+        if self.size.iter().any(|side| !(least..=MOST).contains(side)) {
+            return refused(
+                format!("streams cannot be compared at {}x{}", self.size[0], self.size[1]),
+                "size",
+                &format!("Use a width and a height from {least} to {MOST}, such as [320, 180]"),
+            );
+        }
+        if self.measure.needs_lpips() && !self.lpips {
+            return refused(
+                format!("{} is made of LPIPS, which the sweep leaves out", self.measure),
+                "measure",
+                "Use ssim or psnr, or have LPIPS measured",
+            );
+        }
+        if self.budgets.iter().any(|budget| !(*budget > 0.0 && budget.is_finite())) {
+            return refused("a budget is a positive number".into(), "budgets", "Leave others out");
+        }
+        held_out::require(&self.places().map(|place| place.seed).collect::<Vec<_>>()).map_err(as_item)?;
+        for point in &self.points {
+            let named = |e: Error| {
+                let cause = format!("{point}: {}", e.cause());
+                let named = Error::new(e.kind(), cause).field(e.offending_field().unwrap_or("sweep"));
+                e.remedy_text().map_or(named.clone(), |remedy| named.remedy(remedy))
+            };
+            point.point.check().map_err(named)?;
+            let rate = point.point.presented_rate();
+            if !rate.is_multiple_of(RATE) {
+                return refused(
+                    format!("{point} shows {rate} frames a second"),
+                    "sweep.multiplier",
+                    "Streams are looked at 30 times a second: let anchor rate times multiplier be a multiple of 30",
+                );
+            }
+        }
+        self.cells().try_for_each(|cell| cell.rollout(self).check().map(drop)).map_err(as_item)
+    }
+
+    /// Refuses what the world cannot do.
+    ///
+    /// # Errors
+    /// `InvalidArgument`, with the item.
+    pub(super) fn check_for(&self, bundle: &Bundle) -> Result<()> {
+        let check = |point: &Point| {
+            point.point.check_for(bundle.geometry())?;
+            point.point.schedule.table(&bundle.manifest().sampler).map(drop)
+        };
+        self.points.iter().try_for_each(check).map_err(|e| file::in_file(&e, &self.file))
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    pub(in crate::sweep) fn parse(text: &str) -> Result<Settings> {
+        let text = format!("seconds = 0.2\nsize = [64, 36]\nlpips = false\n{text}");
+        let settings = Settings { out: "out".into(), ..Settings::parse(&text, Path::new("plans/mine.toml"))? };
+        settings.check().map(|()| settings)
+    }
+
+    #[test]
+    fn every_combination_is_one_point_and_each_is_there_once() {
+        let settings = parse(
+            "scenes = [\"snow\"]\nplaces = 2\n[sweep]\nwindow = [112, 384]\nsteps = [4, 10]\nmultiplier = [2, 4]\n\
+             motion = [\"paper\", \"best\", \"picture\"]\n",
+        )
+        .unwrap();
+        // The best is one of the others.
+        assert_eq!(settings.points.len(), 2 * 2 * 2 * 2);
+        assert_eq!(settings.cells().count(), 2 * 16);
+        let folders: BTreeSet<PathBuf> = settings.cells().map(|cell| cell.folder(&settings.out)).collect();
+        let names: BTreeSet<PathBuf> = settings.cells().map(|cell| settings.out.join(cell.name())).collect();
+        assert_eq!((folders.len(), &folders), (32, &names));
+        let one = "out/snow-42/g384-refined-4-separate-latents-15-pictures-1-generated-60-paper-cpu";
+        assert!(folders.contains(Path::new(one)), "{folders:?}");
+        assert_eq!((settings.name(), settings.measure, settings.seconds), ("mine".into(), Measure::Ssim, "0.2".into()));
+    }
+
+    #[test]
+    fn what_changes_nothing_is_no_point_of_its_own() {
+        // What shows anchors alone depends on neither motion nor generator.
+        let native = "base = \"coherence,latents:30,generated:60\"\n[sweep]\nmultiplier = [1]\nmotion = [\"paper\", \"picture\"]\n";
+        let settings = parse(native).unwrap();
+        assert_eq!(settings.points.len(), 1);
+        assert_eq!(settings.points[0].to_string(), "g384,refined:10,separate,latents:30,pictures:1,native");
+        assert_eq!(settings.points[0].multiplier(), 1);
+        // Ten anchors a second, six frames for each.
+        let sixty = parse("[sweep]\nanchor_rate = [10, 15]\nmultiplier = [6]\n").unwrap();
+        let rates = sixty.points.iter().map(|p| (p.point.latents_per_second, p.point.presented_rate(), p.multiplier()));
+        assert_eq!(rates.collect::<Vec<_>>(), [(10, 60, 6), (15, 90, 6)]);
+        // An anchor rate alone keeps the frames for each anchor.
+        let doubled = parse("[sweep]\nanchor_rate = [30]\n").unwrap();
+        assert_eq!(doubled.points[0].point.presented_rate(), 60);
+    }
+
+    #[test]
+    fn a_world_lies_beside_its_plan() {
+        let settings = parse("world = \"worlds/w.cairn\"\n").unwrap();
+        assert_eq!(settings.world.as_deref(), Some(Path::new("plans/worlds/w.cairn")));
+    }
+
+    #[test]
+    fn long_names_stay_apart() {
+        let long = |last: &str| {
+            let levels: Vec<String> = (0..30).map(|n| format!("{:.2}", 1.0 - f64::from(n) / 50.0)).collect();
+            let text = format!("[sweep]\nschedule = [\"explicit:{}:{last}:0\"]\n", levels.join(":"));
+            let settings = parse(&text).unwrap();
+            settings.points[0].folder_name()
+        };
+        let (one, other) = (long("0.2"), long("0.1"));
+        assert!(one != other && one.len() == LONGEST && one.starts_with("g384-explicit-1"), "{one} {other}");
+    }
+
+    #[test]
+    fn nonsense_is_refused_by_name() {
+        for (text, field) in [
+            ("nonsense = 1\n", "sweep"),
+            ("[sweep]\nwindows = [1]\n", "sweep"),
+            ("base = \"best\"\n", "base"),
+            ("scenes = [\"moon\"]\n", "scenes"),
+            ("scenes = [\"snow\", \"snow\"]\n", "scenes"),
+            ("places = 0\n", "places"),
+            ("places = 9000000000000000000\n", "places"),
+            ("threads = 0\n", "threads"),
+            ("device = \"gpu\"\n", "device"),
+            ("budgets = [-1.0]\n", "budgets"),
+            ("measure = \"horizon\"\n", "measure"),
+            ("measure = \"beauty\"\n", "measure"),
+            ("cost = \"euro\"\n", "cost"),
+            ("[sweep]\nsteps = [4]\nschedule = [\"stock\"]\n", "sweep.steps"),
+            ("[sweep]\nanchor_rate = [10]\n", "sweep.multiplier"),
+            ("[sweep]\nanchor_rate = [0]\n", "sweep.anchor_rate"),
+            ("[sweep]\nmultiplier = [0]\n", "sweep.multiplier"),
+            ("[sweep]\nmotion = [\"guess\"]\n", "sweep.motion"),
+            ("[sweep]\ncache = [\"interval:0\"]\n", "sweep.cache"),
+            ("[sweep]\ngenerator = [\"hand\"]\n", "sweep.generator"),
+        ] {
+            let error = parse(text).unwrap_err();
+            let found = (error.kind(), error.offending_field());
+            assert_eq!(found, (ErrorKind::InvalidArgument, Some(field)), "{text}: {error}");
+        }
+        let many: Vec<String> = (1..200).map(|n| (8 * n).to_string()).collect();
+        let many = format!("[sweep]\nwindow = [{0}]\nanchor_rate = [{0}]\nsteps = [{0}]\n", many.join(", "));
+        assert!(parse(&many).unwrap_err().to_string().contains("too many"));
+    }
+}
