@@ -78,7 +78,9 @@ pub(super) fn cluster(context: &Context<'_>, log: &mut Log) -> Result<Tally, Str
         .env("CAIRN_STUDY", context.clone.program("debug", "study"))
         // Ray tells nobody of the tests, and leaves nothing in the home.
         .env("RAY_USAGE_STATS_ENABLED", "0")
-        .env("RAY_AUTH_MODE", "disabled");
+        .env("RAY_AUTH_MODE", "disabled")
+        // Its workers would else give way to every other program of the machine.
+        .env("RAY_worker_niceness", "0");
     context.provide_worlds(&mut command)?;
     pytest(context, log, command, FOLDERS[0], ("bindings-python-cluster", &["cluster"]))
 }
