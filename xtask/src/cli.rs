@@ -30,7 +30,7 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Fetch what the demo needs: ONNX Runtime, a Python environment, a random-weight world, nasm where apt has it
     Setup {
-        /// Fetch what the tests need as well: the test worlds, the weights of LPIPS, the Windows target with a linker, cargo-deny
+        /// Fetch what the tests need as well: the test worlds, the weights of LPIPS, the Windows target with a linker, Mono and .NET, cargo-deny
         #[arg(long)]
         all: bool,
     },

@@ -32,6 +32,7 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
         _ = (tools::clang("clang++", &console), tools::mingw_compiler(true, &console));
         // As the runners do that need it.
         _ = tools::nightly(&["miri", "rust-src"], &console);
+        _ = (provision::mono(&console), provision::dotnet(&console));
         tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
         pass_through(&mut clone.cargo(["fetch", "--quiet"]))?;
     }

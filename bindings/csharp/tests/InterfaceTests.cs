@@ -171,6 +171,39 @@ namespace Cairn.Tests
             Named<Result>("ERROR_", "Ok", "NotReady", "Truncated", "QueueFull");
         }
 
+        [Test]
+        private static void EveryFieldOfAStructHasItsProperty()
+        {
+            Mapped<Native.cpu_options, CpuOptions>("flags");
+            Mapped<Native.device_info, DeviceInfo>();
+            Mapped<Native.adapter, Adapter>();
+            Mapped<Native.requirement, Requirement>("what");
+            Mapped<Native.world_options, WorldOptions>("flags", "user");
+            Mapped<Native.world_info, WorldInfo>();
+            Mapped<Native.world_memory, WorldMemory>();
+            Mapped<Native.anchor_info, AnchorInfo>("flags");
+            Mapped<Native.rollout_options, RolloutOptions>();
+            Mapped<Native.rollout_info, RolloutInfo>();
+            Mapped<Native.rollout_statistics, RolloutStatistics>();
+            Mapped<Native.step_info, StepInfo>("flags");
+            Mapped<Native.guidance_info, GuidanceInfo>();
+            Mapped<Native.presenter_options, PresenterOptions>("flags");
+            Mapped<Native.presenter_statistics, PresenterStatistics>();
+            Mapped<Native.frame, Frame>("flags");
+            Mapped<Native.budget, Budget>("world_count");
+        }
+
+        /// <summary>Those besides have other words: flags are properties of their own.</summary>
+        private static void Mapped<TNative, TPublic>(params string[] besides)
+        {
+            IEnumerable<string> properties = typeof(TPublic).GetProperties().Select(property => property.Name.ToLowerInvariant());
+            IEnumerable<string> fields = typeof(TNative).GetFields(All).Select(field => field.Name);
+            foreach (string field in fields.Where(name => name != "struct_size" && !name.StartsWith("reserved") && !besides.Contains(name)))
+            {
+                Expect.True(properties.Contains(field.Replace("_", "")), $"{typeof(TPublic).Name} has no property for {field}");
+            }
+        }
+
         private static void Named<T>(string prefix, params string[] besides)
         {
             Named<T>(prefix, new string[0], besides);

@@ -10,7 +10,9 @@ use provision::{Console, DotNet, Mono};
 use super::Context;
 use super::abi;
 use super::tally::{Skip, Tally};
-use crate::abi::{csharp, declarations, header, record};
+use crate::abi::declarations::{self, Declarations};
+use crate::abi::{csharp, header, record};
+use crate::clone::Clone;
 use crate::shell::Log;
 
 /// Its examples are compiled and run.
@@ -38,6 +40,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     tally.check(
         differs.then(|| format!("{} is not what the header says; cargo xtask fix --abi writes it", csharp::NATIVE)),
     );
+    tally.check(not_used(&declared, &classes(clone)?));
     let version = format!("<Version>{}</Version>", env!("CARGO_PKG_VERSION"));
     let stale = !clone.read(PROJECT)?.contains(&version);
     tally.check(stale.then(|| format!("{PROJECT} does not have {version}")));
@@ -63,6 +66,26 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         Err(e) => tally.skips.push(skip("C# on .NET", format!("needs dotnet: {e}"))),
     }
     Ok(tally)
+}
+
+/// The text of the classes, which are written by hand.
+fn classes(clone: &Clone) -> Result<String, String> {
+    let files = clone.files()?;
+    let own = files.iter().filter(|file| file.starts_with("bindings/csharp/src/") && *file != csharp::NATIVE);
+    own.map(|file| clone.read(file)).collect()
+}
+
+/// What `cairn.h` has and no class calls.
+fn not_used(declared: &Declarations, classes: &str) -> Option<String> {
+    // Results have names as an enumeration.
+    let functions =
+        declared.functions.iter().filter(|function| !function.experimental && function.name != "cairn_result_name");
+    let called = |name: &str| {
+        let short = name.trim_start_matches("cairn_");
+        classes.contains(&format!(".{short}(")) || classes.contains(&format!("\"{name}\""))
+    };
+    let missing: Vec<_> = functions.map(|function| function.name.as_str()).filter(|name| !called(name)).collect();
+    (!missing.is_empty()).then(|| format!("no class of C# calls {}", missing.join(", ")))
 }
 
 /// Of .NET's own assemblies those that the binding and its tests use.
@@ -211,6 +234,15 @@ fn examples(page: &str) -> Result<String, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_function_that_no_class_calls_is_named() {
+        let declared =
+            declarations::read("CAIRN_API cairn_result cairn_a(void);\nCAIRN_API cairn_result cairn_b(void);\n")
+                .unwrap();
+        assert_eq!(not_used(&declared, "Done(C.a(Value)); C.b(1);"), None);
+        assert_eq!(not_used(&declared, "Done(C.a(Value));").as_deref(), Some("no class of C# calls cairn_b"));
+    }
 
     #[test]
     fn every_example_of_a_page_is_taken() {
