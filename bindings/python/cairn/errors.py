@@ -125,12 +125,6 @@ class DeviceRemoved(Error):
     result = c.ERROR_DEVICE_REMOVED
 
 
-class DeviceRemoved(Error):
-    """The graphics device is gone. Close what was made on it, and make a new device."""
-
-    result = c.ERROR_DEVICE_REMOVED
-
-
 class LibraryMissing(Error):
     """Cairn's shared library is missing, or is not one this package can use. `python -m cairn doctor` says more."""
 

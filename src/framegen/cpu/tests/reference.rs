@@ -23,8 +23,7 @@ use crate::framegen::cpu::past::Past;
 use crate::framegen::cpu::perspective::{Moment, Seen, Way};
 use crate::framegen::cpu::render::{AGREE, CAREFUL, DISTINCT, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
 use crate::framegen::cpu::soften::{SHARE, TORN};
-use crate::framegen::cpu::source;
-use crate::framegen::cpu::standing::Standing;
+use crate::framegen::cpu::{source, standing::Standing};
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
 
