@@ -32,6 +32,7 @@ from .errors import (
     StructSize,
     Unsupported,
 )
+from .film import Film, Strip
 from .logs import log_to
 from .presenter import Frame, Guidance, GuidanceInfo, Presenter, PresenterStatistics
 from .rollout import Anchor, AnchorInfo, Rollout, RolloutInfo, RolloutStatistics, StepInfo
@@ -59,6 +60,7 @@ __all__ = [
     "DeviceRemoved",
     "Error",
     "FileError",
+    "Film",
     "Frame",
     "Guidance",
     "GuidanceInfo",
@@ -80,6 +82,7 @@ __all__ = [
     "RuntimeMissing",
     "Script",
     "StepInfo",
+    "Strip",
     "StructSize",
     "Unsupported",
     "World",

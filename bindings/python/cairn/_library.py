@@ -6,10 +6,12 @@ import ctypes
 import os
 import sys
 import threading
+import warnings
 from ctypes import byref, c_size_t, c_void_p
 from pathlib import Path
 from typing import Any
 
+from . import _file
 from . import _interface as c
 from .errors import Error, LibraryMissing, kind_of, refuse
 
@@ -18,7 +20,10 @@ VARIABLE = "CAIRN_LIBRARY"
 
 FILE = {"win32": "cairn.dll", "darwin": "libcairn.dylib"}.get(sys.platform, "libcairn.so")
 
-REMEDY = f"Run `cargo build --release` in a clone of Cairn, or set {VARIABLE} to the file {FILE}"
+REMEDY = (
+    f"Install the wheel of Cairn for this platform, which carries it, or run `cargo build --release` in a clone of Cairn, or set {VARIABLE} "
+    f"to the file {FILE}"
+)
 
 
 def places() -> list[Path]:
@@ -52,11 +57,14 @@ class Library:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        if wrong := _file.unfit(path):
+            raise _unfit(path, *wrong)
+        others = _file.others(FILE, path)
         try:
             # Not PyDLL: the interpreter's lock is let go during every call.
             loaded = ctypes.CDLL(str(path))
         except OSError as why:
-            raise _unfit(path, f"cannot be loaded: {why}", REMEDY) from None
+            raise _unfit(path, *(_file.not_loaded(str(why)) or (f"cannot be loaded: {why}", REMEDY))) from None
         self.abi_version = self._resolve(loaded, "abi_version")()
         if self.abi_version != c.ABI_VERSION:
             cause = f"has the binary interface {self.abi_version}, and this package was made for {c.ABI_VERSION}"
@@ -66,6 +74,13 @@ class Library:
             cause = f"is version {dotted(self.version)}, older than the {dotted(c.VERSION)} this package was made for"
             raise _unfit(path, cause, "Use library and package of the same release")
         self.functions = {name: self._resolve(loaded, name) for name in c.FUNCTIONS}
+        for other in others:
+            warnings.warn(
+                f"this process has another Cairn, {other}, besides {path}, which this package uses. They do not know each other's objects, "
+                f"and may use one file of ONNX Runtime only. To use that one here too, set {VARIABLE} to it before anything of Cairn is used",
+                RuntimeWarning,
+                stacklevel=2,
+            )
 
     def _resolve(self, loaded: ctypes.CDLL, name: str) -> Any:
         try:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from . import _library
+from . import _library, _onnxruntime
 from .controls import Controls
 from .errors import Error, Unsupported
 from .world import Device, Requirement, World, adapters, requirements
@@ -38,9 +38,8 @@ _WHY = {
 }
 
 _REMEDIES = {
-    "onnxruntime": "Run `cargo xtask setup` in a clone of Cairn, which fetches it; or install ONNX Runtime 1.24 and set "
-    "CAIRN_ONNXRUNTIME to its library file (in the wheel `onnxruntime` it is onnxruntime/capi/libonnxruntime.so.1.24.*, on "
-    "Windows onnxruntime.dll)",
+    "onnxruntime": f"Run `python -m pip install {_onnxruntime.REQUIREMENT}`, in which it is found by itself; or `cargo xtask setup` in a clone "
+    "of Cairn, which fetches it; or set CAIRN_ONNXRUNTIME to the library file of any ONNX Runtime 1.24",
     "fsr": "Put AMD's libraries, from Kits/FidelityFX/signedbin of its FidelityFX SDK, into one folder, and set CAIRN_FFX_DIR to it",
     "fsr-provider": "Use a newer release of AMD's libraries, a newer driver or another adapter",
     "fsr-system": "Use analytic, which Windows 10 is enough for, or Windows 11",
@@ -145,7 +144,10 @@ def _requirement(report: Report, requirement: Requirement, good: Callable[[str, 
         remedy = _REMEDIES.get(requirement.what, "") if requirement.what.startswith("fsr") else ""
         report.explain(_WHY.get(requirement.what, ""), f"What to do, where it is wanted: {remedy}." if remedy else "")
     else:
-        report.fail(requirement.what, text, _REMEDIES.get(requirement.what, ""))
+        remedy = _REMEDIES.get(requirement.what, "")
+        if requirement.what == "onnxruntime":
+            remedy = ". ".join([remedy, *_onnxruntime.hints(requirement.found)])
+        report.fail(requirement.what, text, remedy)
 
 
 def _world(report: Report, world: World, good: Callable[[str, str], None]) -> None:

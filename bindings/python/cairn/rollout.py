@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
 from ctypes import POINTER, byref, c_char, c_float, c_size_t, c_uint64, c_void_p
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import numpy.typing as npt
 
+from . import _awaiting, _display
 from . import _interface as c
 from ._handles import Object, plain
 from ._library import call, encoded, make
@@ -84,6 +85,14 @@ class Anchor(Object):
     def pictures(self, *, order: Order = "rgba") -> list[Bytes]:
         """All its pictures, in order of time."""
         return [self.picture(i, order=order) for i in range(self.info.pictures)]
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, object]:
+        """What a notebook shows: all its pictures beside each other, in order of time."""
+        return _display.anchor(self)
+
+    def _repr_png_(self) -> bytes | None:
+        """The anchor itself, its last picture, as a PNG; None where it is closed."""
+        return None if self.closed else _display.png(self.picture())
 
     def latent(self) -> Floats:
         """Its latent, `float32` `[channels, height, width]`: a copy. Raises `Unsupported` for a picture of your own."""
@@ -182,6 +191,10 @@ class Rollout(Object):
     def info(self) -> RolloutInfo:
         """What it is, and how far."""
         return RolloutInfo(**plain(self._filled("rollout_get_info", c.RolloutInfo)))
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, object]:
+        """What a notebook shows: how far it is, and the pictures of its last anchor."""
+        return _display.rollout(self)
 
     @property
     def statistics(self) -> RolloutStatistics:
@@ -339,6 +352,33 @@ class Rollout(Object):
             except Error:
                 # It was cancelled, or taken along by a step that failed and has said so.
                 continue
+
+    async def result_async(self, ticket: int) -> tuple[StepInfo, Anchor]:
+        """Awaits a queued step, as `wait` waits for it; the event loop goes on meanwhile, and no thread is used.
+
+        Where the awaiting task is cancelled, also by a timeout, the rollout is, as by `cancel`: this step and all others that are
+        queued are not made, and the one in progress ends before its next pass. The task ends when the rollout is at rest, so that it
+        can go on at once, from the last step that was made; `info.latents` says how far it is. Other tasks that await steps of
+        the rollout get `Cancelled`. `asyncio.shield` keeps a step out of all this.
+        """
+        return await _awaiting.result(self, ticket)
+
+    async def step_async(self, controls: Controls = Controls()) -> tuple[StepInfo, Anchor]:  # noqa: B008 (it does not change)
+        """Makes the next latent on the rollout's own thread, and awaits it; see `step` and `result_async`. Where the queue is full
+        it awaits room first."""
+        return await _awaiting.result(self, await _awaiting.submitted(lambda: self.submit(controls)))
+
+    async def append_async(self, picture: npt.ArrayLike, *, order: Order = "rgba") -> tuple[StepInfo, Anchor]:
+        """Appends a picture, as `step_async` makes a step; see `append`."""
+        return await _awaiting.result(self, await _awaiting.submitted(lambda: self.submit_picture(picture, order=order)))
+
+    def play_async(self, controls: Iterable[Controls]) -> AsyncIterator[Anchor]:
+        """What `play` does, for `async for`: the event loop goes on while a step is made.
+
+        When the iteration is given up, what is queued is cancelled: at once where it is closed, as by `contextlib.aclosing`, else when
+        the loop comes to it.
+        """
+        return _awaiting.play(self, controls)
 
     def cancel(self) -> None:
         """Ends all that is going on: queued steps are not made, and the one in progress ends before its next pass. Each raises

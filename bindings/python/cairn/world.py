@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from . import _interface as c
+from . import _onnxruntime
 from ._handles import Object, plain
 from ._library import call, encoded, make, read_text
 from .errors import Cancelled, refuse
@@ -62,7 +63,7 @@ def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | Non
     """What a device of that kind, "cpu" or "d3d12", needs and what was found; missing things are no error."""
     if kind not in _KINDS:
         raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
-    options = c.CpuOptions(onnxruntime=encoded(onnxruntime, "onnxruntime"))
+    options = c.CpuOptions(onnxruntime=_onnxruntime.chosen(onnxruntime))
     found = _list(c.Requirement, lambda *array: call("device_requirements", _KINDS[kind], byref(options), *array))
     names = {
         c.REQUIREMENT_PLATFORM: "platform",
@@ -118,7 +119,8 @@ class Device(Object):
 
         `threads` share one pass, 1 to 1024; 0 is one for each physical core, and the last bits of a rollout depend on it.
         `deterministic` asks for ONNX Runtime's deterministic kernels only. `onnxruntime` names its library file; None is the one
-        the environment variable CAIRN_ONNXRUNTIME names, else the first beside this library or in the user's cache directory.
+        the environment variable CAIRN_ONNXRUNTIME names, else the one in the installed package `onnxruntime` where that is 1.24, else the first
+        beside this library or in the user's cache directory.
 
         Raises `RuntimeMissing` when ONNX Runtime 1.24 is not there; `Unsupported` when this process uses another file of it
         already; `InvalidArgument`; `DeviceError` when it does not start.
@@ -126,8 +128,9 @@ class Device(Object):
         if not 0 <= threads <= 1024:
             raise refuse("threads", f"{threads} is no number of threads", "Give 1 to 1024, or 0 for each physical core")
         flags = c.CPU_DETERMINISTIC if deterministic else 0
-        options = c.CpuOptions(threads=threads, flags=flags, onnxruntime=encoded(onnxruntime, "onnxruntime"))
-        return cls(make("device_create_cpu", byref(options)))
+        options = c.CpuOptions(threads=threads, flags=flags, onnxruntime=_onnxruntime.chosen(onnxruntime))
+        with _onnxruntime.explained():
+            return cls(make("device_create_cpu", byref(options)))
 
     def _info(self) -> c.DeviceInfo:
         return self._filled("device_get_info", c.DeviceInfo)

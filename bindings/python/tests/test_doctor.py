@@ -41,7 +41,7 @@ def test_without_a_path_it_is_the_embedded_world():
     ("arguments", "environment", "says"),
     [
         ([], {"CAIRN_LIBRARY": "no/such/file"}, ["FAIL library", "cargo build --release", "no/such/file", "(not there)"]),
-        ([], {"CAIRN_LIBRARY": __file__}, ["FAIL library", "cannot be loaded"]),
+        ([], {"CAIRN_LIBRARY": __file__}, ["FAIL library", "is no shared library", "and whole"]),
         (["--onnxruntime", "no/such/file"], {}, ["FAIL onnxruntime", "CAIRN_ONNXRUNTIME", "cargo xtask setup"]),
         (["--world", "no/such/world"], {}, ["FAIL world", "no/such/world", "docs/bundle.md"]),
         (["--world", os.path.dirname(__file__)], {}, ["FAIL world", "cairn-world.json"]),

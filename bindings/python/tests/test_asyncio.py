@@ -1,0 +1,244 @@
+"""Steps that are awaited: the loop goes on, results are those of steps, and what is cancelled leaves the rollout whole."""
+
+import asyncio
+import contextlib
+import gc
+
+import numpy as np
+import pytest
+
+import cairn
+import runtime
+
+WALK = [cairn.Controls(keys=["W"], mouse=(8 * i, -2)) for i in range(6)]
+
+
+@pytest.fixture(scope="module")
+def world():
+    runtime.need_library()
+    with cairn.Device.cpu(threads=2) as device, device.load_world(runtime.need_worlds() / "tiny") as world:
+        yield world
+
+
+@pytest.fixture
+def rollout(world):
+    with world.rollout(seed=7) as rollout:
+        rollout.append(runtime.pattern(72, 128))
+        yield rollout
+
+
+@pytest.fixture(scope="module")
+def expected(world) -> list[np.ndarray]:
+    """The walk's pictures, step by step."""
+    with world.rollout(seed=7) as rollout:
+        rollout.append(runtime.pattern(72, 128))
+        pictures = []
+        for controls in WALK:
+            rollout.step(controls)
+            pictures.append(rollout.anchor().picture())
+        return pictures
+
+
+def goes_on(rollout, expected) -> None:
+    """Whether a rollout is whole: at rest, and its next steps are those of a walk that nothing disturbed."""
+    assert rollout.statistics.queue_depth == 0
+    for number in range(rollout.info.latents - 1, len(WALK)):
+        rollout.step(WALK[number])
+        assert np.array_equal(rollout.anchor().picture(), expected[number]), number
+
+
+def test_awaited_steps_are_steps(world, expected):
+    async def walk():
+        with world.rollout(seed=7) as rollout:
+            info, anchor = await rollout.append_async(runtime.pattern(72, 128))
+            assert info.latent == 0 and anchor.info.pictures == 4
+            pictures = []
+            for number, controls in enumerate(WALK, start=1):
+                info, anchor = await rollout.step_async(controls)
+                assert info.latent == number
+                pictures.append(anchor.picture())
+            return pictures
+
+    assert all(map(np.array_equal, asyncio.run(walk()), expected))
+
+
+def test_the_loop_goes_on_while_a_step_is_held(rollout):
+    async def walk():
+        rollout.pause()
+        step = asyncio.create_task(rollout.step_async())
+        for _ in range(50):
+            await asyncio.sleep(0)
+        # It waits for a step that nobody lets begin, and we are here all the same.
+        assert not step.done() and rollout.info.latents == 1
+        rollout.resume()
+        info, _ = await step
+        assert info.latent == 1
+
+    asyncio.run(walk())
+
+
+def test_two_rollouts_are_awaited_at_once(world, expected):
+    async def one():
+        with world.rollout(seed=7) as rollout:
+            await rollout.append_async(runtime.pattern(72, 128))
+            return [anchor.picture() async for anchor in rollout.play_async(WALK)]
+
+    async def both():
+        return await asyncio.gather(one(), one())
+
+    for pictures in asyncio.run(both()):
+        assert len(pictures) == len(WALK) and all(map(np.array_equal, pictures, expected))
+
+
+def test_a_queued_step_can_be_awaited_by_its_ticket(rollout, expected):
+    async def walk():
+        tickets = [rollout.submit(controls) for controls in WALK[:2]]
+        results = [await rollout.result_async(ticket) for ticket in tickets]
+        assert [info.latent for info, _ in results] == [1, 2]
+        assert all(np.array_equal(anchor.picture(), picture) for (_, anchor), picture in zip(results, expected, strict=False))
+        with pytest.raises(cairn.InvalidArgument):
+            await rollout.result_async(tickets[0])
+
+    asyncio.run(walk())
+
+
+def test_room_in_the_queue_is_awaited(world, expected):
+    async def walk():
+        with world.rollout(seed=7, queue_capacity=1) as rollout:
+            rollout.append(runtime.pattern(72, 128))
+            first = rollout.submit(WALK[0])
+            second = asyncio.create_task(rollout.step_async(WALK[1]))
+            await asyncio.sleep(0.01)
+            assert not second.done()
+            await rollout.result_async(first)
+            _, anchor = await second
+            assert np.array_equal(anchor.picture(), expected[1])
+
+            # Given up while it waits for room: nothing of it was queued, and the step before it is made.
+            third = rollout.submit(WALK[2])
+            waiting = asyncio.create_task(rollout.step_async(WALK[3]))
+            await asyncio.sleep(0.01)
+            waiting.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await waiting
+            _, anchor = await rollout.result_async(third)
+            assert np.array_equal(anchor.picture(), expected[2])
+            goes_on(rollout, expected)
+
+    asyncio.run(walk())
+
+
+def test_a_step_that_is_given_up_was_not_begun(rollout, expected):
+    async def walk():
+        rollout.pause()
+        step = asyncio.create_task(rollout.step_async(WALK[3]))
+        await asyncio.sleep(0.01)
+        step.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await step
+        rollout.resume()
+        assert rollout.info.latents == 1
+        goes_on(rollout, expected)
+
+    asyncio.run(walk())
+
+
+def test_wherever_a_step_is_given_up_the_rollout_is_whole(world, expected):
+    async def walk(after: int) -> int:
+        with world.rollout(seed=7) as rollout:
+            rollout.append(runtime.pattern(72, 128))
+            step = asyncio.create_task(rollout.step_async(WALK[0]))
+            for _ in range(after):
+                await asyncio.sleep(0.001)
+            step.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await step
+            made = rollout.info.latents
+            assert made in (1, 2)
+            goes_on(rollout, expected)
+            return made
+
+    assert {asyncio.run(walk(after)) for after in (0, 1, 3, 10, 1000)} == {1, 2}
+
+
+def test_a_timeout_leaves_the_rollout_at_rest(rollout, expected):
+    async def walk():
+        rollout.pause()
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.02):
+                await rollout.step_async(WALK[0])
+        rollout.resume()
+        # At once, with no wait between.
+        goes_on(rollout, expected)
+
+    asyncio.run(walk())
+
+
+def test_those_behind_a_step_that_is_given_up_are_told(rollout, expected):
+    async def walk():
+        rollout.pause()
+        steps = [asyncio.create_task(rollout.step_async(controls)) for controls in WALK[:3]]
+        await asyncio.sleep(0.01)
+        steps[1].cancel()
+        ends = await asyncio.gather(*steps, return_exceptions=True)
+        assert [type(end) for end in ends] == [cairn.Cancelled, asyncio.CancelledError, cairn.Cancelled]
+        rollout.resume()
+        goes_on(rollout, expected)
+
+    asyncio.run(walk())
+
+
+def test_a_second_cancellation_does_not_leave_a_step_behind(rollout, expected):
+    async def walk():
+        step = asyncio.create_task(rollout.step_async(WALK[0]))
+        await asyncio.sleep(0.001)
+        step.cancel()
+        await asyncio.sleep(0)
+        step.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await step
+        goes_on(rollout, expected)
+
+    asyncio.run(walk())
+
+
+@pytest.mark.parametrize("closing", [True, False])
+def test_a_play_that_is_given_up_leaves_the_queue_empty(rollout, expected, closing):
+    async def walk():
+        play = rollout.play_async(WALK)
+        if closing:
+            async with contextlib.aclosing(play):
+                async for anchor in play:
+                    assert anchor.info.latent == 1
+                    break
+        else:
+            async for _ in play:
+                break
+            del play
+            gc.collect()
+            while rollout.statistics.queue_depth:
+                await asyncio.sleep(0.001)
+        goes_on(rollout, expected)
+
+    asyncio.run(walk())
+
+
+def test_what_a_step_raises_is_raised_where_it_is_awaited(rollout):
+    async def walk():
+        with pytest.raises(cairn.InvalidArgument):
+            await rollout.step_async(cairn.Controls(mouse=(float("nan"), 0)))
+        rollout.pause()
+        step = asyncio.create_task(rollout.step_async())
+        await asyncio.sleep(0.01)
+        rollout.cancel()
+        with pytest.raises(cairn.Cancelled):
+            await step
+        rollout.resume()
+        rollout.step()
+        gone = asyncio.create_task(rollout.step_async())
+        await asyncio.sleep(0)
+        rollout.close()
+        with pytest.raises((cairn.Cancelled, cairn.InvalidHandle)):
+            await gone
+
+    asyncio.run(walk())
