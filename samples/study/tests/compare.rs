@@ -142,6 +142,30 @@ fn a_killed_rollout_is_named_and_made_again() {
     assert!(status == Some(0) && text.contains("0 of them kept"), "{text}");
 }
 
+/// A disk that takes nothing more, where a place's seed, the series or the report should go: `/dev/full` stands for it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told_and_what_was_whole_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("compare");
+    let place = out.join("forest-41");
+    let rollout = place.join("coherence/manifest.json");
+    for (file, made) in [("forest-41/seed.png", false), ("forest-41/series.csv", true), ("report.html", true)] {
+        let part = out.join(format!("{file}.part"));
+        fs::create_dir_all(part.parent().unwrap()).unwrap();
+        std::os::unix::fs::symlink("/dev/full", &part).unwrap();
+        let (status, text) = compare(&out, &[]);
+        assert_eq!(status, Some(1), "{file}: {text}");
+        assert!(text.contains("No space left") && text.contains("Free some space") && text.contains(file), "{text}");
+        assert_eq!((rollout.exists(), out.join(file).exists()), (made, false), "{file}");
+    }
+    let made = times(&place);
+    let (status, text) = compare(&out, &[]);
+    assert!(status == Some(0) && text.contains("5 of them kept"), "{text}");
+    let again = times(&place);
+    assert!(made.iter().all(|file| again.contains(file)), "what was whole is not made again");
+}
+
 #[test]
 fn a_world_without_the_windows_is_refused_before_anything_is_made() {
     let out = tempfile::tempdir().unwrap();
