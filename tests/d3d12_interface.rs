@@ -24,6 +24,10 @@ use cairn::gpu::{Gpu, Moment, read_texture, texture_of};
 
 mod common;
 use common::bundle_path;
+#[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+use engine::{comes_back, references};
 
 /// A struct that the library fills, as a host prepares it.
 fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
@@ -31,16 +35,6 @@ fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
     let mut made: T = unsafe { std::mem::zeroed() };
     *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
     made
-}
-
-/// References to an object, one of which the call takes and gives back.
-fn references(object: &impl Interface) -> u32 {
-    let raw = std::mem::ManuallyDrop::new(object.clone());
-    // SAFETY: releases the reference that the clone above took, and counts the rest.
-    unsafe {
-        let unknown = Interface::as_raw(&*raw).cast::<*const cairn::gpu::windows::core::IUnknown_Vtbl>();
-        ((**unknown).Release)(unknown.cast())
-    }
 }
 
 #[test]
@@ -85,14 +79,7 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
     assert_eq!(info.kind, CAIRN_DEVICE_D3D12);
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
-    for _ in 0..500 {
-        if [references(d3d12), references(queue), references(compute)] == before {
-            break;
-        }
-        // A driver's own thread may let go of a fence a little after it has signalled it.
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    assert_eq!([references(d3d12), references(queue), references(compute)], before);
+    comes_back(|| [references(d3d12), references(queue), references(compute)], before);
 }
 
 /// A handle that a call of the interface makes.

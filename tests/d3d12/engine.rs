@@ -34,13 +34,18 @@ pub(crate) fn references(object: &impl Interface) -> u32 {
     unsafe { (Interface::vtable(&*unknown).Release)(unknown.as_raw()) }
 }
 
+/// How often it is looked for references to come back, and how long is waited in between. What stays, stays for ever: on a machine
+/// that has much else to do, a driver's thread may come to it late.
+const LOOKS: u32 = 12_000;
+const BETWEEN: std::time::Duration = std::time::Duration::from_millis(10);
+
 /// Waits for `count` to become `expected`: a driver's own thread may let go of a fence a little after it has signalled it.
 pub(crate) fn comes_back<const N: usize>(count: impl Fn() -> [u32; N], expected: [u32; N]) {
-    for _ in 0..500 {
+    for _ in 0..LOOKS {
         if count() == expected {
             return;
         }
-        std::thread::sleep(std::time::Duration::from_millis(10));
+        std::thread::sleep(BETWEEN);
     }
     assert_eq!(count(), expected, "references come back");
 }
