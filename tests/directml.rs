@@ -15,6 +15,8 @@ use cairn::world::{KeptAnchor, Part, Rollout, World, WorldOptions};
 use cairn::{ErrorKind, Picture};
 
 mod common;
+#[path = "d3d12/stages.rs"]
+mod stages;
 use common::{bundle, controls, fingerprint, ort, point, seeded};
 
 fn directml(precision: Precision, profile: Option<PathBuf>) -> Arc<World> {
@@ -134,14 +136,21 @@ fn the_same_rollout_has_the_same_bits_and_goes_on_from_a_saved_state() {
 }
 
 #[test]
-fn the_device_s_clock_tells_what_passes_take() {
+fn the_device_s_clock_tells_what_passes_take_and_its_queue_what_they_are() {
     let world = directml(Precision::F16, None);
     let mut rollout = seeded(&world, &point(&world), 7);
     // Waits for the commit of the seed, whose time is known then.
     rollout.latent().expect("a latent");
     let before = rollout.device_times().expect("a Direct3D 12 device");
+    let queue = world.device().gpu().expect("a Direct3D 12 device").anchors().d3d12().clone();
+    stages::listen(&queue);
+    stages::told(&queue);
     let start = std::time::Instant::now();
     steps(&mut rollout, 0..2);
+    // What tools that show the device's work show.
+    let [pass, decode, look, commit] = ["transformer", "decoder", "look for numbers", "commit"];
+    let of_a_step = [pass, pass, pass, pass, pass, decode, look, commit].map(|name| format!("Cairn: {name}"));
+    assert_eq!(stages::told(&queue), [of_a_step.clone(), of_a_step].concat());
     // Waits for all that was submitted, the last commit too.
     rollout.latent().expect("a latent");
     rollout.ring_bytes(0, Part::Keys).expect("a ring");
@@ -189,7 +198,7 @@ fn a_rollout_leaves_the_queue_to_others_between_passes_where_it_is_told_to() {
     };
     let (none, tight, wide) =
         (yields(None), yields(Some(Duration::from_nanos(1))), yields(Some(Duration::from_secs(3600))));
-    assert_eq!((none.0, tight.0, wide.0), (0, 4, 0), "before each of five passes but the first");
+    assert_eq!((none.0, tight.0, wide.0), (0, 5, 0), "before each of five passes and the decoder's, but the first");
     assert!(none.1 == tight.1 && none.1 == wide.1, "the same bits");
     assert!(common::device().set_directml_options(options).is_err(), "the processor has none");
 }

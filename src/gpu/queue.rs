@@ -1,5 +1,7 @@
 //! A queue and its timeline.
 
+use std::ffi::CStr;
+
 use parking_lot::Mutex;
 use windows::Win32::Graphics::Direct3D12::{
     D3D12_COMMAND_LIST_TYPE, D3D12_COMMAND_QUEUE_DESC, D3D12_FENCE_FLAG_NONE, ID3D12CommandList, ID3D12CommandQueue,
@@ -10,6 +12,9 @@ use windows::core::Interface;
 use super::Moment;
 use super::failure::{failed_on, removed};
 use crate::Result;
+
+/// How PIX's events say that their name is a text of bytes with a zero at its end.
+pub(super) const EVENT_OF_BYTES: u32 = 1;
 
 /// A queue of a [`Gpu`](super::Gpu), with a fence of our own that counts what we gave it. The queue may be an engine's, which
 /// gives it work beside ours.
@@ -87,6 +92,17 @@ impl Queue {
             .map_err(|e| failed_on(&self.device, "ID3D12CommandQueue::Signal", &e))?;
         *last += 1;
         Ok(Moment::new(&self.fence, *last, &self.device))
+    }
+
+    /// Names what it is given during `work`, for tools that show the device's work.
+    pub(crate) fn named<T>(&self, name: &CStr, work: impl FnOnce() -> T) -> T {
+        let bytes = name.to_bytes_with_nul();
+        // SAFETY: a live queue, and a text of so many bytes that is copied.
+        unsafe { self.queue.BeginEvent(EVENT_OF_BYTES, Some(bytes.as_ptr().cast()), bytes.len() as u32) };
+        let done = work();
+        // SAFETY: a live queue, on which an event was begun.
+        unsafe { self.queue.EndEvent() };
+        done
     }
 
     /// Waits until nothing that it has been given runs any more, before what that uses is freed; also on a device that is gone.

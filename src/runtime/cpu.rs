@@ -12,7 +12,7 @@ use super::device::Backend;
 use super::failure::{make, ort_failure};
 use super::finite::all_finite;
 use super::graph::TensorSpec;
-use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
+use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, LookId, MAX_GROUPS, Region};
 use super::memory::Memory;
 use super::{Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
@@ -98,8 +98,8 @@ impl Backend for CpuBackend {
     }
 
     fn lane(&self) -> Result<Box<dyn Lane>> {
-        let (memories, bindings, kept) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Box::new(CpuLane { memories, bindings, kept, bytes: Bytes::default(), read: 0.into() }))
+        let (memories, bindings, kept, looks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Box::new(CpuLane { memories, bindings, kept, looks, bytes: Bytes::default(), read: 0.into() }))
     }
 }
 
@@ -115,6 +115,8 @@ struct CpuLane {
     bindings: Vec<Bound>,
     memories: Vec<Memory>,
     kept: Vec<Vec<KeptCopy>>,
+    /// Looks that were written down: groups of buffers, and the numbers that are in them.
+    looks: Vec<(Vec<Vec<BufferId>>, Precision)>,
     bytes: Bytes,
     read: std::sync::atomic::AtomicU64,
 }
@@ -230,8 +232,16 @@ impl Lane for CpuLane {
         Ok(())
     }
 
-    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
-        Ok(of.iter().all(|buffer| all_finite(self.memories[buffer.0].bytes(), precision)))
+    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
+        assert!(groups.len() <= MAX_GROUPS, "groups that can be told apart");
+        self.looks.push((groups.iter().map(|group| group.to_vec()).collect(), precision));
+        Ok(LookId(self.looks.len() - 1))
+    }
+
+    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
+        let (groups, precision) = &self.looks[look.0];
+        let is_finite = |buffer: &BufferId| all_finite(self.memories[buffer.0].bytes(), *precision);
+        Ok(groups.iter().position(|group| !group.iter().all(is_finite)))
     }
 
     fn bytes(&self) -> Bytes {

@@ -1,5 +1,7 @@
 //! A session: one graph, loaded from memory and checked against what its user expects.
 
+#[cfg(windows)]
+use std::ffi::CStr;
 use std::ffi::CString;
 
 use ort::AsPointer;
@@ -45,6 +47,9 @@ pub(crate) struct Graph {
     session: Session,
     tensors: Vec<(CString, TensorSpec)>,
     inputs: usize,
+    /// What tools that show the device's work call its runs.
+    #[cfg(windows)]
+    title: CString,
     #[cfg(windows)]
     captures: Captures,
 }
@@ -79,6 +84,8 @@ impl Graph {
             tensors,
             inputs: count,
             #[cfg(windows)]
+            title: CString::new(format!("Cairn: {what}")).unwrap_or_default(),
+            #[cfg(windows)]
             captures,
         })
     }
@@ -87,6 +94,12 @@ impl Graph {
     #[cfg(windows)]
     pub(super) fn with_captures(self, captures: Captures) -> Self {
         Self { captures, ..self }
+    }
+
+    /// What its runs are called.
+    #[cfg(windows)]
+    pub(super) fn title(&self) -> &CStr {
+        &self.title
     }
 
     /// Passes that are captured.

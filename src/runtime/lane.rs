@@ -18,6 +18,10 @@ pub(crate) struct BindingId(pub(super) usize);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct CopiesId(pub(super) usize);
 
+/// Names a look at buffers of one lane that was written down once to be taken often.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct LookId(pub(super) usize);
+
 /// A copy between two different buffers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct KeptCopy {
@@ -25,6 +29,9 @@ pub(crate) struct KeptCopy {
     pub(crate) from: BufferId,
     pub(crate) regions: Vec<Region>,
 }
+
+/// Groups of buffers that one look tells apart.
+pub(crate) const MAX_GROUPS: usize = 4;
 
 /// One stretch of a copy between buffers, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +80,7 @@ impl std::ops::Add for Bytes {
 /// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the lane, so a handle can
 /// never outlive what it names; a lane belongs to one user at a time.
 ///
-/// What writes submits and may return before the work is done; `read` and `finite` wait for it.
+/// What writes submits and may return before the work is done; `read` and `not_finite` wait for it.
 ///
 /// Calls that say "all or nothing" are how state changes: when one fails, every buffer is as it was, now and after whatever is
 /// submitted later. Only a device that is gone is beyond that.
@@ -118,8 +125,11 @@ pub(crate) trait Lane: Send {
     /// Waits, then reads `into.len()` bytes of `from` from byte `at` on.
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()>;
 
-    /// Waits, then says whether every number of all these buffers of `precision` is finite. The numbers stay where they are.
-    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool>;
+    /// Writes down a look at buffers of `precision`, in at most [`MAX_GROUPS`] groups.
+    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId>;
+
+    /// Waits, then names the first group of a look that holds a number that is not finite. The numbers stay where they are.
+    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>>;
 
     /// What was moved so far.
     fn bytes(&self) -> Bytes;

@@ -31,7 +31,7 @@ pub(crate) use graph::{Graph, TensorSpec, element_size};
 pub use lane::Bytes;
 #[cfg(windows)]
 pub use lane::Elsewhere;
-pub(crate) use lane::{Backup, BindingId, BufferId, CopiesId, KeptCopy, Lane, Region};
+pub(crate) use lane::{Backup, BindingId, BufferId, CopiesId, KeptCopy, Lane, LookId, Region};
 #[cfg(windows)]
 pub(crate) use lane::{Decoded, Work};
 pub use library::Ort;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, Region};
+use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, LookId, Region};
 use super::{Device, Graph};
 use crate::bundle::Precision;
 use crate::{Error, ErrorKind, Result};
@@ -77,8 +77,12 @@ impl Lane for StopLane {
         self.inner.read(from, at, into)
     }
 
-    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
-        self.inner.finite(of, precision)
+    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
+        self.inner.watch(groups, precision)
+    }
+
+    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
+        self.inner.not_finite(look)
     }
 
     fn bytes(&self) -> Bytes {

@@ -5,7 +5,6 @@ use crate::runtime::{Backup, BindingId, BufferId, Lane};
 use crate::world::contract::Shapes;
 use crate::world::numbers::{self, Uploader};
 use crate::world::resize::Bilinear;
-use crate::world::rollout::device_not_finite;
 use crate::world::world::World;
 use crate::{Picture, Result};
 
@@ -31,6 +30,13 @@ pub(super) struct Decoding {
     side: usize,
     /// The side that counts, where that was written.
     backup: Option<Backup>,
+}
+
+impl Decoding {
+    /// Which of [`Autoencoder::sides`] it is in.
+    pub(super) fn side(&self) -> usize {
+        self.side
+    }
 }
 
 /// A rollout's autoencoder.
@@ -84,29 +90,22 @@ impl Autoencoder {
         lane.run(self.encode)
     }
 
-    /// Decodes latent number `latent`, after decoding it `prime` times for the memories' sake alone, for
-    /// [`commit`](Self::commit) or [`undo`](Self::undo). When it fails, the side that counts is as it was.
-    pub(super) fn decode(&self, lane: &mut dyn Lane, latent: u64, prime: u32) -> Result<Decoding> {
+    /// Decodes the latent, after decoding it `prime` times for the memories' sake alone, for [`commit`](Self::commit) or
+    /// [`undo`](Self::undo). Nothing waits for it, and nobody has looked at its numbers. When it fails, the side that counts is as it
+    /// was.
+    pub(super) fn decode(&self, lane: &mut dyn Lane, prime: u32) -> Result<Decoding> {
         // One run writes the side that does not count. More runs come back to the one that does.
         let backup = if prime > 0 { Some(lane.back_up(&self.sides[self.current].buffers)?) } else { None };
         let side = 1 - (self.current + prime as usize) % 2;
         let decoding = Decoding { side, backup };
-        match self.run(lane, latent, prime, side) {
+        let mut runs = 0..=prime;
+        match runs.try_for_each(|run| lane.run(self.decode[(self.current + run as usize) % 2])) {
             Ok(()) => Ok(decoding),
             Err(error) => {
                 self.undo(lane, decoding)?;
                 Err(error)
             }
         }
-    }
-
-    /// The runs of [`decode`](Self::decode), the last of which writes `side`.
-    fn run(&self, lane: &mut dyn Lane, latent: u64, prime: u32, side: usize) -> Result<()> {
-        (0..=prime).try_for_each(|run| lane.run(self.decode[(self.current + run as usize) % 2]))?;
-        if lane.finite(&self.sides[side].buffers, self.precision)? {
-            return Ok(());
-        }
-        Err(device_not_finite(&format!("the decoder's view of latent {latent}")))
     }
 
     /// Lets what was decoded count.
@@ -128,6 +127,11 @@ impl Autoencoder {
     #[cfg(windows)]
     pub(super) fn pictures(&self) -> BufferId {
         self.sides[self.current].rgb()
+    }
+
+    /// Memories and pictures of both sides.
+    pub(super) fn sides(&self) -> [&[BufferId]; 2] {
+        [&self.sides[0].buffers, &self.sides[1].buffers]
     }
 
     /// The buffers that make up the decoder's state and last pictures, in the order of the bundle's memories, pictures

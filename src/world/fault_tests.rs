@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::Rollout;
 use crate::bundle::Precision;
-use crate::runtime::{Backup, BindingId, BufferId, Bytes, CopiesId, Graph, KeptCopy, Lane, Region};
+use crate::runtime::{Backup, BindingId, BufferId, Bytes, CopiesId, Graph, KeptCopy, Lane, LookId, Region};
 use crate::{Error, ErrorKind, Result};
 
 /// When calls fail.
@@ -103,9 +103,13 @@ impl Lane for Faulty {
         self.inner.read(from, at, into)
     }
 
-    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
+    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
+        self.inner.watch(groups, precision)
+    }
+
+    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
         self.fault.call()?;
-        self.inner.finite(of, precision)
+        self.inner.not_finite(look)
     }
 
     fn bytes(&self) -> Bytes {

@@ -27,15 +27,13 @@ pub(super) struct KvMemory {
     halves: Vec<Half>,
     /// Of each half, `[kv_heads, T, head_width]`, bound as `present`.
     slabs: Vec<BufferId>,
-    precision: Precision,
     /// For each slot, what brings the slabs of all local layers there; then the same of global layers.
     commits: [Vec<CopiesId>; 2],
 }
 
 impl KvMemory {
     pub(super) fn new(lane: &mut dyn Lane, world: &World) -> Result<Self> {
-        let (shapes, precision) = (world.shapes, world.precision());
-        let element = element_size(precision);
+        let (shapes, element) = (world.shapes, element_size(world.precision()));
         let geometry = &world.manifest().geometry;
         let mut halves = Vec::with_capacity(2 * shapes.layers);
         let mut slabs = Vec::with_capacity(2 * shapes.layers);
@@ -59,7 +57,7 @@ impl KvMemory {
             (0..shapes.buckets(global)).map(to_slot).collect::<Result<Vec<_>>>()
         };
         let commits = [commits(false)?, commits(true)?];
-        Ok(Self { halves, slabs, precision, commits })
+        Ok(Self { halves, slabs, commits })
     }
 
     /// The rings in the order of the transformer's `past` inputs.
@@ -75,11 +73,6 @@ impl KvMemory {
     /// The ring of one half of a layer.
     pub(super) fn ring(&self, layer: usize, part: Part) -> Option<BufferId> {
         self.halves.get(2 * layer + usize::from(part == Part::Values)).map(|half| half.ring)
-    }
-
-    /// Whether the slabs hold finite numbers only.
-    pub(super) fn slabs_finite(&self, lane: &dyn Lane) -> Result<bool> {
-        lane.finite(&self.slabs, self.precision)
     }
 
     /// Copies the slabs into ring slots, one for local and one for global layers, where `None` leaves that kind alone, and does the

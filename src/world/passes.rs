@@ -162,11 +162,6 @@ impl Passes {
     pub(super) fn read_next(&self, lane: &dyn Lane, x_next: &mut [f32]) -> Result<()> {
         numbers::read(lane, self.precision, self.x[1], 0, x_next)
     }
-
-    /// Whether the finished latent holds finite numbers only.
-    pub(super) fn finite(&self, lane: &dyn Lane) -> Result<bool> {
-        lane.finite(&[self.x[0]], self.precision)
-    }
 }
 
 /// One number for each key: slot by slot, then the current latent, which is always visible.

@@ -17,7 +17,7 @@ use super::plan::{CachePass, Planner, StepPlan};
 use super::resize::Bilinear;
 use super::statistics::{Stages, Statistics, StepInfo};
 use super::world::World;
-use crate::runtime::{BufferId, CopiesId, KeptCopy, Lane, Region, StopLane};
+use crate::runtime::{BufferId, CopiesId, KeptCopy, Lane, LookId, Region, StopLane};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// One running instance of a world: KV ring, clocks, noise seed, autoencoder memories.
@@ -38,6 +38,10 @@ pub struct Rollout {
     passes: Passes,
     /// What brings the latent that passes made into `latent`.
     keep_latent: CopiesId,
+    /// One look at all that a step has made, for each side of the decoder: its groups are `LATENT`, `DECODED` and K and V.
+    looks: [LookId; 2],
+    /// The same at the latent alone.
+    latent_look: LookId,
     /// Kept from step to step for its memory.
     plan: StepPlan,
     /// The last finished latent on the host, once somebody asked.
@@ -56,6 +60,10 @@ pub struct Rollout {
     #[cfg(windows)]
     pub(super) times_before: super::DeviceTimes,
 }
+
+/// Groups of a look at what a step has made; the one after them is K and V.
+const LATENT: usize = 0;
+const DECODED: usize = 1;
 
 /// What a frozen pass computes, for parity tests and research.
 #[derive(Debug, Clone, PartialEq)]
@@ -96,6 +104,11 @@ impl Rollout {
         let whole = Region { to: 0, from: 0, len: lane.size(passes.latent()) };
         let latent = lane.buffer(whole.len)?;
         let keep_latent = lane.keep(vec![KeptCopy { to: latent, from: passes.latent(), regions: vec![whole] }])?;
+        let (made, slabs, precision) = ([passes.latent()], kv.slabs().collect::<Vec<_>>(), world.precision());
+        let mut look = |decoded| lane.watch(&[&made, decoded, &slabs], precision);
+        let [one, other] = autoencoder.sides();
+        let looks = [look(one)?, look(other)?];
+        let latent_look = lane.watch(&[&made], precision)?;
         Ok(Self {
             planner,
             point: point.clone(),
@@ -104,6 +117,8 @@ impl Rollout {
             latent,
             passes,
             keep_latent,
+            looks,
+            latent_look,
             lane,
             plan: StepPlan::default(),
             host_latent: OnceCell::new(),
@@ -232,7 +247,10 @@ impl Rollout {
         self.autoencoder.encode(&mut *self.lane, picture)?;
         let mut latent = numbers::zeroed(self.world.latent_len())?;
         numbers::read(&*self.lane, self.world.precision(), self.passes.latent(), 0, &mut latent)?;
-        if self.passes.finite(&*self.lane)? { Ok(latent) } else { Err(device_not_finite("the encoded latent")) }
+        match self.lane.not_finite(self.latent_look)? {
+            None => Ok(latent),
+            Some(_) => Err(device_not_finite("the encoded latent")),
+        }
     }
 
     /// Back to the start, with the same seed.
@@ -399,16 +417,26 @@ impl Rollout {
         }
         let committed = plan.cache != CachePass::Skip;
         let start = Instant::now();
-        if !self.passes.finite(lane)? {
-            return Err(device_not_finite(&format!("latent {}", plan.latent)));
-        }
-        if committed && !self.kv.slabs_finite(lane)? {
-            return Err(device_not_finite(&format!("K or V of latent {}", plan.latent)));
+        let decoding = self.autoencoder.decode(lane, plan.prime)?;
+        run.stages.decode.add(u64::from(plan.prime) + 1, start);
+        let start = Instant::now();
+        // All of it at once, as the device is waited for here.
+        let looked = lane.not_finite(self.looks[decoding.side()]).and_then(|group| {
+            let what = match group {
+                None => return Ok(()),
+                Some(LATENT) => "latent",
+                Some(DECODED) => "the decoder's view of latent",
+                // Those that do not go into the ring are not asked for.
+                Some(_) if !committed => return Ok(()),
+                Some(_) => "K or V of latent",
+            };
+            Err(device_not_finite(&format!("{what} {}", plan.latent)))
+        });
+        if let Err(error) = looked {
+            self.autoencoder.undo(lane, decoding)?;
+            return Err(error);
         }
         run.stages.commit.add(0, start);
-        let start = Instant::now();
-        let decoding = self.autoencoder.decode(lane, plan.latent, plan.prime)?;
-        run.stages.decode.add(u64::from(plan.prime) + 1, start);
 
         let start = Instant::now();
         let before = lane.bytes().copied;
@@ -497,6 +525,6 @@ fn not_finite(field: &str) -> Error {
     Error::new(ErrorKind::InvalidArgument, "a number is not finite").field(field).remedy("Give finite numbers")
 }
 
-pub(super) fn device_not_finite(what: &str) -> Error {
+fn device_not_finite(what: &str) -> Error {
     Error::new(ErrorKind::Device, format!("{what} came out with a number that is not finite"))
 }

@@ -5,7 +5,7 @@ use std::mem::ManuallyDrop;
 use windows::Win32::Graphics::Direct3D12::*;
 
 /// From one state of a whole resource to another.
-pub(super) fn transition(
+pub(crate) fn transition(
     resource: &ID3D12Resource,
     before: D3D12_RESOURCE_STATES,
     after: D3D12_RESOURCE_STATES,

@@ -9,11 +9,10 @@ use super::barrier::{all_written, borrowed, transition, written};
 use super::frames::Slot;
 use super::timing::Timing;
 use super::{Kernel, Resting, View};
+use crate::gpu::queue::EVENT_OF_BYTES;
 use crate::gpu::{Gpu, Moment, Queue, failed_on};
 use crate::{Error, ErrorKind, Result};
 
-/// How PIX's events say that their name is a text of bytes with a zero at its end.
-const EVENT_OF_BYTES: u32 = 1;
 /// What a shader may read a resource in.
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 /// What a shader writes a resource in.

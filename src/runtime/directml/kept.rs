@@ -1,4 +1,4 @@
-//! Copies that are recorded once and run often.
+//! Command lists that are recorded once and run often.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
@@ -7,7 +7,7 @@ use crate::gpu::{Gpu, Moment, failed_on};
 use crate::runtime::lane::Region;
 use crate::{Error, Result};
 
-/// A closed command list of copies between buffers.
+/// A closed command list.
 pub(super) struct KeptList {
     list: ID3D12CommandList,
     _allocator: ID3D12CommandAllocator,
@@ -22,6 +22,19 @@ impl KeptList {
         gpu: &Gpu,
         copies: impl Iterator<Item = ((&'a ID3D12Resource, &'a ID3D12Resource), &'a [Region])>,
     ) -> Result<Self> {
+        Self::record(gpu, |list| {
+            for ((to, from), regions) in copies {
+                for r in regions {
+                    // SAFETY: an open list; the lane holds both buffers as long as this list, and the stretches lie inside them.
+                    unsafe { list.CopyBufferRegion(to, r.to as u64, from, r.from as u64, r.len as u64) };
+                }
+            }
+        })
+    }
+
+    /// Records what `record` does with an open list, which finds all buffers in the state COMMON. What it uses is held as long as
+    /// this list.
+    pub(super) fn record(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Self> {
         let (device, kind) = (gpu.device(), gpu.anchors().kind());
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(device, call, e) };
         // SAFETY: a live device.
@@ -30,12 +43,7 @@ impl KeptList {
         // SAFETY: a live device and allocator.
         let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
             .map_err(|e| failed("ID3D12Device::CreateCommandList", &e))?;
-        for ((to, from), regions) in copies {
-            for r in regions {
-                // SAFETY: an open list; the lane holds both buffers as long as this list, and the stretches lie inside them.
-                unsafe { list.CopyBufferRegion(to, r.to as u64, from, r.from as u64, r.len as u64) };
-            }
-        }
+        record(&list);
         // SAFETY: an open list.
         unsafe { list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
         let list = list.cast().map_err(|e| failed("IUnknown::QueryInterface", &e))?;

@@ -16,6 +16,7 @@ use windows::core::Interface;
 
 use super::capture::{Capture, Captured, Named};
 use super::kept::KeptList;
+use super::look::Look;
 use super::recorder::Recorder;
 use super::snapshot::Snapshot;
 use super::times::Kind;
@@ -25,10 +26,9 @@ use crate::gpu::compute::{Frames, Resting};
 use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, Resize, Shared, Spent, buffer};
 use crate::runtime::Graph;
 use crate::runtime::failure::{make, ort_failure};
-use crate::runtime::finite::exponents;
 use crate::runtime::graph::TensorSpec;
 use crate::runtime::lane::{
-    Backup, BindingId, BufferId, Bytes, CopiesId, Decoded, Elsewhere, KeptCopy, Lane, Region, Work,
+    Backup, BindingId, BufferId, Bytes, CopiesId, Decoded, Elsewhere, KeptCopy, Lane, LookId, MAX_GROUPS, Region, Work,
 };
 use crate::{Error, Result};
 
@@ -55,9 +55,10 @@ pub(super) struct DirectMlLane {
     pub(super) buffers: Vec<Buffer>,
     /// Copies that are recorded once, and the bytes that they move.
     kept: Vec<(KeptList, u64)>,
+    looks: Vec<Look>,
     copying: Kind,
     pub(super) zeroes: Shared,
-    /// A word that a shader sets, and where the processor reads it.
+    /// A word that a shader sets, and where the processor reads it, once for each group of a look.
     pub(super) verdict: ID3D12Resource,
     pub(super) answer: Shared,
     pub(super) recorder: Mutex<Recorder>,
@@ -98,7 +99,7 @@ pub(super) fn groups_for(words: u32) -> (u32, u32) {
 
 /// The shaders of a device's lanes, compiled once.
 pub(super) struct Kernels {
-    finite: Pipeline,
+    pub(super) finite: Pipeline,
     pub(super) equal: Pipeline,
     resize: Resize,
 }
@@ -133,8 +134,9 @@ impl DirectMlLane {
         let mut zeroes = Shared::new(gpu, Heap::Upload, ZEROES)?;
         zeroes.write(0, &vec![0; ZEROES]);
         let verdict = buffer(gpu, Heap::Device, size_of::<u32>())?;
-        let answer = Shared::new(gpu, Heap::Readback, size_of::<u32>())?;
-        let (bindings, buffers, kept, kernels) = (Vec::new(), Vec::new(), Vec::new(), kernels.clone());
+        let answer = Shared::new(gpu, Heap::Readback, MAX_GROUPS * size_of::<u32>())?;
+        let (bindings, buffers, kept, looks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let kernels = kernels.clone();
         let (frames, gpu, bytes, read) = (None, gpu.clone(), Bytes::default(), Arc::default());
         let (expected, plain) = (Vec::new(), None);
         let (inside, waited) = (Duration::ZERO, AtomicU64::new(0));
@@ -142,6 +144,7 @@ impl DirectMlLane {
             bindings,
             buffers,
             kept,
+            looks,
             copying,
             zeroes,
             verdict,
@@ -193,8 +196,10 @@ impl DirectMlLane {
         let run = ort::api().RunWithBinding;
         let start = Instant::now();
         let one = self.plain.as_ref().map(|_| graph.captures().one.lock());
+        let session = graph.session().ptr().cast_mut();
         // SAFETY: a session may run on several threads; this binding and its buffers are used by `&mut self` alone.
-        let status = unsafe { run(graph.session().ptr().cast_mut(), options, binding.ptr()) };
+        let run = || unsafe { run(session, options, binding.ptr()) };
+        let status = self.gpu.anchors().named(graph.title(), run);
         drop(one);
         self.inside += start.elapsed();
         // SAFETY: the status is what the call above returned, used once.
@@ -321,7 +326,7 @@ impl Lane for DirectMlLane {
         let recorder = self.recorder.get_mut();
         let begun = recorder.start(self.copying)?;
         let lists = copies.iter().map(|copies| self.kept[copies.0].0.list().clone()).collect();
-        let moment = recorder.submit_behind(lists, begun)?;
+        let moment = self.gpu.anchors().named(c"Cairn: commit", || recorder.submit_behind(lists, begun))?;
         for copies in copies {
             let (list, bytes) = &mut self.kept[copies.0];
             list.runs_until(&moment);
@@ -391,25 +396,20 @@ impl Lane for DirectMlLane {
         Ok(())
     }
 
-    fn finite(&self, of: &[BufferId], precision: Precision) -> Result<bool> {
-        let [low, high] = exponents(precision);
-        let word = |from| std::iter::once(Region { to: 0, from, len: size_of::<u32>() });
-        let moment = {
-            let mut recorder = self.recorder.lock();
-            recorder.fill(&self.verdict, self.zeroes.resource(), word(0))?;
-            for buffer in of.iter().map(|buffer| &self.buffers[buffer.0]) {
-                let words = u32::try_from(buffer.bytes.div_ceil(size_of::<u32>())).unwrap_or(u32::MAX);
-                let (groups, threads) = groups_for(words);
-                let constants = [words, low, high, threads];
-                recorder.dispatch(&self.kernels.finite, &constants, &[&buffer.resource], &[&self.verdict], groups);
-            }
-            recorder.copy(self.answer.resource(), &self.verdict, word(0))?;
-            recorder.now()?
-        };
+    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
+        let look = Look::new(self, groups, precision)?;
+        self.looks.push(look);
+        Ok(LookId(self.looks.len() - 1))
+    }
+
+    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
+        self.looks[look.0].ready()?;
+        let list = self.looks[look.0].list().clone();
+        let recorder = self.recorder.get_mut();
+        let moment = self.gpu.anchors().named(c"Cairn: look for numbers", || recorder.submit_before(list))?;
+        self.looks[look.0].runs_until(&moment);
         self.wait(&moment)?;
-        let mut verdict = [0; size_of::<u32>()];
-        self.answer.read(&mut verdict);
-        Ok(u32::from_ne_bytes(verdict) == 0)
+        Ok(self.looks[look.0].read(&self.answer))
     }
 
     fn bytes(&self) -> Bytes {

@@ -6,6 +6,7 @@ mod checks;
 mod kept;
 mod lane;
 mod library;
+mod look;
 mod recorder;
 mod snapshot;
 mod times;

@@ -1,12 +1,12 @@
 //! Copies and shaders on a queue's timeline: recorded as they come, given to the queue when something must see them.
 
 use std::collections::VecDeque;
-use std::mem::ManuallyDrop;
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
 use super::times::{Begun, Kind, Times};
+use crate::gpu::compute::transition;
 use crate::gpu::{Gpu, Heap, Moment, Pipeline, Shared, Spent, failed_on};
 use crate::runtime::lane::Region;
 use crate::{Error, Result};
@@ -177,7 +177,7 @@ impl Recorder {
             return Ok(());
         }
         self.prepare()?;
-        self.hand_over(Vec::new()).map(drop)
+        self.hand_over(Vec::new(), None).map(drop)
     }
 
     /// Gives the queue all that is recorded, and sees to it that what is recorded next can be given to it as well: until then, nothing
@@ -194,7 +194,20 @@ impl Recorder {
             return Err(error);
         }
         self.end(begun);
-        self.hand_over(lists)
+        self.hand_over(lists, None)
+    }
+
+    /// Gives the queue all that is recorded, and behind it a closed list, which finds all buffers in the state COMMON.
+    pub(super) fn submit_before(&mut self, list: ID3D12CommandList) -> Result<Moment> {
+        // What one call gives to the queue keeps its states from list to list.
+        if !self.used.is_empty() {
+            self.submit()?;
+        }
+        if !self.pending {
+            return self.gpu.anchors().submit(&[list]);
+        }
+        self.prepare()?;
+        self.hand_over(Vec::new(), Some(list))
     }
 
     /// Lets go of what is recorded.
@@ -246,14 +259,15 @@ impl Recorder {
         Ok(())
     }
 
-    /// Closes the open list and gives it to the queue behind others, when the other list is open.
-    fn hand_over(&mut self, mut lists: Vec<ID3D12CommandList>) -> Result<Moment> {
+    /// Closes the open list and gives it to the queue behind others and before one more, when the other list is open.
+    fn hand_over(&mut self, mut lists: Vec<ID3D12CommandList>, last: Option<ID3D12CommandList>) -> Result<Moment> {
         // SAFETY: an open list.
         let closed = unsafe { self.list.Close() };
         let closed = closed.and_then(|()| self.list.cast());
         let handed = match closed {
             Ok(list) => {
                 lists.push(list);
+                lists.extend(last);
                 self.gpu.anchors().submit(&lists)
             }
             Err(e) => Err(failed_on(self.gpu.device(), "ID3D12GraphicsCommandList::Close", &e)),
@@ -305,21 +319,8 @@ impl Recorder {
         };
         let before = std::mem::replace(&mut entry.1, state);
         if before != state {
-            let barrier = ManuallyDrop::new(D3D12_RESOURCE_TRANSITION_BARRIER {
-                // Borrowed: the call takes no reference.
-                // SAFETY: the same pointer, not released by this copy.
-                pResource: unsafe { std::mem::transmute_copy(buffer) },
-                Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
-                StateBefore: before,
-                StateAfter: state,
-            });
-            let barrier = D3D12_RESOURCE_BARRIER {
-                Type: D3D12_RESOURCE_BARRIER_TYPE_TRANSITION,
-                Anonymous: D3D12_RESOURCE_BARRIER_0 { Transition: barrier },
-                ..Default::default()
-            };
             // SAFETY: an open list and a live buffer in the state before.
-            unsafe { self.list.ResourceBarrier(&[barrier]) };
+            unsafe { self.list.ResourceBarrier(&[transition(buffer, before, state)]) };
         }
     }
 }
