@@ -209,7 +209,7 @@ namespace Cairn
         private static readonly Native.load_callback Callback = Told;
         private static readonly IntPtr CallbackAddress = Marshal.GetFunctionPointerForDelegate(Callback);
 
-        private Device(IntPtr value) : base(value, handle => Library.C.device_destroy(handle))
+        internal Device(IntPtr value) : base(value, handle => Library.C.device_destroy(handle))
         {
         }
 

@@ -7,6 +7,7 @@ use super::dependencies::{self, Crate};
 use super::library::{self, Built};
 use super::sbom;
 use super::tree::Tree;
+use super::unity;
 use crate::clone::Clone;
 
 /// The archive's own pages; `@VERSION@` and `@ONNXRUNTIME@` stand for versions.
@@ -70,6 +71,8 @@ pub(super) fn of(
             tree.add("lib/libcairn.dll.a", import.mingw.as_slice())?;
             tree.add_clone(clone, "samples/host-d3d12/", |_| true)?;
             tree.add("amd/README.md", fill(AMD))?;
+            let plugin = built.unity.as_ref().ok_or("the Windows library has no plugin for Unity")?;
+            unity::add(&mut tree, clone, plugin, !slim)?;
         }
     }
     if runtimes && !slim {

@@ -34,6 +34,8 @@ pub(super) struct Built {
     pub(super) debug: Vec<u8>,
     /// What Windows programs are linked with.
     pub(super) import: Option<Import>,
+    /// The same library with Unity's doors, of Windows.
+    pub(super) unity: Option<Vec<u8>>,
 }
 
 /// The two kinds of import libraries.
@@ -52,6 +54,17 @@ pub(super) fn names(platform: Platform) -> [&'static str; 2] {
     }
 }
 
+/// The plugin for Unity.
+const UNITY: &str = "cairn_unity.dll";
+
+/// What takes debug information out of a platform's files.
+fn objcopy(platform: Platform) -> &'static str {
+    match platform {
+        Platform::Windows => "x86_64-w64-mingw32-objcopy",
+        Platform::Linux => "objcopy",
+    }
+}
+
 /// Builds it, or takes the one that is there.
 pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: Timestamp) -> Result<Built, String> {
     let windows = platform == Platform::Windows;
@@ -61,8 +74,11 @@ pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: T
         Source::Release => {
             // Compiled with other flags than everything else, it would replace what is there.
             let apart = clone.target.join("dist").join("build");
-            let mut command = clone.cargo(["build", "--release", "--package", "cairn", "--lib", "--target-dir"]);
-            command.arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(clone)?);
+            let mut command = clone.cargo(["build", "--release", "--package", "cairn", "--lib"]);
+            if windows {
+                command.args(["--package", "cairn-unity"]);
+            }
+            command.arg("--target-dir").arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(clone)?);
             command.env(EPOCH, moment.as_second().to_string());
             if windows {
                 let console = Console::new();
@@ -88,7 +104,17 @@ pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: T
         }
         Platform::Linux => None,
     };
-    Ok(Built { library: read(work.join(library))?, debug: read(work.join(debug))?, import })
+    let unity = match platform {
+        Platform::Windows => {
+            let stripped = work.join(UNITY);
+            let mut command = Command::new(objcopy(platform));
+            command.arg("--strip-debug").arg(folder.join(UNITY)).arg(&stripped);
+            pass_through(command.env(EPOCH, moment.as_second().to_string()))?;
+            Some(read(stripped)?)
+        }
+        Platform::Linux => None,
+    };
+    Ok(Built { library: read(work.join(library))?, debug: read(work.join(debug))?, import, unity })
 }
 
 /// Flags that have the compiler name every source the same, wherever the clone and cargo's sources lie; separated as
@@ -104,10 +130,7 @@ fn flags(clone: &Clone) -> Result<String, String> {
 /// Puts the library without its debug information into `work`, and that information beside it. A Windows file tells when it was
 /// made: at `moment`.
 fn split(platform: Platform, library: &Path, work: &Path, moment: Timestamp) -> Result<(), String> {
-    let program = match platform {
-        Platform::Windows => "x86_64-w64-mingw32-objcopy",
-        Platform::Linux => "objcopy",
-    };
+    let program = objcopy(platform);
     let [name, debug] = names(platform);
     let run = |arguments: &[&str], files: &[&Path]| {
         // The link names the other file as it is given: in its own folder it is a name alone.
@@ -135,7 +158,7 @@ fn import_library(name: &str, dll: &[u8]) -> Result<Vec<u8>, String> {
 }
 
 /// Names of what a DLL exports.
-fn exports<'data>(dll: impl ReadRef<'data>) -> Result<Vec<String>, String> {
+pub(crate) fn exports<'data>(dll: impl ReadRef<'data>) -> Result<Vec<String>, String> {
     let file = PeFile64::parse(dll).map_err(|e| format!("the built library is no DLL: {e}"))?;
     let failed = |e: object::read::Error| format!("the DLL's exports: {e}");
     let mut names = Vec::new();

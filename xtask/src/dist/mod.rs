@@ -6,6 +6,7 @@ mod dependencies;
 mod library;
 mod sbom;
 mod tree;
+pub(crate) mod unity;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ use sha2::{Digest, Sha256};
 use crate::cli::DistOptions;
 use crate::clone::Clone;
 
-pub(crate) use library::Source;
+pub(crate) use library::{Source, exports};
 
 /// What an archive is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

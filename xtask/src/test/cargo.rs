@@ -45,7 +45,9 @@ pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally
     tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
     let linker = tools::mingw(&console).map_err(|e| e.to_string())?;
     let verb = if linker == tools::Mingw::Gcc { "build" } else { "zigbuild" };
-    let mut command = context.clone.cargo([verb, "--package", "cairn", "--lib", "--target", tools::WINDOWS_TARGET]);
+    let packages = ["--package", "cairn", "--package", "cairn-unity"];
+    let mut command = context.clone.cargo([verb, "--lib", "--target", tools::WINDOWS_TARGET]);
+    command.args(packages);
     if let tools::Mingw::Zig(folder) = &linker {
         let path = std::env::var_os("PATH").unwrap_or_default();
         let folders = std::iter::once(folder.clone()).chain(std::env::split_paths(&path));
@@ -58,12 +60,14 @@ pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally
     }
     let warnings = ended.output.lines().find(|line| line.starts_with("warning"));
     tally.check(warnings.map(|line| format!("the build warns: {line}")));
-    let dll = context.clone.target.join(tools::WINDOWS_TARGET).join("debug").join("cairn.dll");
-    tally.check(match fs::read(&dll) {
-        Ok(bytes) if bytes.starts_with(b"MZ") => None,
-        Ok(_) => Some(format!("{} is no Windows library", dll.display())),
-        Err(e) => Some(format!("{}: {e}", dll.display())),
-    });
+    for name in ["cairn.dll", "cairn_unity.dll"] {
+        let dll = context.clone.target.join(tools::WINDOWS_TARGET).join("debug").join(name);
+        tally.check(match fs::read(&dll) {
+            Ok(bytes) if bytes.starts_with(b"MZ") => None,
+            Ok(_) => Some(format!("{} is no Windows library", dll.display())),
+            Err(e) => Some(format!("{}: {e}", dll.display())),
+        });
+    }
     Ok(tally)
 }
 

@@ -10,6 +10,7 @@ use provision::{Console, DotNet, Mono};
 use super::Context;
 use super::abi;
 use super::tally::{Skip, Tally};
+use super::unity;
 use crate::abi::declarations::{self, Declarations};
 use crate::abi::{csharp, header, record};
 use crate::clone::Clone;
@@ -60,7 +61,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let library = abi::library(context, log)?;
     let place = Place { context, mono, work: clone.target.join("xtask").join("test").join("csharp") };
     place.make_stand_ins(log)?;
-    place.check(log, &library, &place.of_mono()?, &mut tally)?;
+    let on_mono = place.of_mono()?;
+    place.check(log, &library, &on_mono, &mut tally)?;
+    let binding = on_mono.folder.join("Cairn.dll");
+    if binding.is_file() {
+        unity::check(clone, &place.mono, log, &binding, &mut tally)?;
+    }
     match provision::dotnet(&Console::new()) {
         Ok(dotnet) => place.check(log, &library, &place.of_dotnet(&dotnet)?, &mut tally)?,
         Err(e) => tally.skips.push(skip("C# on .NET", format!("needs dotnet: {e}"))),

@@ -60,6 +60,9 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let unpacked = work.join(UNPACKED);
     let unpack = |log: &mut Log, made: &Made| unpack(log, &cmake, made, &unpacked);
     let (windows, slim, linux) = (unpack(log, windows)?, unpack(log, slim)?, unpack(log, linux)?);
+    for root in [&windows, &slim] {
+        tally.check(unity(root)?);
+    }
     for root in [&windows, &slim, &linux] {
         tally.check(promises(root)?);
         tally.check(foreign(root)?);
@@ -161,6 +164,29 @@ fn foreign(root: &Path) -> Result<Option<String>, String> {
         }
     }
     Ok((!found.is_empty()).then(|| format!("archives must not have {}", found.join(", "))))
+}
+
+/// What is wrong with the package for Unity: its plugin must have Unity's doors and the whole library, and every file that Unity sees a
+/// description beside it.
+fn unity(root: &Path) -> Result<Option<String>, String> {
+    let package = root.join("unity/com.cairn.unity");
+    let plugin = package.join("Plugins/x86_64/cairn_unity.dll");
+    let bytes = fs::read(&plugin).map_err(|e| format!("{}: {e}", plugin.display()))?;
+    let exported = dist::exports(bytes.as_slice())?;
+    let wanted =
+        ["UnityPluginLoad", "UnityPluginUnload", "cairn_unity_state", "cairn_world_load", "cairn_presenter_create"];
+    let mut missing: Vec<String> =
+        wanted.iter().filter(|name| !exported.iter().any(|one| one == *name)).map(|name| (*name).to_owned()).collect();
+    let files =
+        ["package.json", "Runtime/Plugin.cs", "Runtime/Binding/Native.cs", "Runtime/Binding/Cairn.asmdef", "Plugins"];
+    for file in files {
+        let described = package.join(file).exists() && package.join(format!("{file}.meta")).is_file();
+        missing.extend((!described).then(|| format!("{file} and its description")));
+    }
+    for file in ["Samples~/Walk/Place.bytes", "Documentation~/index.md"] {
+        missing.extend((!package.join(file).is_file()).then(|| file.to_owned()));
+    }
+    Ok((!missing.is_empty()).then(|| format!("{} has not {}", package.display(), missing.join(", "))))
 }
 
 /// Where hosts are built, and by what.

@@ -44,10 +44,11 @@ pub(super) fn lab_run() -> Result<Command, String> {
     Ok(command)
 }
 
-/// The library's tests of Direct3D 12 and DirectML, built for Windows.
+/// The library's tests of Direct3D 12 and DirectML, and the plugin's in a Unity of our own, built for Windows.
 fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut command =
-        context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast", "--test", "d3d12*", "--test", "directml"]);
+    let packages = ["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"];
+    let mut command = context.clone.cargo(packages);
+    command.args(["--test", "d3d12*", "--test", "directml", "--test", "host", "--test", "hostile"]);
     for_windows(&mut command)?;
     context.provide_windows_worlds(&mut command)?;
     Ok(cargo::count(&log.run(&mut command)?))

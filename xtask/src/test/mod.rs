@@ -22,6 +22,7 @@ mod skips;
 mod study;
 mod tally;
 mod thorough;
+mod unity;
 
 use std::cell::OnceCell;
 use std::fmt::Write as _;
@@ -69,7 +70,11 @@ const RUNNERS: &[Runner] = &[
         what: "the Python package, parity with the oracle, and training at its smallest",
         run: python::run,
     },
-    Runner { name: "csharp", what: "the C# binding against the library, on Mono and .NET", run: csharp::run },
+    Runner {
+        name: "csharp",
+        what: "the C# binding against the library, on Mono and .NET; the package for Unity compiles",
+        run: csharp::run,
+    },
     Runner { name: "shaders", what: "compiled shaders are what their text compiles to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner {

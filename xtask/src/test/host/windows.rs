@@ -65,7 +65,8 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
 
 /// Builds the library for Windows, with what the library's own tests have been built with; the folder it is in.
 pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
-    let mut command = context.clone.cargo(["build", "--package", "cairn", "--lib", "--test", "d3d12"]);
+    let mut command =
+        context.clone.cargo(["build", "--package", "cairn", "--package", "cairn-unity", "--lib", "--test", "d3d12"]);
     lab::for_windows(&mut command)?;
     if !log.run(&mut command)?.success {
         return Err("the library does not build for Windows".to_owned());

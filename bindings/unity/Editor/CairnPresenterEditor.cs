@@ -1,0 +1,64 @@
+using UnityEditor;
+using UnityEngine;
+
+namespace Cairn.Unity.Editor
+{
+    /// <summary>The inspector of a presenter: its figures, and below them what it shows.</summary>
+    [CustomEditor(typeof(CairnPresenter))]
+    public sealed class CairnPresenterEditor : UnityEditor.Editor
+    {
+        /// <summary>Draws the figures.</summary>
+        public override void OnInspectorGUI()
+        {
+            ProjectCheck.Draw();
+            DrawDefaultInspector();
+            var presenter = (CairnPresenter)target;
+            if (presenter.Failure.Length > 0) EditorGUILayout.HelpBox(presenter.Failure, MessageType.Error);
+            PresenterStatistics done = presenter.Statistics;
+            if (done == null) return;
+            EditorGUILayout.Space();
+            Row("Frames shown", presenter.Shown);
+            Row("Anchors", done.Anchors);
+            Row("Late anchors", done.LateAnchors);
+            Row("Anchors that were not taken", presenter.Missed);
+            Row("Generated", done.ShownGenerated);
+            EditorGUILayout.LabelField("Generator", done.Generator);
+            if (done.Preference.Length > 0) EditorGUILayout.LabelField("Because", done.Preference);
+        }
+
+        /// <summary>There is one while it is on.</summary>
+        public override bool HasPreviewGUI()
+        {
+            return ((CairnPresenter)target).Texture != null;
+        }
+
+        /// <summary>Its name.</summary>
+        public override GUIContent GetPreviewTitle()
+        {
+            return new GUIContent("Cairn");
+        }
+
+        /// <summary>Draws what is shown, in its shape.</summary>
+        public override void OnPreviewGUI(Rect place, GUIStyle background)
+        {
+            RenderTexture texture = ((CairnPresenter)target).Texture;
+            if (texture == null || Event.current.type != EventType.Repaint) return;
+            float scale = Mathf.Min(place.width / texture.width, place.height / texture.height);
+            var size = new Vector2(texture.width * scale, texture.height * scale);
+            var middle = new Rect(
+                place.x + (place.width - size.x) / 2, place.y + (place.height - size.y) / 2, size.x, size.y);
+            GUI.DrawTextureWithTexCoords(middle, texture, CairnPresenter.Upright, false);
+        }
+
+        /// <summary>While it runs the picture changes.</summary>
+        public override bool RequiresConstantRepaint()
+        {
+            return Application.isPlaying;
+        }
+
+        private static void Row(string name, long value)
+        {
+            EditorGUILayout.LabelField(name, value.ToString());
+        }
+    }
+}

@@ -1,0 +1,77 @@
+using System.Collections.Generic;
+using UnityEngine;
+
+namespace Cairn.Unity
+{
+    /// <summary>
+    /// What the player does, as a world understands it: keys that are held, and how far mouse and wheel went since the world last asked.
+    /// Reads the Input System where the project has it, else the Input Manager.
+    /// </summary>
+    [AddComponentMenu("Cairn/Cairn Input")]
+    [DisallowMultipleComponent]
+    public sealed class CairnInput : MonoBehaviour
+    {
+        [SerializeField, Tooltip("What movements of the mouse are multiplied by.")]
+        private float mouseSpeed = 1;
+
+        [SerializeField, Tooltip("Keeps the cursor in the middle while the component is on.")]
+        private bool lockCursor = true;
+
+        private readonly object sampling = new object();
+        private Vector2 moved;
+        private float scrolled;
+        private Key[] held = new Key[0];
+
+        /// <summary>What movements of the mouse are multiplied by.</summary>
+        public float MouseSpeed
+        {
+            get { return mouseSpeed; }
+            set { mouseSpeed = value; }
+        }
+
+        /// <summary>Whether the cursor is kept in the middle.</summary>
+        public bool LockCursor
+        {
+            get { return lockCursor; }
+            set { lockCursor = value; }
+        }
+
+        /// <summary>What a world gets for its next step; movements count once. From any thread.</summary>
+        public Controls Take()
+        {
+            lock (sampling)
+            {
+                var taken = new Controls(held) { MouseX = moved.x, MouseY = moved.y, Scroll = scrolled };
+                moved = Vector2.zero;
+                scrolled = 0;
+                return taken;
+            }
+        }
+
+        private void OnEnable()
+        {
+            if (lockCursor) Cursor.lockState = CursorLockMode.Locked;
+        }
+
+        private void OnDisable()
+        {
+            if (lockCursor) Cursor.lockState = CursorLockMode.None;
+            lock (sampling) held = new Key[0];
+        }
+
+        private void Update()
+        {
+            var keys = new List<Key>();
+            Vector2 mouse;
+            float wheel;
+            Devices.Read(keys, out mouse, out wheel);
+            lock (sampling)
+            {
+                held = keys.ToArray();
+                // Unity's y points up, a world's down.
+                moved += new Vector2(mouse.x, -mouse.y) * mouseSpeed;
+                scrolled += wheel;
+            }
+        }
+    }
+}

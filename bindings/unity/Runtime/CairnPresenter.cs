@@ -1,0 +1,290 @@
+using System;
+using UnityEngine;
+using UnityEngine.Rendering;
+
+namespace Cairn.Unity
+{
+    /// <summary>Where a presenter's frames go.</summary>
+    public enum PresenterOutput
+    {
+        /// <summary>Over the whole screen.</summary>
+        Screen,
+        /// <summary>Into the main texture of the renderer beside it.</summary>
+        Renderer,
+        /// <summary>Into <see cref="CairnPresenter.Texture"/> and no further.</summary>
+        Texture,
+    }
+
+    /// <summary>
+    /// Shows a <see cref="CairnWorld"/> at the display's rate: its anchors, and frames that are generated between them on Unity's own
+    /// graphics device, in a render texture.
+    /// </summary>
+    [AddComponentMenu("Cairn/Cairn Presenter")]
+    [DisallowMultipleComponent]
+    public sealed class CairnPresenter : MonoBehaviour
+    {
+        [SerializeField, Tooltip("The world that is shown.")]
+        private CairnWorld world = null;
+
+        [SerializeField, Tooltip("Width of the frames in pixels.")]
+        private int width = 1280;
+
+        [SerializeField, Tooltip("Height of the frames in pixels.")]
+        private int height = 720;
+
+        [SerializeField, Tooltip("Frames to an anchor: 1, 2, 3, 4 or 6.")]
+        private int multiplier = 2;
+
+        [SerializeField, Tooltip("Anchors keep their shape, with black beside or above them.")]
+        private bool letterbox = true;
+
+        [SerializeField, Tooltip("AMD FidelityFX frame generation, where its libraries are there.")]
+        private Preference fsr = Preference.Auto;
+
+        [SerializeField, Tooltip("Where frames go.")]
+        private PresenterOutput output = PresenterOutput.Screen;
+
+        private readonly object pushing = new object();
+        private RenderTexture texture;
+        private IntPtr pointer;
+        private CommandBuffer commands;
+        private Presenter presenter;
+        private Plugin.View view;
+        private Device device;
+        private string failed = "";
+        private string pushFailed = "";
+        private long missed;
+
+        /// <summary>The world that is shown. Counts when it is enabled.</summary>
+        public CairnWorld World
+        {
+            get { return world; }
+            set { world = value; }
+        }
+
+        /// <summary>Where frames go. Counts when it is enabled.</summary>
+        public PresenterOutput Output
+        {
+            get { return output; }
+            set { output = value; }
+        }
+
+        /// <summary>Frames to an anchor: 1, 2, 3, 4 or 6. Counts when it is enabled.</summary>
+        public int Multiplier
+        {
+            get { return multiplier; }
+            set { multiplier = value; }
+        }
+
+        /// <summary>The frames, upside down to a sampler as what other programs render is: <see cref="Upright"/> shows them. Null while it is off.</summary>
+        public RenderTexture Texture
+        {
+            get { return texture; }
+        }
+
+        /// <summary>The part of <see cref="Texture"/> that shows all of it, as it is to be seen.</summary>
+        public static Rect Upright
+        {
+            get { return new Rect(0, 1, 1, -1); }
+        }
+
+        /// <summary>Why nothing is shown; empty while all is well.</summary>
+        public string Failure
+        {
+            get { lock (pushing) return failed.Length > 0 ? failed : pushFailed; }
+        }
+
+        /// <summary>Anchors that came while as many waited as may.</summary>
+        public long Missed
+        {
+            get { lock (pushing) return missed; }
+        }
+
+        /// <summary>Frames that were copied into <see cref="Texture"/>.</summary>
+        public long Shown
+        {
+            get
+            {
+                long shown = 0;
+                string why;
+                if (view != null) view.IsWell(out shown, out why);
+                return shown;
+            }
+        }
+
+        /// <summary>What it has done, and with what; null before the world runs.</summary>
+        public PresenterStatistics Statistics
+        {
+            get { return presenter == null ? null : presenter.Statistics; }
+        }
+
+        /// <summary>Changes the size of the frames.</summary>
+        /// <param name="newWidth">In pixels.</param>
+        /// <param name="newHeight">In pixels.</param>
+        public void Resize(int newWidth, int newHeight)
+        {
+            if (newWidth <= 0 || newHeight <= 0) throw new ArgumentException($"There are no frames of {newWidth} x {newHeight} pixels");
+            width = newWidth;
+            height = newHeight;
+            if (texture != null) MakeTexture();
+            if (presenter != null) presenter.Resize(width, height);
+        }
+
+        /// <summary>Takes an anchor, on the world's thread.</summary>
+        internal void Push(Anchor anchor)
+        {
+            lock (pushing)
+            {
+                if (presenter == null) return;
+                try
+                {
+                    if (!presenter.TryPush(anchor, Clock.NowNs)) missed++;
+                    pushFailed = "";
+                }
+                catch (CairnException why)
+                {
+                    pushFailed = why.Message;
+                }
+            }
+        }
+
+        private void OnEnable()
+        {
+            lock (pushing)
+            {
+                failed = "";
+                pushFailed = "";
+                missed = 0;
+            }
+            string why;
+            if (!Plugin.IsReady(out why))
+            {
+                Fail(why);
+                return;
+            }
+            if (world == null)
+            {
+                Fail("The presenter has no world. Give it a Cairn World.");
+                return;
+            }
+            MakeTexture();
+            commands = new CommandBuffer { name = "Cairn" };
+            world.Add(this);
+        }
+
+        private void OnDisable()
+        {
+            if (world != null) world.Remove(this);
+            Close();
+            if (commands != null) commands.Release();
+            commands = null;
+            if (texture != null)
+            {
+                texture.Release();
+                Destroy(texture);
+            }
+            texture = null;
+            pointer = IntPtr.Zero;
+        }
+
+        private void LateUpdate()
+        {
+            if (commands == null) return;
+            Device now = world == null ? null : world.Device;
+            if (now != device) Close();
+            if (now == null) return;
+            try
+            {
+                if (view == null) Open(now);
+                if (!texture.IsCreated()) MakeTexture();
+                view.Set(Clock.NowNs, pointer);
+                Graphics.ExecuteCommandBuffer(commands);
+                long shown;
+                string why;
+                if (view.IsWell(out shown, out why)) failed = "";
+                else if (why != failed) Fail(why);
+            }
+            catch (CairnException why)
+            {
+                Close();
+                if (why.Message != failed) Fail(why.Message);
+            }
+            catch (ObjectDisposedException)
+            {
+                // The world was switched off between two lines.
+                Close();
+            }
+        }
+
+        private void OnGUI()
+        {
+            if (output != PresenterOutput.Screen || texture == null || view == null) return;
+            if (Event.current.type != EventType.Repaint) return;
+            var screen = new Rect(0, 0, UnityEngine.Screen.width, UnityEngine.Screen.height);
+            GUI.DrawTextureWithTexCoords(screen, texture, Upright, false);
+        }
+
+        private void Open(Device with)
+        {
+            var made = new Presenter(new PresenterOptions
+            {
+                Multiplier = multiplier, Width = width, Height = height, Letterbox = letterbox, Fsr = fsr, CatchUp = true,
+            });
+            view = new Plugin.View(with, made);
+            device = with;
+            lock (pushing) presenter = made;
+            commands.Clear();
+            view.Issue(commands);
+        }
+
+        private void Close()
+        {
+            Presenter left;
+            lock (pushing)
+            {
+                left = presenter;
+                presenter = null;
+            }
+            // The view first: an event that runs is waited for.
+            if (view != null) view.Dispose();
+            view = null;
+            device = null;
+            if (left != null) left.Dispose();
+        }
+
+        private void MakeTexture()
+        {
+            if (texture == null || texture.width != width || texture.height != height)
+            {
+                if (texture != null)
+                {
+                    texture.Release();
+                    Destroy(texture);
+                }
+                texture = new RenderTexture(width, height, 0, RenderTextureFormat.ARGB32, RenderTextureReadWrite.sRGB)
+                {
+                    name = "Cairn", useMipMap = false, antiAliasing = 1, filterMode = FilterMode.Bilinear,
+                };
+            }
+            texture.Create();
+            // Asked for once: Unity waits for its render thread to answer.
+            pointer = texture.GetNativeTexturePtr();
+            if (output != PresenterOutput.Renderer) return;
+            var shown = GetComponent<Renderer>();
+            if (shown == null)
+            {
+                Fail("The output is Renderer, and there is none beside the presenter.");
+                return;
+            }
+            shown.material.mainTexture = texture;
+            shown.material.mainTextureScale = new Vector2(1, -1);
+            shown.material.mainTextureOffset = new Vector2(0, 1);
+        }
+
+        private void Fail(string why)
+        {
+            lock (pushing) failed = why;
+            Debug.LogError("Cairn: " + why, this);
+        }
+    }
+}

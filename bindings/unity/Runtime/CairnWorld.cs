@@ -1,0 +1,343 @@
+using System;
+using System.Collections.Generic;
+using System.IO;
+using System.Threading;
+using UnityEngine;
+
+namespace Cairn.Unity
+{
+    /// <summary>What a world is at.</summary>
+    public enum WorldState
+    {
+        /// <summary>It is off.</summary>
+        Off,
+        /// <summary>It is being loaded.</summary>
+        Loading,
+        /// <summary>It makes anchors.</summary>
+        Running,
+        /// <summary>Something failed; the message says what.</summary>
+        Failed,
+    }
+
+    /// <summary>What a world computes on.</summary>
+    public enum WorldProcessor
+    {
+        /// <summary>Unity's graphics device, on a queue beside the one that draws.</summary>
+        Graphics,
+        /// <summary>The machine's processor: small worlds only.</summary>
+        Processor,
+    }
+
+    /// <summary>
+    /// A world that runs: it loads a bundle, starts from a seed picture, and makes anchors from the player's controls at the world's own
+    /// rate. All of it happens on a thread of its own. A <see cref="CairnPresenter"/> shows it.
+    /// </summary>
+    [AddComponentMenu("Cairn/Cairn World")]
+    [DisallowMultipleComponent]
+    public sealed class CairnWorld : MonoBehaviour
+    {
+        [SerializeField, Tooltip("The bundle: a path, or one below StreamingAssets. Empty for the world inside the library.")]
+        private string bundle = "";
+
+        [SerializeField, Tooltip("A preset with changes after commas, such as coherence or stock,g64. Empty for the bundle's own.")]
+        private string operatingPoint = "";
+
+        [SerializeField, Tooltip("The picture that the world starts from. Read/Write must be ticked in its import settings.")]
+        private Texture2D seed = null;
+
+        [SerializeField, Tooltip("The number that the world's noise is made of.")]
+        private int noise = 1;
+
+        [SerializeField, Tooltip("What the world computes on.")]
+        private WorldProcessor processor = WorldProcessor.Graphics;
+
+        [SerializeField, Tooltip("Where controls come from. Empty for none.")]
+        private CairnInput input = null;
+
+        private readonly object changing = new object();
+        private readonly List<CairnPresenter> presenters = new List<CairnPresenter>();
+        private WorldState state = WorldState.Off;
+        private string message = "";
+        private long anchors;
+        private byte[] seedPixels;
+        private int seedWidth;
+        private int seedHeight;
+        private Work work;
+
+        /// <summary>The bundle: a path, or one below StreamingAssets; empty for the world inside the library. Counts when it is enabled.</summary>
+        public string Bundle
+        {
+            get { return bundle; }
+            set { bundle = value ?? ""; }
+        }
+
+        /// <summary>How it runs; empty for the bundle's own. Counts when it is enabled.</summary>
+        public string OperatingPoint
+        {
+            get { return operatingPoint; }
+            set { operatingPoint = value ?? ""; }
+        }
+
+        /// <summary>What it computes on. Counts when it is enabled.</summary>
+        public WorldProcessor Processor
+        {
+            get { return processor; }
+            set { processor = value; }
+        }
+
+        /// <summary>Where controls come from; null for none. Counts when it is enabled.</summary>
+        public CairnInput Input
+        {
+            get { return input; }
+            set { input = value; }
+        }
+
+        /// <summary>What it is at.</summary>
+        public WorldState State
+        {
+            get { lock (changing) return state; }
+        }
+
+        /// <summary>How far loading is, or what failed; for people.</summary>
+        public string Message
+        {
+            get { lock (changing) return message; }
+        }
+
+        /// <summary>Anchors that were made since it was enabled.</summary>
+        public long Anchors
+        {
+            get { lock (changing) return anchors; }
+        }
+
+        /// <summary>The device that frames are shown with; null until there is one.</summary>
+        internal Device Device
+        {
+            get { lock (changing) return work == null ? null : work.Device; }
+        }
+
+        /// <summary>Has the world start from a picture in memory: RGBA, row by row from the top left. Counts when it is enabled.</summary>
+        /// <param name="pixels">Four bytes to a pixel.</param>
+        /// <param name="width">In pixels.</param>
+        /// <param name="height">In pixels.</param>
+        public void SetSeed(byte[] pixels, int width, int height)
+        {
+            if (pixels == null) throw new ArgumentNullException(nameof(pixels));
+            if (width <= 0 || height <= 0 || pixels.LongLength != 4L * width * height)
+            {
+                throw new ArgumentException($"{pixels.LongLength} bytes are no picture of {width} x {height} pixels", nameof(pixels));
+            }
+            seedPixels = pixels;
+            seedWidth = width;
+            seedHeight = height;
+        }
+
+        /// <summary>Has a presenter get each anchor.</summary>
+        internal void Add(CairnPresenter presenter)
+        {
+            lock (presenters) presenters.Add(presenter);
+        }
+
+        /// <summary>When this returns, the presenter gets no anchor any more.</summary>
+        internal void Remove(CairnPresenter presenter)
+        {
+            lock (presenters) presenters.Remove(presenter);
+        }
+
+        private void OnEnable()
+        {
+            anchors = 0;
+            string why;
+            if (!Plugin.IsReady(out why))
+            {
+                Fail(why);
+                return;
+            }
+            if (!TakeSeed(out why))
+            {
+                Fail(why);
+                return;
+            }
+            Plugin.Load();
+            Tell(WorldState.Loading, "Loading");
+            work = new Work(this);
+        }
+
+        private void OnDisable()
+        {
+            Work left;
+            lock (changing)
+            {
+                left = work;
+                work = null;
+            }
+            if (left != null) left.Stop();
+            Tell(WorldState.Off, "");
+        }
+
+        /// <summary>The texture's pixels, from the top.</summary>
+        private bool TakeSeed(out string why)
+        {
+            why = "";
+            if (seed == null)
+            {
+                if (seedPixels != null) return true;
+                why = "The world has no seed. Give it a picture to start from, like one that the world was trained on.";
+                return false;
+            }
+            if (!seed.isReadable)
+            {
+                why = $"The seed {seed.name} cannot be read. Tick Read/Write in its import settings.";
+                return false;
+            }
+            Color32[] colours = seed.GetPixels32();
+            var pixels = new byte[colours.Length * 4];
+            for (int row = 0; row < seed.height; row++)
+            {
+                for (int column = 0; column < seed.width; column++)
+                {
+                    // Unity's rows begin at the bottom.
+                    Color32 colour = colours[(seed.height - 1 - row) * seed.width + column];
+                    int at = (row * seed.width + column) * 4;
+                    pixels[at] = colour.r;
+                    pixels[at + 1] = colour.g;
+                    pixels[at + 2] = colour.b;
+                    pixels[at + 3] = 255;
+                }
+            }
+            SetSeed(pixels, seed.width, seed.height);
+            return true;
+        }
+
+        private void Tell(WorldState now, string what)
+        {
+            lock (changing)
+            {
+                state = now;
+                message = what;
+            }
+        }
+
+        private void Fail(string why)
+        {
+            Tell(WorldState.Failed, why);
+            Debug.LogError("Cairn: " + why, this);
+        }
+
+        /// <summary>What the thread does, from loading to its end.</summary>
+        private sealed class Work
+        {
+            private readonly CairnWorld owner;
+            private readonly WorldOptions options;
+            private readonly RolloutOptions rolloutOptions;
+            private readonly WorldProcessor processor;
+            private readonly CairnInput input;
+            private readonly byte[] seed;
+            private readonly int width;
+            private readonly int height;
+            private readonly Thread thread;
+            private readonly ManualResetEvent stopping = new ManualResetEvent(false);
+            private volatile Device device;
+
+            internal Work(CairnWorld owner)
+            {
+                this.owner = owner;
+                string path = owner.bundle;
+                if (path.Length > 0 && !Path.IsPathRooted(path)) path = Path.Combine(Application.streamingAssetsPath, path);
+                options = new WorldOptions
+                {
+                    Path = path.Length == 0 ? null : path,
+                    OperatingPoint = owner.operatingPoint.Length == 0 ? null : owner.operatingPoint,
+                    FitWindow = true,
+                    Progress = Told,
+                };
+                rolloutOptions = new RolloutOptions { Seed = (ulong)(uint)owner.noise };
+                processor = owner.processor;
+                input = owner.input;
+                seed = owner.seedPixels;
+                width = owner.seedWidth;
+                height = owner.seedHeight;
+                thread = new Thread(Run) { IsBackground = true, Name = "Cairn world" };
+                thread.Start();
+            }
+
+            internal Device Device
+            {
+                get { return device; }
+            }
+
+            /// <summary>Ends it, and waits for the step that is being made.</summary>
+            internal void Stop()
+            {
+                stopping.Set();
+                thread.Join();
+                stopping.Close();
+            }
+
+            private bool IsStopping
+            {
+                get { return stopping.WaitOne(0); }
+            }
+
+            private bool Told(LoadStage stage, long done, long total)
+            {
+                string what = stage == LoadStage.Reading ? "Reading the bundle" : "Preparing the graphs";
+                owner.Tell(WorldState.Loading, $"{what}: {(total > 0 ? 100 * done / total : 0)} %");
+                return !IsStopping;
+            }
+
+            private void Run()
+            {
+                try
+                {
+                    using (Device shown = Plugin.CreateDevice())
+                    using (Device other = processor == WorldProcessor.Processor ? Cairn.Device.Cpu() : null)
+                    using (World world = (other ?? shown).LoadWorld(options))
+                    using (Rollout rollout = world.CreateRollout(rolloutOptions))
+                    {
+                        rollout.Append(new PictureView(seed, width, height));
+                        device = shown;
+                        Play(rollout);
+                        device = null;
+                    }
+                }
+                catch (CairnException why) when (why.Result == Result.Cancelled && IsStopping)
+                {
+                    // It was switched off while it loaded.
+                }
+                catch (Exception why)
+                {
+                    device = null;
+                    owner.Fail(why.Message);
+                }
+            }
+
+            /// <summary>Makes anchors, one to an interval, until it is stopped.</summary>
+            private void Play(Rollout rollout)
+            {
+                RolloutInfo info = rollout.Info;
+                long interval = 1000000000 / Math.Max(1, info.LatentsPerSecond);
+                owner.Tell(WorldState.Running, $"{info.OperatingPoint}: {info.LatentsPerSecond} anchors a second");
+                long next = Clock.NowNs;
+                while (!IsStopping)
+                {
+                    rollout.Step(input == null ? default(Controls) : input.Take());
+                    using (Anchor anchor = rollout.Anchor()) owner.Show(anchor);
+                    // A world that is too slow does not make up for it later.
+                    next = Math.Max(next + interval, Clock.NowNs);
+                    long left = (next - Clock.NowNs) / 1000000;
+                    if (left > 0) stopping.WaitOne((int)left);
+                }
+            }
+        }
+
+        private void Show(Anchor anchor)
+        {
+            lock (changing) anchors++;
+            lock (presenters)
+            {
+                foreach (CairnPresenter presenter in presenters) presenter.Push(anchor);
+            }
+        }
+    }
+}

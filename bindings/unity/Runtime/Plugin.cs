@@ -1,0 +1,194 @@
+using System;
+using System.Runtime.InteropServices;
+using System.Text;
+using UnityEngine;
+using UnityEngine.Rendering;
+
+namespace Cairn.Unity
+{
+    /// <summary>The native plugin: what it is called for beside the interface in C, and whether it can draw.</summary>
+    public static unsafe class Plugin
+    {
+        /// <summary>Where a project says what it is drawn with.</summary>
+        private const string Setting =
+            "In Project Settings > Player > Other Settings turn off Auto Graphics API for Windows, and put Direct3D12 at the top of "
+            + "Graphics APIs for Windows; the editor then has to be restarted";
+
+        private static bool isLoaded;
+
+        /// <summary>Whether frames can be shown, by which of Unity's interfaces; else why not, and what can be done.</summary>
+        /// <param name="what">For people.</param>
+        public static bool IsReady(out string what)
+        {
+            if (SystemInfo.graphicsDeviceType != GraphicsDeviceType.Direct3D12)
+            {
+                what = $"This project draws with {SystemInfo.graphicsDeviceType}, and Cairn needs Direct3D 12. {Setting}.";
+                return false;
+            }
+            try
+            {
+                uint version = Native.cairn_unity_version();
+                if (version != Native.Version)
+                {
+                    what = $"{Native.Name}.dll has doors of version {version}, and these scripts want {Native.Version}. Take both from one package.";
+                    return false;
+                }
+                int result = Native.cairn_unity_state(null, UIntPtr.Zero, null);
+                what = Told((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_state(text, room, length));
+                return result == 0;
+            }
+            catch (DllNotFoundException)
+            {
+                what = $"{Native.Name}.dll is missing, or what it needs is. It is a part of this package, in Plugins/x86_64, and made for "
+                    + "Windows on x86-64.";
+            }
+            catch (EntryPointNotFoundException)
+            {
+                what = $"{Native.Name}.dll is another library, or an older one. Take scripts and library from one package.";
+            }
+            catch (BadImageFormatException)
+            {
+                what = $"{Native.Name}.dll is made for Windows on x86-64, and this process is another one.";
+            }
+            return false;
+        }
+
+        /// <summary>A device of Cairn's on Unity's own. Takes a moment, so call it off the main thread.</summary>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.Unsupported"/> where <see cref="IsReady"/> is false; <see cref="Result.RuntimeMissing"/> where ONNX Runtime is
+        /// not beside the library.
+        /// </exception>
+        public static Device CreateDevice()
+        {
+            Load();
+            string why = Told((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_state(text, room, length));
+            IntPtr device = IntPtr.Zero;
+            int state = Native.cairn_unity_state(null, UIntPtr.Zero, null);
+            if (state != 0) throw new CairnException(Result.Unsupported, why, "cairn_unity_create_device", "", why, "");
+            CairnException.ThrowIfFailed(Native.cairn_unity_create_device(&device));
+            return new Device(device);
+        }
+
+        /// <summary>Has the binding use the library that Unity has loaded, and no other.</summary>
+        internal static void Load()
+        {
+            if (isLoaded) return;
+            Library.Load(Told((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_path(text, room, length)));
+            isLoaded = true;
+        }
+
+        private delegate int Teller(byte* text, UIntPtr room, UIntPtr* length);
+
+        private static string Told(Teller teller)
+        {
+            var room = new byte[4096];
+            UIntPtr length = UIntPtr.Zero;
+            fixed (byte* text = room) teller(text, (UIntPtr)room.Length, &length);
+            return Encoding.UTF8.GetString(room, 0, Math.Min((int)length, room.Length - 1));
+        }
+
+        /// <summary>A presenter's frames in a texture of Unity's.</summary>
+        internal sealed class View : IDisposable
+        {
+            private readonly CairnObject device;
+            private readonly CairnObject presenter;
+            private IntPtr view;
+
+            internal View(Device device, Presenter presenter)
+            {
+                this.device = device;
+                this.presenter = presenter;
+                IntPtr made = IntPtr.Zero;
+                int result = Native.cairn_unity_view_create(device.Value, presenter.Value, &made);
+                if (result != 0) throw Failed(result, "cairn_unity_view_create", "device or presenter is closed");
+                view = made;
+            }
+
+            /// <summary>Says what the next events show.</summary>
+            internal void Set(long nowNs, IntPtr texture)
+            {
+                int result = Native.cairn_unity_view_set(view, (ulong)nowNs, texture);
+                if (result != 0) throw Failed(result, "cairn_unity_view_set", "the texture is no ID3D12Resource");
+            }
+
+            /// <summary>Records both events.</summary>
+            internal void Issue(CommandBuffer commands)
+            {
+                IntPtr function = Native.cairn_unity_get_event_function();
+                commands.IssuePluginEventAndData(function, Native.cairn_unity_get_make_event(), view);
+                commands.IssuePluginEventAndData(function, Native.cairn_unity_get_show_event(), view);
+            }
+
+            /// <summary>Frames that were shown; false where the last event failed, and then why.</summary>
+            internal bool IsWell(out long shown, out string why)
+            {
+                var room = new byte[1024];
+                ulong frames = 0;
+                UIntPtr length = UIntPtr.Zero;
+                int result;
+                fixed (byte* text = room)
+                {
+                    result = Native.cairn_unity_view_get(view, &frames, null, text, (UIntPtr)room.Length, &length);
+                }
+                shown = (long)frames;
+                why = result < 0 ? Encoding.UTF8.GetString(room, 0, Math.Min((int)length, room.Length - 1)) : "";
+                return result >= 0;
+            }
+
+            public void Dispose()
+            {
+                if (view == IntPtr.Zero) return;
+                Native.cairn_unity_view_destroy(view);
+                view = IntPtr.Zero;
+                GC.KeepAlive(device);
+                GC.KeepAlive(presenter);
+            }
+
+            private static CairnException Failed(int result, string function, string why)
+            {
+                return new CairnException((Result)result, $"{function}: {why}", function, "", why, "");
+            }
+        }
+
+        /// <summary>The functions of the library that are Unity's alone, by their names in it.</summary>
+        private static class Native
+        {
+            internal const string Name = "cairn_unity";
+            internal const uint Version = 1;
+
+            [DllImport(Name)]
+            internal static extern uint cairn_unity_version();
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_state(byte* text, UIntPtr capacity, UIntPtr* length);
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_path(byte* text, UIntPtr capacity, UIntPtr* length);
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_create_device(IntPtr* device);
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_view_create(IntPtr device, IntPtr presenter, IntPtr* view);
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_view_set(IntPtr view, ulong nowNs, IntPtr texture);
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_view_get(
+                IntPtr view, ulong* shown, void* frame, byte* text, UIntPtr capacity, UIntPtr* length);
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_view_destroy(IntPtr view);
+
+            [DllImport(Name)]
+            internal static extern IntPtr cairn_unity_get_event_function();
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_get_make_event();
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_get_show_event();
+        }
+    }
+}

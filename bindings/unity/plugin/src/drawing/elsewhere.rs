@@ -1,0 +1,61 @@
+//! Where there is no Direct3D 12 nothing is drawn.
+
+use std::ffi::c_void;
+
+use crate::interfaces::Direct3d12;
+use crate::views::{Ended, View};
+
+/// There is none.
+pub(crate) enum Drawing {}
+
+/// A texture of Unity's: there is none.
+#[derive(Clone)]
+pub(crate) enum Target {}
+
+impl Target {
+    /// # Safety
+    /// Nothing is asked for.
+    pub(crate) unsafe fn of_unity(_: *mut c_void) -> Option<Self> {
+        None
+    }
+}
+
+/// What a frame is made in: nothing.
+#[derive(Default)]
+pub(crate) struct Canvas;
+
+impl Canvas {
+    pub(crate) fn let_go(&mut self) {}
+}
+
+impl Drawing {
+    pub(crate) fn new(_: Direct3d12) -> Result<Self, String> {
+        Err("this library has no Direct3D 12 in it: Cairn for Unity needs Windows".to_owned())
+    }
+
+    pub(crate) fn version(&self) -> u32 {
+        match *self {}
+    }
+
+    /// Device and queue, without a reference.
+    pub(crate) fn parts(&self) -> (*mut c_void, *mut c_void) {
+        match *self {}
+    }
+
+    pub(crate) fn make(&self, _: &View) -> Ended {
+        match *self {}
+    }
+
+    pub(crate) fn show(&self, _: &View) -> Ended {
+        match *self {}
+    }
+
+    pub(crate) fn finish(&self) {
+        match *self {}
+    }
+}
+
+/// The file of this library: only Windows is asked.
+pub(crate) fn own_path() -> Option<String> {
+    None
+}

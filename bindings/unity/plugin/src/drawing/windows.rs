@@ -1,0 +1,418 @@
+//! Frames on Unity's Direct3D 12 device.
+//!
+//! A frame is made in a canvas, a texture of ours as large as Unity's, which rests in the state COMMON. It is written and read on
+//! one queue, in the order of the events. Unity's texture is only ever asked for in COPY_DEST: from version 8 on by
+//! `RequestResourceState` and `NotifyResourceState` in the list that Unity records, before that by the states that
+//! `ExecuteCommandList` takes with a list of ours.
+
+use std::ffi::c_void;
+use std::mem::ManuallyDrop;
+use std::time::{Duration, Instant};
+
+use cairn::abi::d3d12::cairn_presenter_submit_d3d12;
+use cairn::abi::presenter::cairn_presenter;
+use cairn::abi::results::{
+    CAIRN_ERROR_DEVICE, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_NOT_READY, CAIRN_OK, cairn_last_error,
+};
+use cairn::gpu::windows::Win32::Foundation::HMODULE;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
+use cairn::gpu::windows::Win32::System::LibraryLoader::{
+    GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
+    GetModuleHandleExW,
+};
+use cairn::gpu::windows::core::{IUnknown, Interface, PCWSTR};
+use parking_lot::Mutex;
+
+use crate::interfaces::{Direct3d12, RecordingState, ResourceState};
+use crate::views::{Ended, View, no_frame};
+
+/// How long is waited for work before what it uses is freed. What is not done then is never freed.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Lists of ours that may be with Unity at a time; Unity has two or three frames under way.
+const LISTS: usize = 16;
+
+/// What there is to draw with.
+pub(crate) struct Drawing {
+    api: Direct3d12,
+    device: ID3D12Device,
+    queue: ID3D12CommandQueue,
+    frame_fence: ID3D12Fence,
+    kept: Mutex<Kept>,
+}
+
+// SAFETY: the functions are Unity's, called on the threads that its events run on; objects of Direct3D 12 are free-threaded.
+unsafe impl Send for Drawing {}
+// SAFETY: as above.
+unsafe impl Sync for Drawing {}
+
+/// What Unity's lists still use.
+#[derive(Default)]
+struct Kept {
+    textures: Vec<(u64, [ID3D12Resource; 2])>,
+    lists: Vec<List>,
+}
+
+/// A list of ours, for versions whose texture states only go with one.
+struct List {
+    allocator: ID3D12CommandAllocator,
+    list: ID3D12GraphicsCommandList,
+    /// Of Unity's frame fence: it has run then.
+    value: u64,
+}
+
+/// A texture of Unity's, with a reference.
+#[derive(Clone)]
+pub(crate) struct Target(ID3D12Resource);
+
+impl Target {
+    /// # Safety
+    /// The pointer is null or of an object of COM, which lives during the call.
+    pub(crate) unsafe fn of_unity(texture: *mut c_void) -> Option<Self> {
+        // SAFETY: the caller's promise; no reference is taken.
+        let unknown = unsafe { IUnknown::from_raw_borrowed(&texture) }?;
+        unknown.cast().ok().map(Self)
+    }
+}
+
+/// What a frame is made in.
+#[derive(Default)]
+pub(crate) struct Canvas {
+    texture: Option<ID3D12Resource>,
+    /// When the last frame in it is whole.
+    written: Option<(ID3D12Fence, u64)>,
+}
+
+impl Canvas {
+    /// Frees the texture, behind what writes it. What reads it is kept with the list that does.
+    pub(crate) fn let_go(&mut self) {
+        let texture = self.texture.take();
+        if let Some((fence, value)) = self.written.take()
+            && !reached(&fence, value, PATIENCE)
+        {
+            std::mem::forget(texture);
+        }
+    }
+
+    /// A texture as Unity's is, but for what may be done with it.
+    fn fit(&mut self, device: &ID3D12Device, target: &ID3D12Resource) -> Result<ID3D12Resource, String> {
+        // SAFETY: a live texture.
+        let wanted = unsafe { target.GetDesc() };
+        if let Some(texture) = &self.texture
+            && is_like(texture, &wanted)
+        {
+            return Ok(texture.clone());
+        }
+        if let Some(why) = refused(&wanted) {
+            return Err(why);
+        }
+        self.let_go();
+        let desc = D3D12_RESOURCE_DESC {
+            Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
+            Width: wanted.Width,
+            Height: wanted.Height,
+            DepthOrArraySize: 1,
+            MipLevels: 1,
+            Format: wanted.Format,
+            SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+            ..Default::default()
+        };
+        let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
+        let mut made: Option<ID3D12Resource> = None;
+        // SAFETY: a live device; descriptions and place live during the call.
+        let result = unsafe {
+            let rest = D3D12_RESOURCE_STATE_COMMON;
+            device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, rest, None, &mut made)
+        };
+        let why = result.err().map_or_else(String::new, |e| format!(": {e}"));
+        let made = made.ok_or_else(|| format!("ID3D12Device::CreateCommittedResource made no texture{why}"))?;
+        self.texture = Some(made.clone());
+        Ok(made)
+    }
+}
+
+impl Drop for Canvas {
+    fn drop(&mut self) {
+        self.let_go();
+    }
+}
+
+/// Whether a texture is of the size and format of another.
+fn is_like(texture: &ID3D12Resource, wanted: &D3D12_RESOURCE_DESC) -> bool {
+    // SAFETY: a live texture.
+    let has = unsafe { texture.GetDesc() };
+    (has.Width, has.Height, has.Format) == (wanted.Width, wanted.Height, wanted.Format)
+}
+
+/// Why no frame can be copied into such a texture.
+fn refused(wanted: &D3D12_RESOURCE_DESC) -> Option<String> {
+    let what = if wanted.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || wanted.DepthOrArraySize != 1 {
+        "it is no texture of two dimensions with one slice"
+    } else if wanted.MipLevels != 1 {
+        "it has mip maps: set useMipMap to false"
+    } else if wanted.SampleDesc.Count != 1 {
+        "it is multisampled: set antiAliasing to 1"
+    } else {
+        return None;
+    };
+    Some(format!("texture: {what}"))
+}
+
+/// Whether a fence comes to a value in time; that of a removed device has every value.
+fn reached(fence: &ID3D12Fence, value: u64, patience: Duration) -> bool {
+    let end = Instant::now() + patience;
+    loop {
+        // SAFETY: a live fence.
+        if unsafe { fence.GetCompletedValue() } >= value {
+            return true;
+        }
+        if Instant::now() >= end {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+impl Drawing {
+    pub(crate) fn new(api: Direct3d12) -> Result<Self, String> {
+        let missing = |what: &str| format!("Unity's IUnityGraphicsD3D12v{} gives no {what}", api.version);
+        // SAFETY: functions of Unity's, called while the device is initialised. What they give stays Unity's: a reference is added.
+        let [device, queue, fence] = [api.get_device, api.get_command_queue, api.get_frame_fence]
+            .map(|get| get.and_then(|get| unsafe { Target::object(get()) }));
+        Ok(Self {
+            api,
+            device: device.and_then(|found| found.cast().ok()).ok_or_else(|| missing("device"))?,
+            queue: queue.and_then(|found| found.cast().ok()).ok_or_else(|| missing("command queue"))?,
+            frame_fence: fence.and_then(|found| found.cast().ok()).ok_or_else(|| missing("frame fence"))?,
+            kept: Mutex::default(),
+        })
+    }
+
+    pub(crate) fn version(&self) -> u32 {
+        self.api.version
+    }
+
+    /// Device and queue, without a reference.
+    pub(crate) fn parts(&self) -> (*mut c_void, *mut c_void) {
+        (self.device.as_raw(), self.queue.as_raw())
+    }
+
+    /// Has the frame that is due written into the view's canvas, on Unity's queue.
+    pub(crate) fn make(&self, view: &View) -> Ended {
+        let Some((now, Target(target))) = view.wanted() else { return Ended::Nothing };
+        let mut canvas = view.canvas.lock();
+        let texture = match canvas.fit(&self.device, &target) {
+            Ok(texture) => texture,
+            Err(why) => return Ended::Failed(CAIRN_ERROR_INVALID_ARGUMENT, why),
+        };
+        let (mut frame, mut fence, mut value) = (no_frame(), std::ptr::null_mut(), 0);
+        let rest = D3D12_RESOURCE_STATE_COMMON.0.cast_unsigned();
+        let presenter = std::ptr::without_provenance_mut::<cairn_presenter>(view.presenter);
+        let device = std::ptr::without_provenance(view.device);
+        let texture = texture.as_raw().cast();
+        // SAFETY: handles are looked up; a live texture in its state; places for what is made.
+        let result = unsafe {
+            cairn_presenter_submit_d3d12(
+                presenter, device, now, texture, rest, rest, &mut frame, &mut fence, &mut value,
+            )
+        };
+        match result {
+            CAIRN_OK => {
+                // SAFETY: the reference that the call gave, used once.
+                canvas.written = Some((unsafe { ID3D12Fence::from_raw(fence.cast()) }, value));
+                Ended::Made(frame)
+            }
+            CAIRN_NOT_READY => Ended::Nothing,
+            failed => Ended::Failed(failed, last_error()),
+        }
+    }
+
+    /// Copies the canvas into Unity's texture, in the order of Unity's own lists.
+    pub(crate) fn show(&self, view: &View) -> Ended {
+        let Some((_, Target(target))) = view.wanted() else { return Ended::Nothing };
+        let canvas = view.canvas.lock();
+        let Some(texture) = canvas.texture.as_ref().filter(|_| canvas.written.is_some()) else { return Ended::Nothing };
+        // SAFETY: a live texture.
+        if !is_like(texture, &unsafe { target.GetDesc() }) {
+            // Another one was told between the events; the next frame is made for it.
+            return Ended::Nothing;
+        }
+        let mut kept = self.kept.lock();
+        self.tidy(&mut kept);
+        let done = match (
+            self.api.command_recording_state,
+            self.api.request_resource_state,
+            self.api.notify_resource_state,
+        ) {
+            (Some(recording), Some(request), Some(notify)) => {
+                let mut state = RecordingState { list: std::ptr::null_mut() };
+                // SAFETY: a function of Unity's, called on the thread it says; the place lives during the call.
+                let records = unsafe { recording(&mut state) } != 0;
+                // SAFETY: what is not null is Unity's list, which is alive and open during the event.
+                match unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.filter(|_| records) {
+                    Some(list) => {
+                        let to = D3D12_RESOURCE_STATE_COPY_DEST.0;
+                        // SAFETY: a live texture of Unity's.
+                        unsafe { request(target.as_raw(), to) };
+                        copy(list, texture, &target);
+                        // SAFETY: as above.
+                        unsafe { notify(target.as_raw(), to, 0) };
+                        self.next_value()
+                    }
+                    None => Err(
+                        "Unity records no list where the frame is to be shown: issue the events outside of another one"
+                            .to_owned(),
+                    ),
+                }
+            }
+            _ => self.execute(&mut kept, texture, &target),
+        };
+        match done {
+            Ok(value) => {
+                kept.textures.push((value, [texture.clone(), target]));
+                Ended::Shown
+            }
+            Err(why) => Ended::Failed(CAIRN_ERROR_DEVICE, why),
+        }
+    }
+
+    /// The copy in a list of ours, which Unity executes between its own.
+    fn execute(&self, kept: &mut Kept, from: &ID3D12Resource, target: &ID3D12Resource) -> Result<u64, String> {
+        // SAFETY: a live fence.
+        let done = unsafe { self.frame_fence.GetCompletedValue() };
+        let place = match kept.lists.iter().position(|list| list.value <= done) {
+            Some(place) => place,
+            None if kept.lists.len() < LISTS => {
+                kept.lists.push(List::new(&self.device)?);
+                kept.lists.len() - 1
+            }
+            None => return Err(format!("{LISTS} lists wait for Unity, which does not come to the end of its frames")),
+        };
+        let List { allocator, list, value } = &mut kept.lists[place];
+        let failed = |call: &str, e: &dyn std::fmt::Display| format!("{call}: {e}");
+        // SAFETY: the list that used it has run.
+        unsafe { allocator.Reset() }.map_err(|e| failed("ID3D12CommandAllocator::Reset", &e))?;
+        // SAFETY: a closed list that has run.
+        unsafe { list.Reset(&*allocator, None) }.map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
+        copy(list, from, target);
+        // SAFETY: an open list.
+        unsafe { list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
+        let state = D3D12_RESOURCE_STATE_COPY_DEST.0;
+        let mut states = ResourceState { resource: target.as_raw(), expected: state, current: state };
+        let Some(execute) = self.api.execute_command_list else { return Err("no ExecuteCommandList".to_owned()) };
+        // SAFETY: a function of Unity's; a closed direct list, and as many states as is said, which live during the call.
+        *value = unsafe { execute(list.as_raw(), 1, &mut states) };
+        Ok(*value)
+    }
+
+    /// What the frame fence has once the current frame is done.
+    fn next_value(&self) -> Result<u64, String> {
+        let get = self.api.get_next_frame_fence_value.ok_or("no GetNextFrameFenceValue")?;
+        // SAFETY: a function of Unity's, called on the thread it says.
+        Ok(unsafe { get() })
+    }
+
+    /// Lets go of what has run.
+    fn tidy(&self, kept: &mut Kept) {
+        // SAFETY: a live fence.
+        let done = unsafe { self.frame_fence.GetCompletedValue() };
+        kept.textures.retain(|(value, _)| *value > done);
+    }
+
+    /// Waits until Unity's queue is done with what is ours. What never comes to its end is not freed.
+    pub(crate) fn finish(&self) {
+        let mut kept = self.kept.lock();
+        let textures = kept.textures.iter().map(|(value, _)| *value);
+        let last = textures.chain(kept.lists.iter().map(|list| list.value)).max().unwrap_or(0);
+        let left = std::mem::take(&mut *kept);
+        if !reached(&self.frame_fence, last, PATIENCE) {
+            std::mem::forget(left);
+        }
+    }
+}
+
+impl Drop for Drawing {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+impl Target {
+    /// An object that somebody else holds, with a reference of its own.
+    ///
+    /// # Safety
+    /// The pointer is null or of an object of COM, which lives during the call.
+    unsafe fn object(pointer: *mut c_void) -> Option<IUnknown> {
+        // SAFETY: the caller's promise.
+        unsafe { IUnknown::from_raw_borrowed(&pointer) }.cloned()
+    }
+}
+
+impl List {
+    fn new(device: &ID3D12Device) -> Result<Self, String> {
+        let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
+        // SAFETY: a live device.
+        let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
+            .map_err(|e| format!("ID3D12Device::CreateCommandAllocator: {e}"))?;
+        // SAFETY: a live device and allocator.
+        let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
+            .map_err(|e| format!("ID3D12Device::CreateCommandList: {e}"))?;
+        // SAFETY: an open list, in which nothing is.
+        unsafe { list.Close() }.map_err(|e| format!("ID3D12GraphicsCommandList::Close: {e}"))?;
+        Ok(Self { allocator, list, value: 0 })
+    }
+}
+
+/// Records the copy of a texture that rests in COMMON into one that is in COPY_DEST.
+fn copy(list: &ID3D12GraphicsCommandList, from: &ID3D12Resource, to: &ID3D12Resource) {
+    let (rest, read) = (D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_COPY_SOURCE);
+    // SAFETY: an open list, and live textures of one size and format in the states that are named.
+    unsafe {
+        list.ResourceBarrier(&[transition(from, rest, read)]);
+        list.CopyResource(to, from);
+        list.ResourceBarrier(&[transition(from, read, rest)]);
+    }
+}
+
+fn transition(
+    resource: &ID3D12Resource,
+    before: D3D12_RESOURCE_STATES,
+    after: D3D12_RESOURCE_STATES,
+) -> D3D12_RESOURCE_BARRIER {
+    // SAFETY: the same pointer, which is only read; what is never dropped releases no reference.
+    let borrowed: ManuallyDrop<Option<ID3D12Resource>> = unsafe { std::mem::transmute_copy(resource) };
+    let transition = D3D12_RESOURCE_TRANSITION_BARRIER {
+        pResource: borrowed,
+        Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
+        StateBefore: before,
+        StateAfter: after,
+    };
+    D3D12_RESOURCE_BARRIER {
+        Type: D3D12_RESOURCE_BARRIER_TYPE_TRANSITION,
+        Anonymous: D3D12_RESOURCE_BARRIER_0 { Transition: ManuallyDrop::new(transition) },
+        ..Default::default()
+    }
+}
+
+/// The message of this thread's last failure in Cairn.
+fn last_error() -> String {
+    let mut text = [0_u8; 1024];
+    let mut length = 0;
+    // SAFETY: a place of as many bytes, and one for the length.
+    _ = unsafe { cairn_last_error(text.as_mut_ptr().cast(), text.len(), &mut length) };
+    String::from_utf8_lossy(&text[..length.min(text.len() - 1)]).into_owned()
+}
+
+/// The file of this library.
+pub(crate) fn own_path() -> Option<String> {
+    let mut module = HMODULE::default();
+    let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
+    let own: fn() -> Option<String> = own_path;
+    // SAFETY: an address of this library, and a place for its module.
+    unsafe { GetModuleHandleExW(flags, PCWSTR(own as *const u16), &mut module) }.ok()?;
+    let mut path = vec![0_u16; 32768];
+    // SAFETY: a module that stays loaded, and a place for its name.
+    let length = unsafe { GetModuleFileNameW(Some(module), &mut path) } as usize;
+    (length > 0 && length < path.len()).then(|| String::from_utf16_lossy(&path[..length]))
+}

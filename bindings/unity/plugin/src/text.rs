@@ -1,0 +1,44 @@
+//! Text that a caller has room for.
+
+use std::ffi::c_char;
+
+/// Copies what fits of `text`, with a NUL behind it, and says how long it is.
+///
+/// # Safety
+/// `to` is null, or has room for `capacity` bytes; `length` is null or can be written.
+pub(crate) unsafe fn copy(text: &str, to: *mut c_char, capacity: usize, length: *mut usize) {
+    if !length.is_null() && length.is_aligned() {
+        // SAFETY: checked, and the caller's promise.
+        unsafe { length.write(text.len()) };
+    }
+    if to.is_null() || capacity == 0 {
+        return;
+    }
+    let mut end = text.len().min(capacity - 1);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    // SAFETY: `end` is less than the capacity, and both lie apart.
+    unsafe { std::ptr::copy_nonoverlapping(text.as_ptr(), to.cast(), end) };
+    // SAFETY: as above.
+    unsafe { to.add(end).write(0) };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_fits_is_copied_and_no_letter_is_cut() {
+        for (capacity, expected) in [(0, "xxxx"), (1, ""), (2, "a"), (3, "a"), (4, "aä")] {
+            let mut room = [b'x'; 5];
+            let mut length = 0;
+            // SAFETY: there is as much room as is said.
+            unsafe { copy("aä", room.as_mut_ptr().cast(), capacity, &mut length) };
+            let end = if capacity == 0 { 4 } else { room.iter().position(|byte| *byte == 0).expect("an end") };
+            assert_eq!((std::str::from_utf8(&room[..end]), length), (Ok(expected), 3), "{capacity}");
+        }
+        // SAFETY: nothing is written.
+        unsafe { copy("a", std::ptr::null_mut(), 7, std::ptr::null_mut()) };
+    }
+}

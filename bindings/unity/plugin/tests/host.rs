@@ -1,0 +1,327 @@
+//! The plugin in a Unity of our own, over a real device and by every version of the interface. On Windows, or in the lab.
+#![cfg(windows)]
+
+use std::ffi::{c_int, c_void};
+use std::ptr::{null, null_mut, without_provenance_mut};
+
+use cairn::abi::anchor::{cairn_anchor_create, cairn_anchor_destroy};
+use cairn::abi::device::{cairn_device, cairn_device_destroy};
+use cairn::abi::images::{cairn_picture, cairn_target};
+use cairn::abi::presenter::*;
+use cairn::abi::results::{
+    CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_ERROR_INVALID_HANDLE, CAIRN_NOT_READY, CAIRN_OK, cairn_result,
+};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
+use cairn::gpu::windows::core::Interface;
+use cairn_unity::*;
+
+#[path = "../../../../tests/d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+#[path = "../../../../tests/d3d12/textures.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod textures;
+#[path = "host/unity.rs"]
+mod unity;
+
+use textures::Wanted;
+use unity::Running;
+
+/// Frames' size; a row is no whole number of what copies align to.
+const SIZE: (u32, u32) = (37, 23);
+/// Nanoseconds between anchors.
+const INTERVAL: u64 = 100_000_000;
+/// Where Unity leaves a texture that a shader has read.
+const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
+
+/// A struct of the interface as a host prepares it.
+fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
+    // SAFETY: structs of the interface are plain data, for which zero is a value.
+    let mut made: T = unsafe { std::mem::zeroed() };
+    *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
+    made
+}
+
+/// A handle that a call makes.
+fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> *mut T {
+    let mut handle = null_mut();
+    assert_eq!(make(&mut handle), CAIRN_OK);
+    handle
+}
+
+/// A presenter of two anchors, four frames to an anchor.
+fn presenter() -> *mut cairn_presenter {
+    let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
+    (options.multiplier, options.interval_ns) = (4, INTERVAL);
+    // SAFETY: options of their size and a place for the handle.
+    let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
+    for number in 0..2 {
+        let colour = |i: u32| {
+            let (x, y) = (i % SIZE.0, i / SIZE.0);
+            [(x * 255 / SIZE.0) as u8, (y * 255 / SIZE.1) as u8, ((x ^ y) * 8 * (1 + number as u32)) as u8, 255]
+        };
+        let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).flat_map(colour).collect();
+        let mut picture: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
+        (picture.width, picture.height) = SIZE;
+        (picture.pixels, picture.size) = (pixels.as_ptr().cast(), pixels.len() as u64);
+        // SAFETY: a picture that lives during the call, and a place for the handle.
+        let anchor = made(|to| unsafe { cairn_anchor_create(&picture, number, 0, to) });
+        // SAFETY: live handles.
+        let pushed = unsafe { cairn_presenter_push(presenter, anchor, null(), number * INTERVAL) };
+        // SAFETY: a live handle.
+        assert_eq!([pushed, unsafe { cairn_anchor_destroy(anchor) }], [CAIRN_OK; 2]);
+    }
+    presenter
+}
+
+/// The frame at `now` as it is drawn into memory.
+fn drawn(presenter: *mut cairn_presenter, now: u64) -> Vec<u8> {
+    let mut pixels = vec![0; (SIZE.0 * SIZE.1 * 4) as usize];
+    let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
+    (target.width, target.height) = SIZE;
+    (target.pixels, target.size) = (pixels.as_mut_ptr().cast(), pixels.len() as u64);
+    // SAFETY: a live handle and a target that lives during the call.
+    assert_eq!(unsafe { cairn_presenter_draw(presenter, now, &target, null_mut()) }, CAIRN_OK);
+    pixels
+}
+
+/// What the plugin says of itself.
+fn state() -> (cairn_result, String) {
+    let (mut text, mut length) = ([0_u8; 512], 0);
+    // SAFETY: as much room as is said, and a place for the length.
+    let result = unsafe { cairn_unity_state(text.as_mut_ptr().cast(), text.len(), &mut length) };
+    (result, String::from_utf8_lossy(&text[..length]).into_owned())
+}
+
+/// A device, a presenter and its view, as C# makes them.
+struct Scene {
+    device: *mut cairn_device,
+    presenter: *mut cairn_presenter,
+    view: *mut cairn_unity_view,
+}
+
+impl Scene {
+    fn new() -> Self {
+        // SAFETY: a place for the handle.
+        let device = made(|to| unsafe { cairn_unity_create_device(to) });
+        let presenter = presenter();
+        // SAFETY: live handles and a place for the view.
+        let view = made(|to| unsafe { cairn_unity_view_create(device, presenter, to) });
+        Self { device, presenter, view }
+    }
+
+    /// Says what is shown next, and where.
+    fn set(&self, now: u64, texture: Option<&ID3D12Resource>) -> cairn_result {
+        let texture = texture.map_or(null_mut(), Interface::as_raw);
+        // SAFETY: a live texture, or null.
+        unsafe { cairn_unity_view_set(self.view, now, texture) }
+    }
+
+    /// How the last event ended, the frames shown, the last one made, and the message.
+    fn get(&self) -> (cairn_result, u64, cairn_frame, String) {
+        let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
+        let (mut shown, mut text, mut length) = (0, [0_u8; 1024], 0);
+        let room = text.as_mut_ptr().cast();
+        // SAFETY: places for everything that is asked for.
+        let result = unsafe { cairn_unity_view_get(self.view, &mut shown, &mut frame, room, text.len(), &mut length) };
+        (result, shown, frame, String::from_utf8_lossy(&text[..length]).into_owned())
+    }
+
+    /// Both events, in a frame of Unity's.
+    fn show(&self, unity: &Running) {
+        unity.event(cairn_unity_get_make_event(), self.view.cast());
+        unity.event(cairn_unity_get_show_event(), self.view.cast());
+        unity.end_frame();
+    }
+
+    fn end(self) {
+        // SAFETY: live handles.
+        let ended = unsafe {
+            [
+                cairn_unity_view_destroy(self.view),
+                cairn_presenter_destroy(self.presenter),
+                cairn_device_destroy(self.device),
+            ]
+        };
+        assert_eq!(ended, [CAIRN_OK; 3]);
+    }
+}
+
+/// A texture as a RenderTexture of Unity's is.
+fn texture(unity: &Running, size: (u32, u32), levels: u16) -> ID3D12Resource {
+    let wanted = Wanted {
+        size,
+        format: DXGI_FORMAT_R8G8B8A8_TYPELESS,
+        flags: D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET,
+        state: READ,
+        levels,
+        ..Wanted::default()
+    };
+    let made = wanted.make(&unity.device());
+    unity.own(&made, READ);
+    made
+}
+
+fn pixels(unity: &Running, texture: &ID3D12Resource) -> Vec<u8> {
+    textures::read(&unity.device(), &unity.queue(), texture, unity.state_of(texture))
+}
+
+/// Whether two pictures are the same, but for a level.
+fn alike(one: &[u8], other: &[u8]) -> bool {
+    one.len() == other.len() && one.iter().zip(other).all(|(a, b)| a.abs_diff(*b) <= 1)
+}
+
+#[test]
+fn frames_are_shown_by_every_version_of_the_interface() {
+    for version in 5..=8 {
+        let unity = Running::start(version);
+        unity.load();
+        assert_eq!(state(), (CAIRN_OK, format!("IUnityGraphicsD3D12v{version}")));
+        let (make, show) = (cairn_unity_get_make_event(), cairn_unity_get_show_event());
+        if version > 5 {
+            // On the submission thread behind what was recorded, and on the render thread.
+            assert_eq!((unity.configured(make), unity.configured(show)), (Some([1, 6, 0]), Some([0, 0, 0])));
+        }
+        let scene = Scene::new();
+        let target = texture(&unity, SIZE, 1);
+        assert_eq!(scene.get().0, CAIRN_NOT_READY);
+        let frames = [
+            (INTERVAL, CAIRN_FRAME_ANCHOR),
+            (INTERVAL * 5 / 4, CAIRN_FRAME_GENERATED),
+            (INTERVAL * 3 / 2, CAIRN_FRAME_GENERATED),
+            (INTERVAL * 2, CAIRN_FRAME_ANCHOR),
+            (INTERVAL * 9 / 4, CAIRN_FRAME_EXTRAPOLATED),
+        ];
+        for ((now, source), count) in frames.into_iter().zip(1..) {
+            assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
+            // Unity reads the texture before, and leaves it where only Unity knows.
+            unity.bring(&target, if count % 2 == 0 { READ } else { D3D12_RESOURCE_STATE_RENDER_TARGET });
+            scene.show(&unity);
+            let (result, shown, frame, message) = scene.get();
+            assert_eq!((result, shown, frame.source), (CAIRN_OK, count, source), "v{version}: {message} {frame:?}");
+            assert!(alike(&pixels(&unity, &target), &drawn(scene.presenter, now)), "v{version}: frame {count}");
+        }
+        // Every function that a version has and the plugin needs is called, and no other.
+        let whole = [("GetDevice", 5), ("GetFrameFence", 5), ("GetCommandQueue", 5), ("ConfigureEvent", 6)];
+        for (name, least) in whole {
+            assert_eq!(unity.calls(name) > 0, version >= least, "v{version}: {name}");
+        }
+        let recorded =
+            ["CommandRecordingState", "RequestResourceState", "NotifyResourceState", "GetNextFrameFenceValue"];
+        let calls = recorded.map(|name| unity.calls(name));
+        let (by_list, by_recording) = if version == 8 { (0, [5; 4]) } else { (5, [0; 4]) };
+        assert_eq!((unity.calls("ExecuteCommandList"), calls), (by_list, by_recording), "v{version}");
+        assert_eq!(unity.wrong(), Vec::<String>::new(), "v{version}");
+        scene.end();
+    }
+}
+
+#[test]
+fn what_cannot_be_shown_is_said_and_harms_nothing() {
+    for version in [5, 8] {
+        let unity = Running::start(version);
+        unity.load();
+        let scene = Scene::new();
+        let target = texture(&unity, SIZE, 1);
+        // Nothing was told yet; then a texture of another size than the frames, one with mip maps, and no texture.
+        scene.show(&unity);
+        assert_eq!(scene.get().0, CAIRN_NOT_READY);
+        for (wrong, part) in
+            [(texture(&unity, (SIZE.0 + 1, SIZE.1), 1), "target"), (texture(&unity, SIZE, 2), "mip maps")]
+        {
+            assert_eq!(scene.set(INTERVAL, Some(&wrong)), CAIRN_OK);
+            scene.show(&unity);
+            let (result, shown, _, message) = scene.get();
+            assert_eq!((result, shown), (CAIRN_ERROR_INVALID_ARGUMENT, 0), "{message}");
+            assert!(message.contains(part), "{message}");
+        }
+        // SAFETY: an object of another kind.
+        let refused = unsafe { cairn_unity_view_set(scene.view, 0, unity.queue().as_raw()) };
+        assert_eq!(refused, CAIRN_ERROR_INVALID_ARGUMENT);
+        assert_eq!(scene.set(INTERVAL, Some(&target)), CAIRN_OK);
+        let (make, show) = (cairn_unity_get_make_event(), cairn_unity_get_show_event());
+        let view: *mut c_void = scene.view.cast();
+        // Nothing is shown that was not made; events and data that nobody issued do nothing.
+        let events: [(c_int, *mut c_void); 6] = [
+            (make - 1, view),
+            (show + 1, view),
+            (make, null_mut()),
+            (show, null_mut()),
+            (make, without_provenance_mut(7)),
+            (show, (&raw const refused).cast_mut().cast()),
+        ];
+        for (event, data) in events {
+            unity.event(event, data);
+        }
+        unity.end_frame();
+        assert_eq!(scene.get().1, 0);
+        scene.show(&unity);
+        assert_eq!((scene.get().0, scene.get().1), (CAIRN_OK, 1), "it goes on: {}", scene.get().3);
+        assert!(alike(&pixels(&unity, &target), &drawn(scene.presenter, INTERVAL)));
+
+        // A presenter that is gone, and then the view itself.
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_presenter_destroy(scene.presenter) }, CAIRN_OK);
+        unity.event(make, view);
+        let (result, _, _, message) = scene.get();
+        assert!(result == CAIRN_ERROR_INVALID_HANDLE && message.contains("cairn_presenter"), "{message}");
+        // SAFETY: live handles, of which none is used again.
+        let ended = unsafe { [cairn_unity_view_destroy(scene.view), cairn_device_destroy(scene.device)] };
+        assert_eq!(ended, [CAIRN_OK; 2]);
+        unity.event(make, view);
+        unity.event(show, view);
+        unity.end_frame();
+        assert_eq!(unity.wrong(), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn devices_come_and_go_and_nothing_of_them_is_kept() {
+    for version in [5, 8] {
+        let unity = Running::start(version);
+        let (device, queue) = (unity.device(), unity.queue());
+        let target = texture(&unity, SIZE, 1);
+        let count = || [engine::references(&device), engine::references(&queue), engine::references(&target)];
+        let before = count();
+        // Loaded twice it is as loaded once.
+        unity.load();
+        unity.load();
+        assert_eq!(unity.calls("UnregisterDeviceEventCallback"), 1);
+        // A device that was lost and made again; one that was reset.
+        for (goes, comes) in [(1, 0), (2, 3)] {
+            let scene = Scene::new();
+            assert_eq!(scene.set(INTERVAL, Some(&target)), CAIRN_OK);
+            scene.show(&unity);
+            assert_eq!(scene.get().1, 1, "{}", scene.get().3);
+            unity.device_event(goes);
+            assert_eq!(state().0, CAIRN_NOT_READY);
+            scene.show(&unity);
+            assert_eq!(scene.get().1, 1, "there is nothing to draw with");
+            unity.device_event(comes);
+            unity.device_event(comes);
+            assert_eq!(state().0, CAIRN_OK);
+            // What the view was told is forgotten with the device.
+            scene.show(&unity);
+            assert_eq!(scene.get().1, 1);
+            assert_eq!(scene.set(INTERVAL * 3 / 2, Some(&target)), CAIRN_OK);
+            scene.show(&unity);
+            assert_eq!(scene.get().1, 2, "{}", scene.get().3);
+            assert!(alike(&pixels(&unity, &target), &drawn(scene.presenter, INTERVAL * 3 / 2)));
+            scene.end();
+        }
+        // Unloaded with work under way, and with a view that is still there.
+        let scene = Scene::new();
+        for frame in 4..8 {
+            assert_eq!(scene.set(INTERVAL * frame / 4, Some(&target)), CAIRN_OK);
+            scene.show(&unity);
+        }
+        unity.unload();
+        assert_eq!((state().0, scene.get().1), (CAIRN_NOT_READY, 4));
+        scene.end();
+        unity.settle();
+        unity.unload();
+        engine::comes_back(count, before);
+        assert_eq!(unity.wrong(), Vec::<String>::new());
+    }
+}

@@ -1,0 +1,169 @@
+//! `bindings/unity`: every C# file of the package compiles, in each way that a project can have input, against declarations of what it
+//! uses of Unity; its manifests say what is there; and the scripts know the plugin's functions by their names.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use provision::Mono;
+use serde_json::Value;
+
+use super::tally::Tally;
+use crate::clone::Clone;
+use crate::dist::unity::{PACKAGE, is_package};
+use crate::shell::Log;
+
+/// What Unity defines: without input, with the Input System, with the Input Manager. The last is what is compiled further.
+const INPUTS: [&[&str]; 3] =
+    [&[], &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM"], &["-define:ENABLE_LEGACY_INPUT_MANAGER"]];
+
+/// Assemblies of the package by their manifests, without the binding, in the order they are compiled in.
+const ASSEMBLIES: [(&str, &str); 3] =
+    [("Runtime/", "Cairn.Unity"), ("Editor/", "Cairn.Unity.Editor"), ("Samples~/Walk/", "Cairn.Unity.Samples.Walk")];
+
+/// Assemblies that a project has from elsewhere, or may not have.
+const FOREIGN: [&str; 1] = ["Unity.InputSystem"];
+
+const DOORS: &str = "bindings/unity/plugin/src/doors.rs";
+const SCRIPT: &str = "bindings/unity/Runtime/Plugin.cs";
+
+/// Checks the package; `binding` is the assembly of `bindings/csharp/src`.
+pub(super) fn check(
+    clone: &Clone,
+    mono: &Mono,
+    log: &mut Log,
+    binding: &Path,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let files: Vec<String> = clone.files()?.into_iter().filter(|file| is_package(file)).collect();
+    tally.check(manifests(clone, &files)?);
+    tally.check(names(&clone.read(DOORS)?, &clone.read(SCRIPT)?));
+
+    let work = binding.with_file_name("unity");
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let mut compile = |name: &str, sources: &[PathBuf], references: &[PathBuf], defines: &[&str], words: bool| {
+        let out = work.join(format!("{name}.dll"));
+        let mut command = mono.compiler();
+        command.args([
+            "-target:library",
+            "-langversion:7.2",
+            "-unsafe",
+            "-warnaserror+",
+            "-warn:4",
+            "-r:System.Core.dll",
+        ]);
+        command.args(defines).args(sources).arg(format!("-out:{}", out.display()));
+        command.args(references.iter().map(|reference| format!("-r:{}", reference.display())));
+        if words {
+            // With it a public item without a word is a warning, and so an error.
+            command.arg(format!("-doc:{}", work.join(format!("{name}.xml")).display()));
+        }
+        let compiled = log.run(&mut command)?.success;
+        Ok::<_, String>((out, (!compiled).then(|| format!("{name} of {PACKAGE} does not compile, with {defines:?}"))))
+    };
+    let declared = |file: &str| [clone.root.join(PACKAGE).join("tests").join(file)];
+    let (engine, failure) = compile("UnityEngine", &declared("UnityEngine.cs"), &[], &[], false)?;
+    tally.check(failure);
+    let (editor, failure) = compile("UnityEditor", &declared("UnityEditor.cs"), &[engine.clone()], &[], false)?;
+    tally.check(failure);
+    let mut references = vec![engine, editor, binding.to_owned()];
+    let mut compiled = 0;
+    for (folder, name) in ASSEMBLIES {
+        let is_own = |file: &&String| {
+            file.strip_prefix(PACKAGE)
+                .and_then(|file| file.strip_prefix(folder))
+                .is_some_and(|file| file.ends_with(".cs"))
+        };
+        let sources: Vec<PathBuf> = files.iter().filter(is_own).map(|file| clone.root.join(file)).collect();
+        compiled += sources.len();
+        let inputs = if name == "Cairn.Unity" { &INPUTS[..] } else { &INPUTS[2..] };
+        let mut made = None;
+        for defines in inputs {
+            let (out, failure) = compile(name, &sources, &references, defines, true)?;
+            tally.check(failure);
+            made = Some(out);
+        }
+        references.extend(made);
+    }
+    let all = files.iter().filter(|file| file.ends_with(".cs")).count();
+    tally.check((compiled != all).then(|| format!("{compiled} of {all} C# files of {PACKAGE} are in an assembly")));
+    Ok(())
+}
+
+/// What is wrong with the package's manifest and those of its assemblies.
+fn manifests(clone: &Clone, files: &[String]) -> Result<Option<String>, String> {
+    let read = |file: &str| -> Result<Value, String> {
+        serde_json::from_str(&clone.read(file)?).map_err(|e| format!("{file}: {e}"))
+    };
+    let package = read(&format!("{PACKAGE}package.json"))?;
+    let mut wrong = Vec::new();
+    if package["version"] != env!("CARGO_PKG_VERSION") {
+        wrong.push(format!("package.json has the version {}", package["version"]));
+    }
+    for sample in package["samples"].as_array().into_iter().flatten() {
+        let path = sample["path"].as_str().unwrap_or_default();
+        if !clone.root.join(PACKAGE).join(path).is_dir() {
+            wrong.push(format!("package.json names {path}"));
+        }
+    }
+    let assemblies: Vec<(String, Value)> = files
+        .iter()
+        .filter(|file| file.ends_with(".asmdef"))
+        .map(|file| Ok((file.clone(), read(file)?)))
+        .collect::<Result<_, String>>()?;
+    let name = |assembly: &Value| assembly["name"].as_str().unwrap_or_default().to_owned();
+    let known: BTreeSet<String> = assemblies.iter().map(|(_, assembly)| name(assembly)).collect();
+    for (file, assembly) in &assemblies {
+        if !file.ends_with(&format!("/{}.asmdef", name(assembly))) {
+            wrong.push(format!("{file} is called {}", name(assembly)));
+        }
+        for reference in assembly["references"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+            if !known.contains(reference) && !FOREIGN.contains(&reference) {
+                wrong.push(format!("{file} references {reference}"));
+            }
+        }
+    }
+    let expected: BTreeSet<String> =
+        ASSEMBLIES.iter().map(|(_, name)| *name).chain(["Cairn"]).map(str::to_owned).collect();
+    if known != expected {
+        wrong.push(format!("the package has the assemblies {known:?}"));
+    }
+    Ok((!wrong.is_empty()).then(|| wrong.join("; ")))
+}
+
+/// How the plugin's functions and version differ from what the scripts declare.
+fn names(doors: &str, script: &str) -> Option<String> {
+    let exported: BTreeSet<&str> =
+        doors.split("extern \"C\" fn ").skip(1).filter_map(|rest| rest.split('(').next()).collect();
+    let declared: BTreeSet<&str> = script
+        .lines()
+        .filter_map(|line| line.split_once("static extern ")?.1.split('(').next()?.split(' ').next_back())
+        .collect();
+    let number = |text: &str, before: &str| text.split_once(before)?.1.split(';').next().map(str::to_owned);
+    let versions = [number(doors, "CAIRN_UNITY_VERSION: u32 = "), number(script, "const uint Version = ")];
+    if exported.is_empty() || exported != declared {
+        let apart: Vec<_> = exported.symmetric_difference(&declared).copied().collect();
+        return Some(format!("{DOORS} and {SCRIPT} differ: {}", apart.join(", ")));
+    }
+    (versions[0].is_none() || versions[0] != versions[1])
+        .then(|| format!("{DOORS} and {SCRIPT} have versions {versions:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_function_that_one_side_lacks_is_named() {
+        let doors =
+            "pub const CAIRN_UNITY_VERSION: u32 = 1;\npub extern \"C\" fn a() {}\npub unsafe extern \"C\" fn b(\n";
+        let script =
+            "const uint Version = 1;\ninternal static extern int a();\n internal static extern IntPtr b(int c);\n";
+        assert_eq!(names(doors, script), None);
+        assert!(names(doors, &script.replace("b(", "c(")).is_some_and(|why| why.contains("b, c")));
+        assert!(
+            names(doors, &script.replace("Version = 1", "Version = 2")).is_some_and(|why| why.contains("versions"))
+        );
+        assert!(names("", "").is_some());
+    }
+}
