@@ -33,7 +33,7 @@ pub use plugin::{UnityPluginLoad, UnityPluginUnload};
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Does `work`; a panic ends here, is logged, and gives `otherwise`.
+/// Does `work`; a panic, of which the panic hook has told, ends here and gives `otherwise`.
 fn guarded<T>(otherwise: T, work: impl FnOnce() -> T) -> T {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         // What was thrown may panic again where it is dropped.

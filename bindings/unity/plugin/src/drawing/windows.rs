@@ -240,17 +240,14 @@ impl Drawing {
         }
         let mut kept = self.kept.lock();
         self.tidy(&mut kept);
-        let done = match (
-            self.api.command_recording_state,
-            self.api.request_resource_state,
-            self.api.notify_resource_state,
-        ) {
-            (Some(recording), Some(request), Some(notify)) => {
-                let mut state = RecordingState { list: std::ptr::null_mut() };
-                // SAFETY: a function of Unity's, called on the thread it says; the place lives during the call.
-                let records = unsafe { recording(&mut state) } != 0;
-                // SAFETY: what is not null is Unity's list, which is alive and open during the event.
-                match unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.filter(|_| records) {
+        let done =
+            match (self.api.command_recording_state, self.api.request_resource_state, self.api.notify_resource_state) {
+                (Some(recording), Some(request), Some(notify)) => {
+                    let mut state = RecordingState { list: std::ptr::null_mut() };
+                    // SAFETY: a function of Unity's, called on the thread it says; the place lives during the call.
+                    let records = unsafe { recording(&mut state) } != 0;
+                    // SAFETY: what is not null is Unity's list, which is alive and open during the event.
+                    match unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.filter(|_| records) {
                     Some(list) => {
                         let to = D3D12_RESOURCE_STATE_COPY_DEST.0;
                         // SAFETY: a live texture of Unity's.
@@ -265,9 +262,9 @@ impl Drawing {
                             .to_owned(),
                     ),
                 }
-            }
-            _ => self.execute(&mut kept, texture, &target),
-        };
+                }
+                _ => self.execute(&mut kept, texture, &target),
+            };
         match done {
             Ok(value) => {
                 kept.textures.push((value, [texture.clone(), target]));
