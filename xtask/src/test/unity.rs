@@ -64,7 +64,8 @@ pub(super) fn check(
     let declared = |file: &str| [clone.root.join(PACKAGE).join("tests").join(file)];
     let (engine, failure) = compile("UnityEngine", &declared("UnityEngine.cs"), &[], &[], false)?;
     tally.check(failure);
-    let (editor, failure) = compile("UnityEditor", &declared("UnityEditor.cs"), &[engine.clone()], &[], false)?;
+    let (editor, failure) =
+        compile("UnityEditor", &declared("UnityEditor.cs"), std::slice::from_ref(&engine), &[], false)?;
     tally.check(failure);
     let mut references = vec![engine, editor, binding.to_owned()];
     let mut compiled = 0;

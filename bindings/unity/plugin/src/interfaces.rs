@@ -207,6 +207,7 @@ impl Version for Direct3d12V8 {
 
 /// What is used of the best version that Unity has; `None` for what that version lacks.
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
 pub(crate) struct Direct3d12 {
     pub(crate) version: u32,
     pub(crate) get_device: GetObject,

@@ -13,6 +13,7 @@ use parking_lot::Mutex;
 use super::drawing::{Canvas, Target};
 
 /// What a presenter of Cairn's shows in a texture of Unity's.
+#[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
 pub(crate) struct View {
     /// Handles of Cairn's, as numbers: whoever uses them is told when they are gone.
     pub(crate) device: usize,
@@ -95,12 +96,12 @@ pub(crate) fn let_go() {
 impl View {
     /// Says what is shown next.
     pub(crate) fn want(&self, now: u64, target: Option<Target>) {
-        let before = std::mem::replace(&mut *self.wanted.lock(), Wanted { now, target });
         // A texture may go with the last reference to it, which takes long enough to hold no lock.
-        drop(before);
+        let _before = std::mem::replace(&mut *self.wanted.lock(), Wanted { now, target });
     }
 
     /// When the next frame is shown, and where.
+    #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
     pub(crate) fn wanted(&self) -> Option<(u64, Target)> {
         let Wanted { now, target } = self.wanted.lock().clone();
         Some((now, target?))
