@@ -30,7 +30,7 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Fetch what the demo needs: ONNX Runtime, a Python environment, a random-weight world, nasm where apt has it
     Setup {
-        /// Fetch what the tests need as well: the test worlds, the weights of LPIPS, the Windows target with a linker, Mono and .NET, cargo-deny
+        /// Fetch what the tests need as well: the test worlds, the weights of LPIPS, the Windows target with a linker, Mono and .NET, cargo-deny, mdBook
         #[arg(long)]
         all: bool,
     },
@@ -67,6 +67,8 @@ pub(crate) enum Command {
         #[command(subcommand)]
         command: Option<LabCommand>,
     },
+    /// Make a book of the documentation: target/book/html/index.html
+    Book,
     /// Compile the library's shaders to the DXBC that it carries, with Microsoft's compiler in the lab or on Windows
     Shaders,
     /// Pack the library with headers, bindings, samples and licences: archives that a project takes it from

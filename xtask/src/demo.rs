@@ -34,6 +34,7 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
         _ = tools::nightly(&["miri", "rust-src"], &console);
         _ = (provision::mono(&console), provision::dotnet(&console));
         tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
+        provision::mdbook(&console).map_err(text)?;
         pass_through(&mut clone.cargo(["fetch", "--quiet"]))?;
     }
     eprintln!("Everything is there.");

@@ -1,6 +1,7 @@
 //! `cargo xtask`: the one place that knows how things are run in this clone. `cargo xtask help` is its manual.
 
 mod abi;
+mod book;
 mod cli;
 mod clone;
 mod demo;
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
         Command::Bench { lab: false, arguments } => demo::bench(&clone, &arguments).map(|()| true),
         Command::Bench { lab: true, arguments } => demo::bench_in_lab(&clone, &arguments).map(|()| true),
         Command::Dist(options) => dist::run(&clone, &options).map(|()| true),
+        Command::Book => book::run(&clone).map(|()| true),
         Command::Shaders => shaders::compile(&clone).map(|()| true),
         Command::Fix { abi: true } => abi::fix(&clone).map(|()| true),
         Command::Fix { abi: false } => demo::fix(&clone).map(|()| true),

@@ -1,4 +1,4 @@
-"""The Python of README.md and of the package's page, run as it is shown."""
+"""The Python of README.md, of the package's page and of the book, run as it is shown."""
 
 from pathlib import Path
 
@@ -7,7 +7,8 @@ import pytest
 import cairn
 import runtime
 
-PAGES = [runtime.ROOT / "README.md", runtime.ROOT / "bindings" / "python" / "README.md"]
+OWN = [runtime.ROOT / "README.md", runtime.ROOT / "bindings" / "python" / "README.md"]
+BOOK = runtime.ROOT / "docs"
 
 
 def blocks(page: Path) -> list[str]:
@@ -15,7 +16,7 @@ def blocks(page: Path) -> list[str]:
     return [part.split("```")[0] for part in page.read_text(encoding="utf-8").split("```python\n")[1:]]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.parent.name)
+@pytest.mark.parametrize("page", OWN, ids=lambda page: page.parent.name)
 def test_what_the_page_shows_runs(page, capsys):
     runtime.need_library()
     picture = runtime.pattern(90, 160)
@@ -37,3 +38,20 @@ def test_what_the_page_shows_runs(page, capsys):
     if "film" in names:
         assert len(names["shown"]) == 16 and {"anchor", "decoded"} <= set(names["shown"])
         assert len(names["film"]) == 60 and names["film"][0].shape == (72, 128, 4) and len(names["state"]) > 0
+
+
+PAGES = sorted(page for page in BOOK.rglob("*.md") if blocks(page))
+
+
+def test_the_book_shows_python():
+    assert BOOK / "quick-start" / "python.md" in PAGES
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_what_the_book_shows_runs_by_itself(page, capsys):
+    runtime.need_library()
+    names = {}
+    for block in blocks(page):
+        # Nothing but what the blocks before it made.
+        exec(compile(block, str(page), "exec"), names)
+        assert capsys.readouterr().out

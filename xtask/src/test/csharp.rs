@@ -9,6 +9,7 @@ use provision::{Console, DotNet, Mono};
 
 use super::Context;
 use super::abi;
+use super::blocks;
 use super::tally::{Skip, Tally};
 use super::unity;
 use crate::abi::declarations::{self, Declarations};
@@ -16,8 +17,6 @@ use crate::abi::{csharp, header, record};
 use crate::clone::Clone;
 use crate::shell::Log;
 
-/// Its examples are compiled and run.
-pub(super) const PAGE: &str = "bindings/csharp/README.md";
 const PROJECT: &str = "bindings/csharp/Cairn.csproj";
 const STAND_IN: &str = "tests/host/stand_in.c";
 
@@ -216,22 +215,25 @@ impl Place<'_> {
             return Ok(Some("bindings/csharp/src does not compile".to_owned()));
         }
         let page = self.work.join("Page.cs");
-        fs::write(&page, examples(&clone.read(PAGE)?)?).map_err(|e| format!("{}: {e}", page.display()))?;
+        let pages = blocks::pages(clone)?.into_iter().filter(|page| !blocks::is_of_engine(page));
+        let shown = pages.map(|page| clone.read(&page)).collect::<Result<Vec<_>, _>>()?;
+        fs::write(&page, examples(&shown)?).map_err(|e| format!("{}: {e}", page.display()))?;
         let mut command = self.mono.compiler();
         command.arg("-target:exe").args(STRICT).args(&runtime.references).arg(option("r", &assembly));
         command.args(below("bindings/csharp/tests/")).arg(&page).arg(option("out", tests));
         let compiled = log.run(&mut command)?.success;
-        Ok((!compiled).then(|| format!("bindings/csharp/tests, or an example of {PAGE}, does not compile")))
+        Ok((!compiled).then(|| "bindings/csharp/tests, or an example of a page, does not compile".to_owned()))
     }
 }
 
-/// A page's examples as a source file, one after the other.
-fn examples(page: &str) -> Result<String, String> {
-    let blocks: Vec<&str> = page.split("```csharp\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
-    if blocks.is_empty() {
-        return Err(format!("{PAGE} has no example"));
+/// The examples of pages as a source file, one after the other; those that are a part of another page are there.
+fn examples(pages: &[String]) -> Result<String, String> {
+    let shown = pages.iter().flat_map(|page| blocks::of(page));
+    let own = shown.filter(|block| block.language == "csharp" && block.from.is_none());
+    let body: String = own.map(|block| format!("{{\n{}}}\n", block.text)).collect();
+    if body.is_empty() {
+        return Err("no page has an example in C#".to_owned());
     }
-    let body: String = blocks.iter().map(|block| format!("{{\n{block}}}\n")).collect();
     Ok(format!(
         "using System;\n\nnamespace Cairn.Tests\n{{\ninternal static class Page\n{{\ninternal static void Run()\n{{\n{body}}}\n}}\n}}\n"
     ))
@@ -251,9 +253,13 @@ mod tests {
     }
 
     #[test]
-    fn every_example_of_a_page_is_taken() {
-        let text = examples("text\n```csharp\nA();\n```\n```sh\nls\n```\n```csharp\nB();\n```\n").unwrap();
-        assert!(text.contains("{\nA();\n}\n{\nB();\n}\n") && !text.contains("ls"), "{text}");
-        assert!(examples("no example").is_err());
+    fn every_example_of_the_pages_is_taken_once() {
+        let pages = [
+            "text\n```csharp\nA();\n```\n```sh\nls\n```\n",
+            "```csharp\nB();\n```\n<!-- from a.md -->\n```csharp\nA();\n```\n",
+        ];
+        let text = examples(&pages.map(str::to_owned)).unwrap();
+        assert!(text.contains("{\nA();\n}\n{\nB();\n}\n}") && !text.contains("ls"), "{text}");
+        assert!(examples(&["no example".to_owned()]).is_err());
     }
 }

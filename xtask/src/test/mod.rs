@@ -1,6 +1,8 @@
 //! `cargo xtask test`: named runners, one after the other, and one sum.
 
 mod abi;
+mod blocks;
+mod book;
 mod browser;
 mod cargo;
 mod cpp;
@@ -101,7 +103,8 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "cluster", what: "a sweep through Ray, on an instance of this machine", run: python::cluster },
     Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
-    Runner { name: "readme", what: "every command the documents name exists", run: readme::run },
+    Runner { name: "readme", what: "what the documents show: commands exist, code compiles", run: readme::run },
+    Runner { name: "book", what: "the documentation as a book: chapters, links, names, results", run: book::run },
     Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny },
 ];
 

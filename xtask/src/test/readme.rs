@@ -1,6 +1,5 @@
-//! The commands in README.md, docs/*.md and the pages of samples and bindings: that they exist and take the options the text
-//! gives them. And README's Rust, C and C#: that they are parts of the examples the compilers see. Its Python is run by the Python
-//! tests.
+//! What the pages show (README.md, those of docs, samples and bindings): commands exist and take the options the text gives them, and code
+//! is seen by what knows its language.
 
 use std::process::Command;
 
@@ -8,61 +7,26 @@ use clap::Parser;
 use provision::tools::WINDOWS_TARGET;
 
 use super::Context;
+use super::blocks;
 use super::tally::Tally;
-use crate::abi::header;
 use crate::cli::Cli;
 use crate::shell::Log;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let pages = context.clone.files()?.into_iter().filter(|file| {
-        file == "README.md"
-            || (["docs/", "samples/host-c/", "samples/host-d3d12/", "bindings/"]
-                .iter()
-                .any(|folder| file.starts_with(folder))
-                && std::path::Path::new(file).extension().is_some_and(|e| e == "md"))
-    });
     let mut tally = Tally::default();
-    for page in pages {
+    for page in blocks::pages(context.clone)? {
         for line in commands(&context.clone.read(&page)?) {
             let failure = check(context, log, &line)?;
             log.line(&format!("{page}: {line}: {}", failure.as_deref().unwrap_or("ok")))?;
             tally.check(failure.map(|why| format!("{page}: \"{line}\": {why}")));
         }
     }
-    let page = context.clone.read("README.md")?;
-    let c = super::abi::example(&context.clone.read(header::HEADER)?)?;
-    let csharp = super::csharp::PAGE;
-    let examples = [
-        ("rust", EXAMPLE, context.clone.read(EXAMPLE)?),
-        ("c", header::HEADER, c),
-        ("csharp", csharp, context.clone.read(csharp)?),
-    ];
-    for (language, example, compiled) in examples {
-        tally.check(match block(&page, language) {
-            Some(shown) if flat(&compiled).contains(&flat(shown)) => None,
-            Some(_) => Some(format!("README.md shows other {language} than {example} has")),
-            None => Some(format!("README.md shows no {language}")),
-        });
-    }
+    blocks::check(context, log, &mut tally)?;
     Ok(tally)
 }
 
-/// What README.md shows a part of.
-const EXAMPLE: &str = "examples/first_light.rs";
-
-/// The first block of a page in a language.
-fn block<'a>(page: &'a str, language: &str) -> Option<&'a str> {
-    let (_, rest) = page.split_once(&format!("```{language}\n"))?;
-    rest.split_once("```").map(|(block, _)| block)
-}
-
-/// A text without its white space.
-fn flat(text: &str) -> String {
-    text.split_whitespace().collect()
-}
-
 /// The lines of a page's shell blocks, without prompts and comments, continued lines joined.
-fn commands(page: &str) -> Vec<String> {
+pub(super) fn commands(page: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut inside = false;
     for line in page.replace("\\\n", " ").lines() {
@@ -100,8 +64,8 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
         }
         [python, "-m", "venv" | "pip" | "pytest", ..] if is_python(python) => Ok(None),
         ["cargo", "build", "--release"] | ["cargo", "build", "--release", "--target", WINDOWS_TARGET] => Ok(None),
-        // The runners `host` and `host-d3d12` build and run by these.
-        ["cc" | "cmake" | "./host-c", ..] => Ok(None),
+        // The runners `host` and `host-d3d12` build and run by these, and `blocks` the programs of pages.
+        ["cc" | "c++" | "cmake" | "./host-c" | "./first", ..] => Ok(None),
         ["git" | "cd" | "mpv" | "ffplay" | "rustup" | "apt" | "apt-get" | "sudo" | "export", ..] => Ok(None),
         [program, ..] => Ok(Some(format!("{program} is no program these documents may ask for"))),
         [] => Ok(Some("a line of variables alone".to_owned())),

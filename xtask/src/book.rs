@@ -1,0 +1,173 @@
+//! `cargo xtask book`: the documentation as a book, by mdBook.
+//!
+//! Its chapters are pages of `docs/` and the pages of bindings and samples, which lie elsewhere. So they are brought together first, each
+//! with the place in the tree that it has in the clone, and links between them stay as they are.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::{Console, Progress as _};
+
+use crate::clone::Clone;
+use crate::dist::tree::{joined, without_dead_links};
+use crate::shell::show;
+
+/// The chapters in their order, with paths from `docs/`.
+pub(crate) const SUMMARY: &str = "docs/SUMMARY.md";
+const SETTINGS: &str = "docs/book.toml";
+
+/// Renders the book and says where it is.
+pub(crate) fn run(clone: &Clone) -> Result<(), String> {
+    let (place, said) = render(clone, &clone.target.join("book"))?;
+    let complaints = complaints(&said);
+    if !complaints.is_empty() {
+        return Err(format!("mdBook complains:\n{}", complaints.join("\n")));
+    }
+    Console::new().done(&format!("the book: {}", place.join("index.html").display()));
+    Ok(())
+}
+
+/// Renders the book into a folder, which is made anew, and gives that of its pages and what mdBook said.
+pub(crate) fn render(clone: &Clone, folder: &Path) -> Result<(PathBuf, String), String> {
+    let mdbook = provision::mdbook(&Console::new()).map_err(|e| e.to_string())?;
+    match fs::remove_dir_all(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
+        _ => {}
+    }
+    let (stage, pages) = (folder.join("source"), folder.join("html"));
+    bring_together(clone, &stage)?;
+    let mut command = Command::new(mdbook);
+    command.arg("build").arg("--dest-dir").arg(&pages).arg(&stage);
+    let ended = command.output().map_err(|e| format!("{} does not run: {e}", show(&command)))?;
+    let said = format!("{}{}", String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
+    if ended.status.success() { Ok((pages, said)) } else { Err(format!("mdBook failed:\n{said}")) }
+}
+
+/// The lines of mdBook's output that are no mere news.
+pub(crate) fn complaints(said: &str) -> Vec<&str> {
+    said.lines().filter(|line| ["WARN", "ERROR"].iter().any(|level| line.contains(level))).collect()
+}
+
+/// Paths of a summary's chapters from the root of the clone.
+pub(crate) fn chapters(summary: &str) -> Result<Vec<String>, String> {
+    let targets = summary.lines().filter_map(|line| line.split_once("](")?.1.split_once(')')).map(|(target, _)| target);
+    targets
+        .map(|target| joined(folder_of(SUMMARY), target).ok_or_else(|| format!("{SUMMARY}: {target} leads out of it")))
+        .collect()
+}
+
+/// The targets of a page's links and pictures that are files, without headings.
+pub(crate) fn links(page: &str) -> impl Iterator<Item = &str> {
+    let ends = page.match_indices("](").filter_map(|(at, _)| page[at + 2..].split_once(')').map(|(target, _)| target));
+    let paths = ends.map(|target| target.split('#').next().unwrap_or_default());
+    paths.filter(|path| !path.is_empty() && !path.contains(':') && !path.contains(char::is_whitespace))
+}
+
+/// The first page's place: mdBook shows it at the root whatever it is called, so that is where its links must lead from.
+const FIRST: &str = "index.md";
+
+/// Writes the settings, the chapters and what they show or link to below `stage`. A link to a folder, or to a page that is no chapter,
+/// becomes its words.
+fn bring_together(clone: &Clone, stage: &Path) -> Result<(), String> {
+    let put = |path: &str, bytes: &[u8]| {
+        let to = stage.join(path);
+        let folder = to.parent().unwrap_or(stage);
+        fs::create_dir_all(folder).and_then(|()| fs::write(&to, bytes)).map_err(|e| format!("{}: {e}", to.display()))
+    };
+    let summary = clone.read(SUMMARY)?;
+    let ordered = chapters(&summary)?;
+    let first = ordered.first().ok_or_else(|| format!("{SUMMARY} has no chapter"))?;
+    let chapters: BTreeSet<&String> = ordered.iter().collect();
+    put("book.toml", clone.read(SETTINGS)?.as_bytes())?;
+    put(
+        &format!("src/{}", SUMMARY.trim_start_matches("docs/")),
+        from_root(folder_of(SUMMARY), &summary).replacen(first.as_str(), FIRST, 1).as_bytes(),
+    )?;
+    let mut shown = BTreeSet::new();
+    for chapter in &ordered {
+        let text = clone.read(chapter)?;
+        let folder = folder_of(chapter);
+        let is_page = |path: &str| Path::new(path).extension().is_some_and(|ending| ending == "md");
+        let there = |target: &str| match joined(folder, target) {
+            Some(path) if is_page(&path) => chapters.contains(&path),
+            Some(path) => clone.root.join(path).is_file(),
+            None => false,
+        };
+        let files = links(&text).filter(|target| there(target)).filter_map(|target| joined(folder, target));
+        shown.extend(files.filter(|path| !is_page(path)));
+        let text = without_dead_links(&text, there);
+        match chapter == first {
+            true => put(&format!("src/{FIRST}"), from_root(folder, &text).as_bytes())?,
+            false => put(&format!("src/{chapter}"), text.as_bytes())?,
+        }
+    }
+    // A report of the same name lies beside its page, which becomes that file.
+    shown.retain(|file| !chapters.contains(&file.replace(".html", ".md")));
+    for file in shown {
+        let bytes = fs::read(clone.root.join(&file)).map_err(|e| format!("{file}: {e}"))?;
+        put(&format!("src/{file}"), &bytes)?;
+    }
+    Ok(())
+}
+
+/// The folder of a file of the clone.
+fn folder_of(path: &str) -> &str {
+    path.rsplit_once('/').map_or("", |(folder, _)| folder)
+}
+
+/// A page of a folder as one of the root: its links lead to the same files.
+fn from_root(folder: &str, page: &str) -> String {
+    let mut moved = String::with_capacity(page.len());
+    let mut rest = page;
+    while let Some((before, after)) = rest.split_once("](") {
+        moved += before;
+        moved += "](";
+        let (target, behind) = after.split_once(')').unwrap_or((after, ""));
+        match joined(folder, target).filter(|_| !target.starts_with('#') && !target.contains(':')) {
+            Some(path) => moved += &path,
+            None => moved += target,
+        }
+        moved += &after[target.len()..after.len() - behind.len()];
+        rest = behind;
+    }
+    moved + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str =
+        "# Summary\n\n[First](bundle.md)\n\n- [One](quick-start/c.md)\n  - [Other](../bindings/python/README.md)\n";
+
+    #[test]
+    fn chapters_are_named_from_the_root() {
+        assert_eq!(chapters(TEXT).unwrap(), ["docs/bundle.md", "docs/quick-start/c.md", "bindings/python/README.md"]);
+        assert!(chapters("[Out](../../a.md)").is_err());
+        assert_eq!(
+            from_root("docs", TEXT),
+            "# Summary\n\n[First](docs/bundle.md)\n\n- [One](docs/quick-start/c.md)\n  - [Other](bindings/python/README.md)\n"
+        );
+        let page = "See [a](fsr.md#c), [d](#e), ![f](../g.png) and [h](https://example.org/).";
+        assert_eq!(
+            from_root("docs", page),
+            "See [a](docs/fsr.md#c), [d](#e), ![f](g.png) and [h](https://example.org/)."
+        );
+    }
+
+    #[test]
+    fn links_are_files() {
+        let page = "[a](b.md#c) ![d](e.png) [f](#g) [h](https://example.org) x[0](1 2)";
+        assert_eq!(links(page).collect::<Vec<_>>(), ["b.md", "e.png"]);
+    }
+
+    #[test]
+    fn a_warning_is_a_complaint() {
+        assert_eq!(
+            complaints(" INFO Book building has started\n WARN unclosed HTML tag\n"),
+            [" WARN unclosed HTML tag"]
+        );
+    }
+}

@@ -1,0 +1,268 @@
+//! The code that pages show. Every block has a language, and something that knows the language has seen it: a compiler, a parser, the
+//! tests of a binding, or the file that the block is a part of, which a comment before the block names: `<!-- from FILE -->`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::tools;
+
+use super::Context;
+use super::abi::{self, Compiler, STRICT};
+use super::tally::{Skip, Tally};
+use crate::clone::Clone;
+use crate::shell::Log;
+
+/// A fenced block of a page.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Block {
+    /// Of its first line of code, from 1.
+    pub(super) line: usize,
+    /// Empty where the page says none.
+    pub(super) language: String,
+    /// The file that it is a part of, where the page names one.
+    pub(super) from: Option<String>,
+    pub(super) text: String,
+}
+
+/// The pages whose code is looked at: of the documentation, of samples and of bindings.
+pub(super) fn pages(clone: &Clone) -> Result<Vec<String>, String> {
+    let folders = ["docs/", "samples/host-c/", "samples/host-d3d12/", "bindings/"];
+    let is_page = |file: &String| {
+        file == "README.md"
+            || (folders.iter().any(|folder| file.starts_with(folder))
+                && Path::new(file).extension().is_some_and(|ending| ending == "md"))
+    };
+    Ok(clone.files()?.into_iter().filter(is_page).collect())
+}
+
+/// Whether a page is about the plugin of an engine, whose code needs that engine: the plugin's own tests compile what the page is about.
+pub(super) fn is_of_engine(page: &str) -> bool {
+    ["bindings/unity/", "bindings/unreal/"].iter().any(|folder| page.starts_with(folder))
+}
+
+/// The blocks of a page.
+pub(super) fn of(page: &str) -> Vec<Block> {
+    let mut blocks = Vec::new();
+    let mut open: Option<Block> = None;
+    let mut before = "";
+    for (number, line) in page.lines().enumerate() {
+        match (line.trim_start().strip_prefix("```"), &mut open) {
+            (None, Some(block)) => block.text += &format!("{line}\n"),
+            (Some(_), Some(_)) => blocks.extend(open.take()),
+            (Some(language), None) => {
+                let from = before.trim().strip_prefix("<!-- from ").and_then(|rest| rest.strip_suffix(" -->"));
+                open = Some(Block {
+                    line: number + 2,
+                    language: language.trim().to_owned(),
+                    from: from.map(str::to_owned),
+                    text: String::new(),
+                });
+            }
+            (None, None) => {}
+        }
+        before = line;
+    }
+    blocks.extend(open);
+    blocks
+}
+
+/// Looks at every block of every page, compiles what is C or C++, and builds and runs the programs among them as their page says.
+pub(super) fn check(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let work = context.clone.target.join("xtask").join("blocks");
+    match fs::remove_dir_all(&work) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
+        _ => {}
+    }
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let compilers = abi::matrix(tally);
+    for page in pages(context.clone)? {
+        let text = context.clone.read(&page)?;
+        let blocks = of(&text);
+        for block in &blocks {
+            let place = format!("{page}:{}", block.line);
+            let failure = match (&block.from, block.language.as_str()) {
+                (Some(file), _) => {
+                    let source = context.clone.read(file);
+                    source.map_or_else(Some, |source| differs(&block.text, file, &source))
+                }
+                (None, "cpp" | "csharp") if is_of_engine(&page) => None,
+                (None, "c" | "cpp") => compiled(context, log, &compilers, &work, &place, block)?,
+                (None, language) => unseen(language, &page, &block.text),
+            };
+            log.line(&format!("{place}: {}: {}", block.language, failure.as_deref().unwrap_or("ok")))?;
+            tally.check(failure.map(|why| format!("{place}: {why}")));
+        }
+        if let Some(block) = blocks.iter().find(|block| is_program(block)) {
+            runs(context, log, &work, &page, &text, block, tally)?;
+        }
+    }
+    Ok(())
+}
+
+/// What is wrong with a block that is no part of a file and that no C compiler reads.
+fn unseen(language: &str, page: &str, text: &str) -> Option<String> {
+    match language {
+        // Looked at line by line, by the same runner.
+        "sh" | "text" => None,
+        "toml" => toml::from_str::<toml::Table>(text).err().map(|e| e.to_string()),
+        "json" => serde_json::from_str::<serde_json::Value>(text).err().map(|e| e.to_string()),
+        // The runner `pytest` runs those of these pages, `csharp` those of all.
+        "python" if page == "README.md" || page.starts_with("docs/") || page == "bindings/python/README.md" => None,
+        "csharp" => None,
+        "" => Some("the block has no language; what is no code is text".to_owned()),
+        other => Some(format!("nothing here looks at {other}: name the file that it is a part of, <!-- from FILE -->")),
+    }
+}
+
+/// Whether a block is not a part of a file, white space aside.
+fn differs(shown: &str, file: &str, source: &str) -> Option<String> {
+    // Examples of headers stand in comments.
+    let is_header = Path::new(file).extension().is_some_and(|ending| ending == "h" || ending == "hpp");
+    let plain = |line: &str| line.strip_prefix(" *").filter(|_| is_header).unwrap_or(line).to_owned();
+    let source: String = source.lines().map(plain).collect::<Vec<_>>().join("\n");
+    (!flat(&source).contains(&flat(shown))).then(|| format!("{file} does not have this"))
+}
+
+/// A text without its white space.
+fn flat(text: &str) -> String {
+    text.split_whitespace().collect()
+}
+
+/// Has each compiler of its language take a block, as a source file of its own, every warning being an error.
+fn compiled(
+    context: &Context<'_>,
+    log: &mut Log,
+    compilers: &[Compiler],
+    work: &Path,
+    place: &str,
+    block: &Block,
+) -> Result<Option<String>, String> {
+    let cpp = block.language == "cpp";
+    let path = work.join(format!("{}.{}", place.replace(['/', '.', ':'], "-"), block.language));
+    fs::write(&path, source(place, block)).map_err(|e| format!("{}: {e}", path.display()))?;
+    for compiler in compilers.iter().filter(|compiler| compiler.cpp == cpp && takes_block(compiler, block)) {
+        let mut command = Command::new(&compiler.program);
+        command.args(compiler.first).args(if cpp { ["-std=c++17", "-Wshadow"] } else { ["-std=c11", "-Wshadow"] });
+        command.args(STRICT).arg("-I").arg(context.clone.root.join("include")).arg("-fsyntax-only").arg(&path);
+        if !log.run(&mut command)?.success {
+            return Ok(Some(format!("{} does not take it", compiler.program.display())));
+        }
+    }
+    Ok(None)
+}
+
+/// A block as a source file, whose lines are those of its page.
+fn source(place: &str, block: &Block) -> String {
+    let page = place.split(':').next().unwrap_or_default();
+    let header = match (block.text.contains("#include"), block.language.as_str()) {
+        (true, _) => "",
+        (false, "cpp") => "#include <cairn.hpp>\n",
+        (false, _) => "#include <cairn.h>\n",
+    };
+    format!("{header}#line {} \"{page}\"\n{}", block.line, block.text)
+}
+
+/// What needs Windows' own headers, or the parts of `cairn.hpp` that only Windows has, is for compilers for Windows.
+fn takes_block(compiler: &Compiler, block: &Block) -> bool {
+    let windows = block.text.contains("<d3d12.h>") || (block.language == "cpp" && block.text.contains("d3d12"));
+    let for_windows = compiler.program.to_string_lossy().contains("mingw") || !compiler.first.is_empty();
+    for_windows || !windows
+}
+
+/// Whether it is a program that a page has its reader build, and not one for Windows.
+fn is_program(block: &Block) -> bool {
+    let is_main = block.text.contains("int main(") && block.from.is_none();
+    is_main && matches!(block.language.as_str(), "c" | "cpp") && !block.text.contains("d3d12")
+}
+
+/// Builds a page's program by the line that the page shows for it, and runs it by the next, whose last word is a file that it writes.
+fn runs(
+    context: &Context<'_>,
+    log: &mut Log,
+    work: &Path,
+    page: &str,
+    text: &str,
+    block: &Block,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let compiler = if block.language == "cpp" { "c++" } else { "cc" };
+    let lines = super::readme::commands(text);
+    let mut lines = lines.iter().skip_while(|line| !line.starts_with(&format!("{compiler} ")));
+    let (Some(build), Some(run)) = (lines.next(), lines.find(|line| line.starts_with("./"))) else {
+        tally.failures.push(format!("{page} does not say how its program is built with {compiler}, and run"));
+        return Ok(());
+    };
+    if tools::on_path(compiler).is_none() {
+        let reason = format!("needs {compiler}: install a C compiler");
+        tally.skips.push(Skip { name: format!("the program of {page}"), reason });
+        return Ok(());
+    }
+    let library = abi::library(context, log)?;
+    let root = context.clone.root.display().to_string();
+    let folder = library.parent().unwrap_or(Path::new(".")).display().to_string();
+    let here = |line: &str| {
+        let line = line.replace("$PWD/target/release", &folder).replace("target/release", &folder);
+        line.replace("-Iinclude", &format!("-I{root}/include")).replace(" samples/", &format!(" {root}/samples/"))
+    };
+    let work = work.join(page.replace(['/', '.'], "-"));
+    let name = build.split(' ').find(|word| [".c", ".cpp"].iter().any(|ending| word.ends_with(ending)));
+    let made = work.join(run.rsplit(' ').next().unwrap_or_default());
+    let file: PathBuf = work.join(name.unwrap_or("first.c"));
+    fs::create_dir_all(&work)
+        .and_then(|()| fs::write(&file, &block.text))
+        .map_err(|e| format!("{}: {e}", file.display()))?;
+    for line in [build, run] {
+        let mut command = Command::new("sh");
+        context.provide_worlds(command.args(["-c", &here(line)]).current_dir(&work))?;
+        if !log.run(&mut command)?.success {
+            tally.failures.push(format!("{page}: \"{line}\" fails"));
+            return Ok(());
+        }
+    }
+    let empty = fs::metadata(&made).map_or(true, |file| file.len() < 1000);
+    tally.check(empty.then(|| format!("{page}: its program wrote nothing into {}", made.display())));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PAGE: &str =
+        "text\n<!-- from a.c -->\n```c\nint a;\n```\n\n```sh\nls\n```\n- item\n  ```cpp\n  b();\n  ```\n```\nc\n```\n";
+
+    #[test]
+    fn blocks_have_language_place_and_origin() {
+        let blocks = of(PAGE);
+        let shown: Vec<_> = blocks.iter().map(|b| (b.line, b.language.as_str(), b.from.as_deref())).collect();
+        assert_eq!(shown, [(4, "c", Some("a.c")), (8, "sh", None), (12, "cpp", None), (15, "", None)]);
+        assert_eq!(blocks[0].text, "int a;\n");
+    }
+
+    #[test]
+    fn what_nobody_sees_is_refused() {
+        assert!(unseen("", "docs/fsr.md", "").is_some() && unseen("rust", "docs/fsr.md", "").is_some());
+        assert!(
+            unseen("toml", "docs/fsr.md", "a = \n").is_some() && unseen("toml", "docs/fsr.md", "a = 1\n").is_none()
+        );
+        assert!(
+            unseen("python", "samples/host-c/README.md", "").is_some() && unseen("python", "docs/fsr.md", "").is_none()
+        );
+    }
+
+    #[test]
+    fn a_part_of_a_file_is_found_also_in_a_comment() {
+        assert_eq!(differs("a(b);\n  c();", "x.c", "{\n    a(b);\n    c();\n}"), None);
+        assert!(differs("a(b);", "x.c", "a(c);").is_some());
+        assert_eq!(differs("a(b);\nc();", "x.h", " *     a(b);\n *     c();\n"), None);
+        assert!(differs("a(b);\nc();", "x.c", " *     a(b);\n *     c();\n").is_some());
+    }
+
+    #[test]
+    fn sources_have_their_pages_lines() {
+        let blocks = of("```c\nint a;\n```\n```cpp\n#include <vector>\n```\n");
+        assert_eq!(source("docs/fsr.md:2", &blocks[0]), "#include <cairn.h>\n#line 2 \"docs/fsr.md\"\nint a;\n");
+        assert_eq!(source("docs/fsr.md:5", &blocks[1]), "#line 5 \"docs/fsr.md\"\n#include <vector>\n");
+    }
+}

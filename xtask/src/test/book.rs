@@ -1,0 +1,281 @@
+//! The documentation as a book: every page is a chapter, every link leads somewhere, every name of the C interface is one, and the pages that
+//! say of each result, and of each function, what to do know all of them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::Context;
+use super::tally::Tally;
+use crate::abi::declarations::{self, Declarations};
+use crate::abi::header;
+use crate::book::{self, SUMMARY};
+use crate::clone::Clone;
+use crate::dist::tree::joined;
+use crate::shell::Log;
+
+/// Has a row for every result.
+const RESULTS: &str = "docs/troubleshooting.md";
+/// Has a row for every function that one thread at a time may call.
+const THREADS: &str = "docs/threads.md";
+/// Names every function that is given a texture or a command list.
+const STATES: &str = "docs/resource-states.md";
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let clone = context.clone;
+    let mut tally = Tally::default();
+    let header = clone.read(header::HEADER)?;
+    let declared = declarations::read(&header)?;
+    let chapters = book::chapters(&clone.read(SUMMARY)?)?;
+    tally.check(outside(&chapters, &clone.files()?));
+    tally.check(results_differ(&results(&header)?, &clone.read(RESULTS)?));
+    tally.check(threads_differ(&declared, &clone.read(THREADS)?));
+    tally.check(states_missing(&declared, &clone.read(STATES)?));
+    let known = words_of_sources(clone)?;
+    for chapter in &chapters {
+        tally.check(unknown_names(chapter, &clone.read(chapter)?, &known));
+    }
+
+    let (pages, said) = book::render(clone, &clone.target.join("book"))?;
+    log.line(&said)?;
+    tally.check(book::complaints(&said).first().map(|line| format!("mdBook complains: {line}")));
+    let dead = dead_links(&pages)?;
+    for link in &dead {
+        log.line(link)?;
+    }
+    tally.check((!dead.is_empty()).then(|| format!("the book has dead links: {}", dead.join("; "))));
+    Ok(tally)
+}
+
+/// Pages that nobody who reads the book comes to, and chapters that are there twice.
+fn outside(chapters: &[String], files: &[String]) -> Option<String> {
+    let listed: BTreeSet<&String> = chapters.iter().collect();
+    let is_page = |file: &&String| {
+        let of_docs = file.starts_with("docs/") && Path::new(file).extension().is_some_and(|ending| ending == "md");
+        let of_others = ["bindings/", "samples/"].iter().any(|f| file.starts_with(f)) && file.ends_with("/README.md");
+        (of_docs || of_others) && *file != SUMMARY
+    };
+    let missing: Vec<_> = files.iter().filter(is_page).filter(|file| !listed.contains(file)).cloned().collect();
+    if !missing.is_empty() {
+        return Some(format!("{SUMMARY} does not have {}", missing.join(", ")));
+    }
+    (listed.len() != chapters.len()).then(|| format!("{SUMMARY} has a chapter twice"))
+}
+
+/// Names and numbers of all results, of the header's chapter of them.
+fn results(header: &str) -> Result<BTreeMap<String, String>, String> {
+    let (_, rest) = header.split_once("typedef int32_t cairn_result;").ok_or("the header has no results")?;
+    let (chapter, _) = rest.split_once("CAIRN_API").ok_or("the header has no function after its results")?;
+    let constants = declarations::read(chapter)?.constants;
+    Ok(constants.into_iter().map(|(name, value)| (name, value.trim_matches(['(', ')']).to_owned())).collect())
+}
+
+/// The cells of a page's rows that begin with a name of the C interface.
+fn rows(page: &str) -> Vec<Vec<&str>> {
+    let rows = page.lines().filter(|line| line.starts_with("| `CAIRN_") || line.starts_with("| `cairn_"));
+    rows.map(|row| row.trim_matches('|').split('|').map(str::trim).collect()).collect()
+}
+
+/// What the page on results has otherwise than the header.
+fn results_differ(results: &BTreeMap<String, String>, page: &str) -> Option<String> {
+    let mut told = BTreeMap::new();
+    for row in rows(page) {
+        let [name, number, why, remedy] = row.as_slice() else { continue };
+        let name = name.trim_matches('`');
+        // Other tables of the page are about other things.
+        if !results.contains_key(name) && number.parse::<i32>().is_err() {
+            continue;
+        }
+        if why.is_empty() || remedy.is_empty() {
+            return Some(format!("{RESULTS} does not say why {name} comes and what to do"));
+        }
+        if told.insert(name.to_owned(), (*number).to_owned()).is_some() {
+            return Some(format!("{RESULTS} has {name} twice"));
+        }
+    }
+    let missing: Vec<_> = results.iter().filter(|(name, number)| told.get(*name) != Some(number)).collect();
+    let invented: Vec<_> = told.keys().filter(|name| !results.contains_key(*name)).collect();
+    let differs = !missing.is_empty() || !invented.is_empty();
+    differs.then(|| format!("{RESULTS} lacks {missing:?}, and has {invented:?} that the header does not have"))
+}
+
+/// What the table of functions for one thread at a time has otherwise than the header's comments.
+fn threads_differ(declared: &Declarations, page: &str) -> Option<String> {
+    let alone = declared.functions.iter().filter(|function| function.comment.join(" ").contains("one call at a time"));
+    let alone: BTreeSet<&str> = alone.map(|function| function.name.as_str()).collect();
+    let told = rows(page).into_iter().filter_map(|row| Some(row.first()?.trim_matches('`')));
+    // Callbacks have a table of their own.
+    let told: BTreeSet<&str> = told.filter(|name| !name.ends_with("_callback")).collect();
+    let differ: Vec<_> = alone.symmetric_difference(&told).copied().collect();
+    (!differ.is_empty()).then(|| format!("{THREADS} and the header do not agree on {}", differ.join(", ")))
+}
+
+/// The functions that are given an object of Direct3D 12 or DXGI, and that the page on states does not name.
+fn states_missing(declared: &Declarations, page: &str) -> Option<String> {
+    const OBJECTS: [&str; 4] =
+        ["ID3D12Resource", "ID3D12GraphicsCommandList", "cairn_swapchain_frame", "IDXGISwapChain"];
+    let given = declared.functions.iter().filter(|f| OBJECTS.iter().any(|object| f.prototype.contains(object)));
+    let missing: Vec<_> = given.map(|f| f.name.as_str()).filter(|name| !page.contains(&format!("`{name}`"))).collect();
+    (!missing.is_empty()).then(|| format!("{STATES} does not say of {}", missing.join(", ")))
+}
+
+/// Words of a text that are made of letters of identifiers.
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'))
+}
+
+fn is_name(word: &str) -> bool {
+    word.strip_prefix("cairn_").or_else(|| word.strip_prefix("CAIRN_")).is_some_and(|rest| !rest.is_empty())
+}
+
+/// All that begins like a name of the C interface and stands in a file that is no page.
+fn words_of_sources(clone: &Clone) -> Result<BTreeSet<String>, String> {
+    const ENDINGS: [&str; 8] = ["h", "hpp", "rs", "py", "cs", "c", "cpp", "cmake"];
+    let mut known = BTreeSet::new();
+    for file in clone.files()? {
+        let ending = Path::new(&file).extension().unwrap_or_default();
+        // This file's tests have names that nothing has.
+        if ENDINGS.iter().any(|known| ending == *known) && !file.ends_with("test/book.rs") {
+            known.extend(words(&clone.read(&file)?).filter(|word| is_name(word)).map(str::to_owned));
+        }
+    }
+    Ok(known)
+}
+
+/// Names on a page that nothing has. One that ends in `_` stands for all that begin so.
+fn unknown_names(page: &str, text: &str, known: &BTreeSet<String>) -> Option<String> {
+    let is_known = |word: &str| match word.ends_with('_') {
+        true => known.iter().any(|name| name.starts_with(word)),
+        false => known.contains(word),
+    };
+    let unknown: BTreeSet<&str> = words(text).filter(|word| is_name(word) && !is_known(word)).collect();
+    let unknown: Vec<_> = unknown.into_iter().collect();
+    (!unknown.is_empty()).then(|| format!("{page} names what nothing has: {}", unknown.join(", ")))
+}
+
+/// The links of the book's pages that lead to no file of it, or to no place in that file.
+fn dead_links(pages: &Path) -> Result<Vec<String>, String> {
+    let mut texts = BTreeMap::new();
+    let mut files = BTreeSet::new();
+    let mut folders = vec![pages.to_owned()];
+    while let Some(folder) = folders.pop() {
+        let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+        for entry in fs::read_dir(&folder).map_err(failed)? {
+            let path: PathBuf = entry.map_err(failed)?.path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let name = path.strip_prefix(pages).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            if name.ends_with(".html") {
+                texts.insert(name.clone(), fs::read_to_string(&path).map_err(failed)?);
+            }
+            files.insert(name);
+        }
+    }
+    let mut found = BTreeSet::new();
+    // The page for what is not there is made for the root of a site.
+    for (name, text) in texts.iter().filter(|(name, _)| *name != "404.html") {
+        found.extend(
+            targets(text).filter_map(|target| dead(name, target, &files, &texts)).map(|why| format!("{name}: {why}")),
+        );
+    }
+    Ok(found.into_iter().collect())
+}
+
+/// What attributes of a page's elements link to.
+fn targets(text: &str) -> impl Iterator<Item = &str> {
+    [" href=\"", " src=\""].into_iter().flat_map(move |attribute| {
+        text.match_indices(attribute).filter_map(move |(at, _)| Some(text[at + attribute.len()..].split_once('"')?.0))
+    })
+}
+
+/// Why a target leads nowhere; other sites are not asked.
+fn dead(page: &str, target: &str, files: &BTreeSet<String>, texts: &BTreeMap<String, String>) -> Option<String> {
+    if target.contains(':') || target.starts_with("//") {
+        return None;
+    }
+    let (path, place) = target.split_once('#').unwrap_or((target, ""));
+    let folder = page.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let file = match path.split('?').next().unwrap_or_default() {
+        "" => page.to_owned(),
+        path => match joined(folder, &path.replace("%20", " ")) {
+            Some(file) => file,
+            None => return Some(format!("{target} leads out of the book")),
+        },
+    };
+    if !files.contains(&file) {
+        return Some(format!("{target} leads to no file"));
+    }
+    let found =
+        |text: &String| text.contains(&format!("id=\"{place}\"")) || text.contains(&format!("name=\"{place}\""));
+    let there = place.is_empty() || texts.get(&file).is_none_or(found);
+    (!there).then(|| format!("{target} leads to no place of its page"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = include_str!("../../../include/cairn.h");
+    const PAGE: &str = include_str!("../../../docs/troubleshooting.md");
+
+    #[test]
+    fn a_result_without_a_row_is_named() {
+        let mut known = results(HEADER).unwrap();
+        assert!(known.len() >= 19 && known["CAIRN_ERROR_IO"] == "-7" && known["CAIRN_NOT_READY"] == "1", "{known:?}");
+        assert_eq!(results_differ(&known, PAGE), None);
+        let without: Vec<_> = PAGE.lines().filter(|line| !line.starts_with("| `CAIRN_ERROR_BUSY`")).collect();
+        assert!(results_differ(&known, &without.join("\n")).unwrap().contains("CAIRN_ERROR_BUSY"));
+        known.insert("CAIRN_ERROR_NEW".to_owned(), "-16".to_owned());
+        assert!(results_differ(&known, PAGE).unwrap().contains("CAIRN_ERROR_NEW"));
+        let more = format!("{PAGE}\n| `CAIRN_ERROR_INVENTED` | -99 | why | what |\n");
+        assert!(results_differ(&results(HEADER).unwrap(), &more).unwrap().contains("CAIRN_ERROR_INVENTED"));
+        let other = PAGE.replace("| `CAIRN_ERROR_IO` | -7 |", "| `CAIRN_ERROR_IO` | -8 |");
+        assert!(results_differ(&results(HEADER).unwrap(), &other).unwrap().contains("CAIRN_ERROR_IO"));
+    }
+
+    #[test]
+    fn a_function_for_one_thread_without_a_row_is_named() {
+        let declared = declarations::read(HEADER).unwrap();
+        let page = include_str!("../../../docs/threads.md");
+        assert_eq!(threads_differ(&declared, page), None);
+        let without: Vec<_> = page.lines().filter(|line| !line.starts_with("| `cairn_rollout_step`")).collect();
+        assert!(threads_differ(&declared, &without.join("\n")).unwrap().contains("cairn_rollout_step"));
+        assert!(threads_differ(&declared, &format!("{page}\n| `cairn_adapters` | |\n")).is_some());
+    }
+
+    #[test]
+    fn a_function_with_a_texture_that_no_page_tells_of_is_named() {
+        let declared = declarations::read(HEADER).unwrap();
+        let page = include_str!("../../../docs/resource-states.md");
+        assert_eq!(states_missing(&declared, page), None);
+        let without = page.replace("`cairn_anchor_get_d3d12`", "");
+        assert!(states_missing(&declared, &without).unwrap().contains("cairn_anchor_get_d3d12"));
+    }
+
+    #[test]
+    fn pages_and_names_that_are_not_there_are_told() {
+        let [a, b] = ["docs/bundle.md", "docs/fsr.md"].map(str::to_owned);
+        let files = [a.clone(), b.clone(), SUMMARY.to_owned(), "xtask/src/dist/pages/linux.md".to_owned()];
+        assert_eq!(outside(&[a.clone(), b.clone()], &files), None);
+        assert!(outside(std::slice::from_ref(&a), &files).unwrap().contains("docs/fsr.md"));
+        assert!(outside(&[a.clone(), b, a], &files).unwrap().contains("twice"));
+        let known = ["cairn_a".to_owned(), "CAIRN_B_C".to_owned()].into();
+        assert_eq!(unknown_names("p", "`cairn_a()`, CAIRN_B_ and cairn.h", &known), None);
+        assert!(unknown_names("p", "`cairn_b`", &known).unwrap().contains("cairn_b"));
+    }
+
+    #[test]
+    fn links_into_nothing_are_dead() {
+        let texts: BTreeMap<_, _> = [("a/x.html".to_owned(), "<h1 id=\"top\">".to_owned())].into();
+        let files: BTreeSet<_> = ["a/x.html".to_owned(), "b.png".to_owned()].into();
+        for fine in ["#top", "x.html#top", "../b.png?1", "https://example.org/", "mailto:a"] {
+            assert_eq!(dead("a/x.html", fine, &files, &texts), None, "{fine}");
+        }
+        for wrong in ["#bottom", "y.html", "../../b.png"] {
+            assert!(dead("a/x.html", wrong, &files, &texts).is_some(), "{wrong}");
+        }
+        assert_eq!(targets("<a href=\"b\"><img src=\"c\">").collect::<Vec<_>>(), ["b", "c"]);
+    }
+}
