@@ -71,7 +71,7 @@ pub(crate) enum Command {
     Book,
     /// Compile the library's shaders to the DXBC that it carries, with Microsoft's compiler in the lab or on Windows
     Shaders,
-    /// Pack the library with headers, bindings, samples and licences: archives that a project takes it from
+    /// Pack the library with headers, bindings, samples and licences: archives and Python wheels that a project takes it from
     Dist(DistOptions),
     /// Format the code, apply what clippy can mend by itself, and write the C headers, abi.txt and C#'s declarations anew
     Fix {
@@ -83,17 +83,21 @@ pub(crate) enum Command {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Writes cairn-VERSION-windows-x64.zip, the same without Microsoft's libraries (-slim), cairn-VERSION-linux-x64.tar.gz and\n\
-                        SHA256SUMS. The same commit and compiler make the same bytes, wherever the clone lies; SOURCE_DATE_EPOCH sets\n\
+    after_help = "Writes cairn-VERSION-windows-x64.zip, the same without Microsoft's libraries (-slim), cairn-VERSION-linux-x64.tar.gz,\n\
+                        a Python wheel for each of the two, and SHA256SUMS. The same commit and compiler make the same bytes, wherever the clone lies; SOURCE_DATE_EPOCH sets\n\
                         the time of the files, which is the commit's otherwise.\n\n\
                         Examples:\n  \
                           cargo xtask dist\n  \
+                          cargo xtask dist --wheels\n  \
                           cargo xtask dist windows-x64 --out D"
 )]
 pub(crate) struct DistOptions {
     /// What for [default: all]
     #[arg(value_name = "PLATFORM", value_enum)]
     pub(crate) platforms: Vec<Platform>,
+    /// Only the Python wheels
+    #[arg(long)]
+    pub(crate) wheels: bool,
     /// Folder for the archives [default: target/dist]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,

@@ -33,6 +33,11 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
         // As the runners do that need it.
         _ = tools::nightly(&["miri", "rust-src"], &console);
         _ = (provision::mono(&console), provision::dotnet(&console));
+        if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+            tools::zigbuild(&console).map_err(text)?;
+            provision::wheels::audit_env(&console).map_err(text)?;
+            provision::wheels::windows_python(&console).map_err(text)?;
+        }
         tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
         provision::mdbook(&console).map_err(text)?;
         pass_through(&mut clone.cargo(["fetch", "--quiet"]))?;

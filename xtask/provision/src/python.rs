@@ -17,7 +17,7 @@ const OLDEST: (u32, u32) = (3, 11);
 const NAMES: [&str; 7] = ["python3", "python", "python3.15", "python3.14", "python3.13", "python3.12", "python3.11"];
 
 /// Pinned packages, one per line.
-const REQUIREMENTS: &str = include_str!("../requirements.txt");
+pub(crate) const REQUIREMENTS: &str = include_str!("../requirements.txt");
 
 /// What training needs besides, pinned likewise.
 const TRAINING: &str = include_str!("../training.txt");
@@ -280,6 +280,25 @@ pub fn install_package(library: Option<&Path>, into: &Path) -> Result<()> {
     if outcome.status.success() { Ok(()) } else { Err(explain("the package cairn", &outcome)) }
 }
 
+/// Builds this clone's package `cairn` in a new folder `into`, as a user does, without a library: the wheel.
+///
+/// # Errors
+/// As [`install_package`].
+pub fn build_package(into: &Path) -> Result<PathBuf> {
+    cache::remove(into)?;
+    let python = find()?;
+    let mut command = Command::new(&python.program);
+    command.args(["-m", "pip", "--disable-pip-version-check", "--no-input", "wheel", "--quiet", "--no-deps"]);
+    command.arg("--wheel-dir").arg(into).arg(python_path()).env_remove("CAIRN_LIBRARY");
+    let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(&python.program, &e))?;
+    if !outcome.status.success() {
+        return Err(explain("the package cairn", &outcome));
+    }
+    let files = fs::read_dir(into).map_err(|e| Error::io(into, &e))?;
+    let wheel = files.flatten().map(|entry| entry.path()).find(|path| path.extension().is_some_and(|e| e == "whl"));
+    wheel.ok_or_else(|| Error::new("the package cairn", "pip made no wheel", "Update pip"))
+}
+
 /// The folder of this clone's Python package, to be set as `PYTHONPATH`.
 pub fn python_path() -> PathBuf {
     repository().join("bindings").join("python")
@@ -302,7 +321,7 @@ mod tests {
 
     #[test]
     fn every_requirement_is_pinned() {
-        let packages: Vec<&str> = [REQUIREMENTS, TRAINING, CLUSTER]
+        let packages: Vec<&str> = [REQUIREMENTS, TRAINING, CLUSTER, crate::wheels::AUDIT]
             .iter()
             .flat_map(|list| list.lines())
             .filter(|line| !line.starts_with('#'))

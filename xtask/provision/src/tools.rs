@@ -14,8 +14,8 @@ pub const WINDOWS_TARGET: &str = "x86_64-pc-windows-gnu";
 pub enum Mingw {
     /// A MinGW-w64 GCC on the PATH; cargo finds it by itself.
     Gcc,
-    /// `cargo-zigbuild` with its `ziglang`, in a Python environment of their own; the folder of its programs.
-    Zig(PathBuf),
+    /// `cargo-zigbuild` with its `ziglang`, which [`by_zig`] lets a command find.
+    Zig,
 }
 
 /// The program `name`, where the PATH has it.
@@ -111,7 +111,7 @@ pub fn mingw(progress: &dyn Progress) -> Result<Mingw> {
     if on_path(COMPILER).is_some() || (apt("gcc-mingw-w64-x86-64", progress).is_ok() && on_path(COMPILER).is_some()) {
         return Ok(Mingw::Gcc);
     }
-    zigbuild(progress).map(Mingw::Zig)
+    zigbuild(progress).map(|_| Mingw::Zig)
 }
 
 /// Installs a Debian package; fails where there is no apt-get, or where we are not root.
@@ -149,9 +149,12 @@ pub(crate) fn is_root() -> bool {
 /// Pinned: the linker wrapper and the compiler it drives.
 const ZIG_PACKAGES: [&str; 2] = ["cargo-zigbuild==0.23.4", "ziglang==0.16.0"];
 
-/// The folder with `cargo-zigbuild`, in an environment of its own.
-fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
-    let wanted = "a linker for the Windows build";
+/// The folder with `cargo-zigbuild` and a `python` that has `ziglang`, in an environment of their own; fetched on first use (90 MB).
+///
+/// # Errors
+/// No Python with pip, or an unreachable index.
+pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = "a linker for other systems";
     let place = cache::cache_dir()?.join("zigbuild-0.23.4-zig-0.16.0");
     let programs = place.join(if cfg!(windows) { "Scripts" } else { "bin" });
     let complete = place.join("complete");
@@ -171,7 +174,7 @@ fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
         return Err(Error::new(
             wanted,
             made.tail(3),
-            "Install MinGW-w64 (Debian and Ubuntu: apt install gcc-mingw-w64)",
+            "Install Python's venv module (Debian and Ubuntu: apt install python3-venv)",
         ));
     }
     let interpreter = programs.join(if cfg!(windows) { "python.exe" } else { "python" });
@@ -181,6 +184,22 @@ fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
     std::fs::write(&complete, "").map_err(|e| Error::io(&complete, &e))?;
     progress.done(&format!("{wanted}: {}", programs.display()));
     Ok(programs)
+}
+
+/// Lets a command find `cargo-zigbuild` and its zig, fetched on first use, before all other programs.
+///
+/// # Errors
+/// As [`zigbuild`], or a cache whose folder cannot be on a PATH.
+pub fn by_zig(command: &mut Command, progress: &dyn Progress) -> Result<()> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = std::iter::once(zigbuild(progress)?).chain(std::env::split_paths(&path));
+    let remedy = "Set CAIRN_CACHE_DIR to a folder with a plain name";
+    let joined = std::env::join_paths(folders).map_err(|e| Error::new("PATH", e.to_string(), remedy))?;
+    // What they keep is kept with all else.
+    let kept = cache::cache_dir()?.join("zig");
+    command.env("PATH", joined).env("ZIG_GLOBAL_CACHE_DIR", kept.join("global"));
+    command.env("CARGO_ZIGBUILD_CACHE_DIR", kept.join("wrappers"));
+    Ok(())
 }
 
 /// Adds `target` to the pinned toolchain where it is missing.

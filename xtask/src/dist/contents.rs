@@ -45,7 +45,9 @@ pub(super) fn of(
     for folder in ["include/", "samples/host-c/", "samples/scripts/"] {
         tree.add_clone(clone, folder, |_| true)?;
     }
-    tree.add_clone(clone, "bindings/python/", |file| !file.starts_with("bindings/python/tests/"))?;
+    tree.add_clone(clone, "bindings/python/", |file| {
+        !["bindings/python/tests/", "bindings/python/wheel/"].iter().any(|tests| file.starts_with(tests))
+    })?;
     tree.add_clone(clone, "bindings/csharp/", |file| !file.starts_with("bindings/csharp/tests/"))?;
     tree.add_clone(clone, "docs/", |file| {
         ["docs/bundle.md", "docs/bundle.schema.json", "docs/control-script.md", "docs/fsr.md"].contains(&file)

@@ -65,35 +65,18 @@ fn objcopy(platform: Platform) -> &'static str {
     }
 }
 
+/// The oldest glibc that the Linux library runs on: that of Debian 10, Ubuntu 20.04 and RHEL 8.
+pub(super) const GLIBC: &str = "2.28";
+
 /// Builds it, or takes the one that is there.
 pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: Timestamp) -> Result<Built, String> {
-    let windows = platform == Platform::Windows;
-    let below = if windows { platform.triple() } else { "" };
-    let folder = match source {
-        Source::Tests => clone.target.join(below).join("debug"),
-        Source::Release => {
-            // Compiled with other flags than everything else, it would replace what is there.
-            let apart = clone.target.join("dist").join("build");
-            let mut command = clone.cargo(["build", "--release", "--package", "cairn", "--lib"]);
-            if windows {
-                command.args(["--package", "cairn-unity"]);
-            }
-            command.arg("--target-dir").arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(clone)?);
-            command.env(EPOCH, moment.as_second().to_string());
-            if windows {
-                let console = Console::new();
-                tools::rust_target(platform.triple(), &console).map_err(|e| e.to_string())?;
-                if tools::mingw(&console).map_err(|e| e.to_string())? != tools::Mingw::Gcc {
-                    return Err("MinGW-w64's GCC and binutils are needed: apt install gcc-mingw-w64-x86-64".to_owned());
-                }
-                command.args(["--target", platform.triple()]);
-            }
-            pass_through(&mut command)?;
-            apart.join(below).join("release")
-        }
-    };
     let work = clone.target.join("xtask").join("dist").join(platform.name());
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let folder = match (platform, source) {
+        (_, Source::Release) => compile(clone, platform, moment)?,
+        (Platform::Windows, Source::Tests) => clone.target.join(platform.triple()).join("debug"),
+        (Platform::Linux, Source::Tests) => link(clone, &work)?,
+    };
     let [library, debug] = names(platform);
     split(platform, &folder.join(library), &work, moment)?;
     let read = |path: PathBuf| fs::read(&path).map_err(|e| format!("{}: {e}", path.display()));
@@ -115,6 +98,73 @@ pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: T
         Platform::Linux => None,
     };
     Ok(Built { library: read(work.join(library))?, debug: read(work.join(debug))?, import, unity })
+}
+
+/// Compiles it for hosts' users; the folder of what came out.
+fn compile(clone: &Clone, platform: Platform, moment: Timestamp) -> Result<PathBuf, String> {
+    let console = Console::new();
+    // Compiled with other flags than everything else, it would replace what is there.
+    let apart = clone.target.join("dist").join("build");
+    tools::rust_target(platform.triple(), &console).map_err(|e| e.to_string())?;
+    let (verb, target) = match platform {
+        Platform::Windows => ("build", platform.triple().to_owned()),
+        // Linked with stand-ins of an older C library than this machine's.
+        Platform::Linux => ("zigbuild", format!("{}.{GLIBC}", platform.triple())),
+    };
+    let mut command = clone.cargo([verb, "--release", "--package", "cairn", "--lib", "--target", &target]);
+    command.arg("--target-dir").arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(clone)?);
+    command.env(EPOCH, moment.as_second().to_string());
+    match platform {
+        Platform::Windows => {
+            command.args(["--package", "cairn-unity"]);
+            if tools::mingw(&console).map_err(|e| e.to_string())? != tools::Mingw::Gcc {
+                return Err("MinGW-w64's GCC and binutils are needed: apt install gcc-mingw-w64-x86-64".to_owned());
+            }
+        }
+        Platform::Linux => tools::by_zig(&mut command, &console).map_err(|e| e.to_string())?,
+    }
+    pass_through(&mut command)?;
+    Ok(apart.join(platform.triple()).join("release"))
+}
+
+/// A library that is Cairn's whole: what an `rlib` exports to C, a library made of it does too.
+const NOTHING: &str = "extern crate cairn as _;\n";
+
+/// Links what tests have compiled as [`compile`] links it; the folder of what came out. Compiled code knows nothing of the C library's
+/// age, so that only the last step is another.
+fn link(clone: &Clone, work: &Path) -> Result<PathBuf, String> {
+    let write = |name: &str, text: &str| {
+        let path = work.join(name);
+        fs::write(&path, text).map(|()| path.clone()).map_err(|e| format!("{}: {e}", path.display()))
+    };
+    let linker = write(
+        "link.sh",
+        &format!("#!/bin/sh\nexec cargo-zigbuild zig cc -- -target x86_64-linux-gnu.{GLIBC} \"$@\"\n"),
+    )?;
+    executable(&linker).map_err(|e| format!("{}: {e}", linker.display()))?;
+    let source = write("nothing.rs", NOTHING)?;
+    let linked = work.join("linked");
+    fs::create_dir_all(&linked).map_err(|e| format!("{}: {e}", linked.display()))?;
+    let compiled = clone.target.join("debug");
+    let mut command = Command::new("rustc");
+    command.args(["--edition=2024", "--crate-name=cairn", "--crate-type=cdylib", "-Copt-level=1"]);
+    command.arg("-Clinker-flavor=gcc").arg(format!("-Clinker={}", linker.display())).arg("--extern");
+    command.arg(format!("cairn={}", compiled.join("libcairn.rlib").display()));
+    command.arg("-L").arg(format!("dependency={}", compiled.join("deps").display()));
+    command.arg("--out-dir").arg(&linked).arg(source).current_dir(&clone.root);
+    tools::by_zig(&mut command, &Console::new()).map_err(|e| e.to_string())?;
+    pass_through(&mut command)?;
+    Ok(linked)
+}
+
+/// Lets a file be run.
+fn executable(file: &Path) -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        fs::set_permissions(file, fs::Permissions::from_mode(0o755))?;
+    }
+    fs::metadata(file).map(drop)
 }
 
 /// Flags that have the compiler name every source the same, wherever the clone and cargo's sources lie; separated as

@@ -1,4 +1,4 @@
-//! `cargo xtask dist`: archives that a project takes Cairn from, byte for byte the same of the same commit and compiler.
+//! `cargo xtask dist`: archives and Python wheels that a project takes Cairn from, byte for byte the same of the same commit and compiler.
 
 mod archive;
 mod contents;
@@ -7,10 +7,12 @@ mod library;
 mod sbom;
 pub(crate) mod tree;
 pub(crate) mod unity;
+mod wheel;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use jiff::Timestamp;
 use provision::{Console, Progress};
 use sha2::{Digest, Sha256};
 
@@ -18,6 +20,7 @@ use crate::cli::DistOptions;
 use crate::clone::Clone;
 
 pub(crate) use library::{Source, exports};
+use tree::Tree;
 
 /// What an archive is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -25,7 +28,7 @@ pub(crate) enum Platform {
     /// Windows 10 and 11 on x86-64
     #[value(name = "windows-x64")]
     Windows,
-    /// Linux on x86-64, of this machine's C library or later
+    /// Linux on x86-64, with glibc 2.28 or later
     #[value(name = "linux-x64")]
     Linux,
 }
@@ -49,6 +52,15 @@ impl Platform {
     }
 }
 
+/// What is made for a platform.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Parts {
+    /// Archives and Python wheels.
+    All,
+    Archives,
+    Wheels,
+}
+
 /// Where the list of the archives' sums stands beside them.
 const SUMS: &str = "SHA256SUMS";
 
@@ -56,7 +68,8 @@ const SUMS: &str = "SHA256SUMS";
 pub(crate) fn run(clone: &Clone, options: &DistOptions) -> Result<(), String> {
     let folder = options.out.clone().unwrap_or_else(|| clone.target.join("dist"));
     let platforms = if options.platforms.is_empty() { &Platform::ALL[..] } else { &options.platforms };
-    let made = make(clone, platforms, Source::Release, &folder)?;
+    let parts = if options.wheels { Parts::Wheels } else { Parts::All };
+    let made = make(clone, platforms, parts, Source::Release, &folder)?;
     for archive in &made {
         println!("{:>7.1} MB  {}", archive.bytes as f64 / 1e6, archive.path.display());
     }
@@ -71,8 +84,14 @@ pub(crate) struct Made {
     pub(crate) sha256: String,
 }
 
-/// Writes the archives of `platforms` into `folder`; earlier ones of the same names are replaced.
-pub(crate) fn make(clone: &Clone, platforms: &[Platform], source: Source, folder: &Path) -> Result<Vec<Made>, String> {
+/// Writes `parts` for `platforms` into `folder`, of each platform the wheel last; earlier ones of the same names are replaced.
+pub(crate) fn make(
+    clone: &Clone,
+    platforms: &[Platform],
+    parts: Parts,
+    source: Source,
+    folder: &Path,
+) -> Result<Vec<Made>, String> {
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
         return Err("archives are made on Linux on x86-64, for Windows too: MinGW-w64 links them. On Windows take \
                     target\\release after cargo build --release"
@@ -88,21 +107,27 @@ pub(crate) fn make(clone: &Clone, platforms: &[Platform], source: Source, folder
         console.start(&format!("{}: licences of what is in it", platform.name()));
         let crates = dependencies::of(clone, platform)?;
         let bill = sbom::write(&crates, moment)?;
-        for slim in [false, true] {
-            let Some(tree) = contents::of(clone, platform, &built, &crates, &bill, slim)? else { continue };
+        let mut write = |tree: &Tree, pack: fn(&Tree, Timestamp) -> Result<Vec<u8>, String>, ending: &str| {
             console.start(&format!("packing {}", tree.name()));
-            let path = folder.join(match platform {
-                Platform::Windows => format!("{}.zip", tree.name()),
-                Platform::Linux => format!("{}.tar.gz", tree.name()),
-            });
-            let packed = match platform {
-                Platform::Windows => archive::zip(&tree, moment),
-                Platform::Linux => archive::tar_gz(&tree, moment),
-            }?;
+            let path = folder.join(format!("{}{ending}", tree.name()));
+            let packed = pack(tree, moment)?;
             fs::write(&path, &packed).map_err(|e| format!("{}: {e}", path.display()))?;
             let sha256 = Sha256::digest(&packed).iter().map(|byte| format!("{byte:02x}")).collect();
             console.done(&format!("{}: {} files", tree.name(), tree.files().count()));
             made.push(Made { path, bytes: packed.len() as u64, sha256 });
+            Ok::<(), String>(())
+        };
+        if parts != Parts::Wheels {
+            for slim in [false, true] {
+                let Some(tree) = contents::of(clone, platform, &built, &crates, &bill, slim)? else { continue };
+                match platform {
+                    Platform::Windows => write(&tree, archive::zip, ".zip")?,
+                    Platform::Linux => write(&tree, archive::tar_gz, ".tar.gz")?,
+                }
+            }
+        }
+        if parts != Parts::Archives {
+            write(&wheel::of(clone, platform, &built, &crates, &bill)?, archive::zip, "")?;
         }
     }
     let lines: String =

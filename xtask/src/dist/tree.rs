@@ -6,19 +6,26 @@ use std::path::Path;
 
 use crate::clone::Clone;
 
-/// Files by their paths, with `/`, below the archive's one folder. Sorted, so that archives do not depend on the order they came in.
+/// Files by their paths, with `/`, below the archive's one folder, where it has one. Sorted, so that archives do not depend on the order they came in.
 pub(super) struct Tree {
     name: String,
+    /// Before every path.
+    folder: String,
     files: BTreeMap<String, Vec<u8>>,
 }
 
 impl Tree {
     /// An empty one, whose folder has that name.
     pub(super) fn new(name: String) -> Self {
-        Self { name, files: BTreeMap::new() }
+        Self { folder: format!("{name}/"), name, files: BTreeMap::new() }
     }
 
-    /// Of the one folder, and so of the archive without its ending.
+    /// An empty one of a name, whose files lie in no folder.
+    pub(super) fn without_folder(name: String) -> Self {
+        Self { folder: String::new(), name, files: BTreeMap::new() }
+    }
+
+    /// Of the one folder, and so of the archive without its ending; of what has no folder the whole name.
     pub(super) fn name(&self) -> &str {
         &self.name
     }
@@ -75,7 +82,7 @@ impl Tree {
 
     /// In order: the path with the folder before it, and what is in it.
     pub(super) fn files(&self) -> impl Iterator<Item = (String, &[u8])> {
-        self.files.iter().map(|(path, bytes)| (format!("{}/{path}", self.name), bytes.as_slice()))
+        self.files.iter().map(|(path, bytes)| (format!("{}{path}", self.folder), bytes.as_slice()))
     }
 }
 

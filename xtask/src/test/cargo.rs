@@ -48,10 +48,8 @@ pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally
     let packages = ["--package", "cairn", "--package", "cairn-unity"];
     let mut command = context.clone.cargo([verb, "--lib", "--target", tools::WINDOWS_TARGET]);
     command.args(packages);
-    if let tools::Mingw::Zig(folder) = &linker {
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        let folders = std::iter::once(folder.clone()).chain(std::env::split_paths(&path));
-        command.env("PATH", std::env::join_paths(folders).map_err(|e| format!("PATH: {e}"))?);
+    if linker == tools::Mingw::Zig {
+        tools::by_zig(&mut command, &console).map_err(|e| e.to_string())?;
     }
     let ended = log.run(&mut command)?;
     let mut tally = Tally::of_command(ended.success, "the library does not build for Windows");

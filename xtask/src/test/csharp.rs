@@ -122,6 +122,26 @@ struct Runtime {
     program: Command,
 }
 
+/// Compiles libraries that are not quite Cairn into a folder that is there.
+pub(super) fn make_stand_ins(
+    log: &mut Log,
+    root: &Path,
+    compiler: &dyn Fn() -> Command,
+    ending: &str,
+    into: &Path,
+) -> Result<(), String> {
+    for (name, defines) in STAND_INS {
+        let mut command = compiler();
+        command.args(["-std=c11", "-shared", "-fPIC", "-include", "cairn.h"]).args(defines);
+        command.arg("-I").arg(root.join("include")).arg(root.join(STAND_IN));
+        command.arg("-o").arg(into.join(format!("{name}.{ending}")));
+        if !log.run(&mut command)?.success {
+            return Err(format!("{STAND_IN} does not compile as {name}"));
+        }
+    }
+    Ok(())
+}
+
 struct Place<'a> {
     context: &'a Context<'a>,
     mono: Mono,
@@ -160,17 +180,7 @@ impl Place<'_> {
             _ => {}
         }
         fs::create_dir_all(&self.work).map_err(|e| format!("{}: {e}", self.work.display()))?;
-        for (name, defines) in STAND_INS {
-            let root = &self.context.clone.root;
-            let mut command = Command::new("cc");
-            command.args(["-std=c11", "-shared", "-fPIC", "-include", "cairn.h"]).args(defines);
-            command.arg("-I").arg(root.join("include")).arg(root.join(STAND_IN));
-            command.arg("-o").arg(self.work.join(format!("{name}.so")));
-            if !log.run(&mut command)?.success {
-                return Err(format!("{STAND_IN} does not compile as {name}"));
-            }
-        }
-        Ok(())
+        make_stand_ins(log, &self.context.clone.root, &|| Command::new("cc"), "so", &self.work)
     }
 
     /// Compiles everything for a runtime, beside the library, and runs the tests.

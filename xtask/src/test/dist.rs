@@ -10,8 +10,11 @@ use super::Context;
 use super::host;
 use super::lab;
 use super::tally::{Skip, Tally};
-use crate::dist::{self, Made, Platform, Source};
+use crate::dist::{self, Made, Parts, Platform, Source};
 use crate::shell::{Log, output};
+
+/// What archives are made for.
+const BOTH: [Platform; 2] = [Platform::Windows, Platform::Linux];
 
 /// Archives are unpacked below it: with a space and a letter that is not Latin.
 const UNPACKED: &str = "a folder Ж";
@@ -45,7 +48,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     host::windows_library(context, log)?;
     let work = fresh(context, "dist")?;
     let made = [work.join("first"), work.join("second")]
-        .map(|folder| dist::make(context.clone, &[Platform::Windows, Platform::Linux], Source::Tests, &folder));
+        .map(|folder| dist::make(context.clone, &BOTH, Parts::Archives, Source::Tests, &folder));
     let [first, second] = made;
     let first = first?;
     for (one, other) in first.iter().zip(second?) {
@@ -88,25 +91,27 @@ pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally,
     if !cloned {
         return Err("the clone cannot be cloned".to_owned());
     }
-    let here = dist::make(context.clone, &[Platform::Windows, Platform::Linux], Source::Release, &work.join("here"))?;
+    let here = dist::make(context.clone, &BOTH, Parts::All, Source::Release, &work.join("here"))?;
     let mut command = Command::new(tools::cargo());
     command.args(["xtask", "dist", "--out"]).arg(work.join("there")).current_dir(&other);
     command.env("CARGO_TARGET_DIR", work.join("target"));
     if !log.run(&mut command)?.success {
         return Err("the other clone makes no archives".to_owned());
     }
-    for made in here {
+    for made in &here {
         let name = made.path.file_name().unwrap_or_default();
         let read = |path: &Path| fs::read(path).map_err(|e| format!("{}: {e}", path.display()));
         let differs = read(&made.path)? != read(&work.join("there").join(name))?;
         tally.check(differs.then(|| format!("{} is another file from another place", name.display())));
     }
+    let wheels: Vec<&Made> = here.iter().filter(|made| made.path.extension().is_some_and(|e| e == "whl")).collect();
+    super::wheels::check(context, log, &work, &wheels, &mut tally)?;
     fs::remove_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     Ok(tally)
 }
 
 /// An empty folder for what is made.
-fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String> {
+pub(super) fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String> {
     let work = context.clone.target.join("xtask").join("test").join(name);
     match fs::remove_dir_all(&work) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),

@@ -25,6 +25,7 @@ mod study;
 mod tally;
 mod thorough;
 mod unity;
+mod wheels;
 
 use std::cell::OnceCell;
 use std::fmt::Write as _;
@@ -94,6 +95,11 @@ const RUNNERS: &[Runner] = &[
         name: "dist",
         what: "archives are the same each time, and hosts are built and run from them alone",
         run: dist::run,
+    },
+    Runner {
+        name: "wheels",
+        what: "Python wheels: what is in them, whom pip gives them to, and that they run, on Windows in the lab",
+        run: wheels::run,
     },
     Runner {
         name: "study",

@@ -1,0 +1,98 @@
+"""What is in the wheels, file by file, and what they say of themselves. CAIRN_WHEELS names their folder, CAIRN_BUILT the wheel that
+setuptools makes of the package."""
+
+import base64
+import csv
+import hashlib
+import os
+import re
+import zipfile
+from email import message_from_string
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+PACKAGE = ROOT / "bindings" / "python" / "cairn"
+WHEELS = sorted(Path(os.environ["CAIRN_WHEELS"]).glob("*.whl"))
+LIBRARIES = {"manylinux_2_28_x86_64": ("libcairn.so", b"\x7fELF"), "win_amd64": ("cairn.dll", b"MZ")}
+
+
+def platform(wheel: Path) -> str:
+    return wheel.stem.split("-")[-1]
+
+
+@pytest.fixture(params=WHEELS, ids=platform)
+def wheel(request):
+    with zipfile.ZipFile(request.param) as archive:
+        yield request.param, {name: archive.read(name) for name in archive.namelist()}
+
+
+def one(files: dict[str, bytes], end: str) -> bytes:
+    """The only file of an ending."""
+    (found,) = [content for name, content in files.items() if name.endswith(end)]
+    return found
+
+
+def test_there_is_one_for_each_system():
+    assert {platform(wheel) for wheel in WHEELS} == LIBRARIES.keys()
+    for wheel in WHEELS:
+        assert re.fullmatch(r"cairn-[0-9.]+-py3-none-\w+\.whl", wheel.name)
+
+
+def test_the_package_is_whole_and_has_its_library(wheel):
+    path, files = wheel
+    own = {f"cairn/{file.relative_to(PACKAGE).as_posix()}": file for file in PACKAGE.rglob("*") if file.suffix in (".py", ".typed")}
+    library, magic = LIBRARIES[platform(path)]
+    assert {name for name in files if name.startswith("cairn/")} == own.keys() | {f"cairn/{library}"}
+    for name, file in own.items():
+        assert files[name] == file.read_bytes(), name
+    assert files[f"cairn/{library}"].startswith(magic) and b"cairn_rollout_step" in files[f"cairn/{library}"]
+    # Nothing that says where it was made.
+    assert str(ROOT).encode() not in b"".join(content for name, content in files.items() if not name.endswith((".so", ".dll")))
+
+
+def test_nothing_else_is_in_it(wheel):
+    _, files = wheel
+    info = next(name for name in files if name.endswith("/RECORD")).removesuffix("/RECORD")
+    beside = {name.removeprefix(f"{info}/") for name in files if not name.startswith("cairn/")}
+    texts = {f"licenses/{name}" for name in ("LICENSE-APACHE", "LICENSE-MIT", "THIRD-PARTY.md")}
+    assert beside == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "sboms/cairn.cdx.json"} | texts
+
+
+def test_the_record_is_right(wheel):
+    _, files = wheel
+    rows = {name: (sum, size) for name, sum, size in csv.reader(one(files, "/RECORD").decode().splitlines())}
+    assert rows.keys() == files.keys()
+    for name, content in files.items():
+        if name.endswith("/RECORD"):
+            assert rows[name] == ("", "")
+        else:
+            sum = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
+            assert rows[name] == (f"sha256={sum}", str(len(content))), name
+
+
+def test_it_says_for_what_it_is(wheel):
+    path, files = wheel
+    said = message_from_string(one(files, "/WHEEL").decode())
+    assert said["Tag"] == f"py3-none-{platform(path)}" and said["Root-Is-Purelib"] == "false" and said["Wheel-Version"] == "1.0"
+
+
+def test_it_says_of_itself_what_setuptools_says(wheel):
+    _, files = wheel
+    with zipfile.ZipFile(os.environ["CAIRN_BUILT"]) as archive:
+        built = {name: archive.read(name) for name in archive.namelist()}
+    own, theirs = (message_from_string(one(all_files, "/METADATA").decode()) for all_files in (files, built))
+    for field in ("Name", "Version", "Summary", "Requires-Python", "License-Expression", "Description-Content-Type"):
+        assert own[field] == theirs[field], field
+
+    def words(texts: list[str] | None) -> set[str]:
+        """Regardless of spaces, and of the quotes around a system's name."""
+        return {re.sub(r"\s", "", text).replace("'", '"') for text in texts or []}
+
+    for field in ("Requires-Dist", "Provides-Extra"):
+        assert words(own.get_all(field)) == words(theirs.get_all(field)), field
+    assert {"onnxruntime==1.24.4;sys_platform!=\"win32\"", "onnxruntime-directml==1.24.4;sys_platform==\"win32\""} <= words(own.get_all("Requires-Dist"))
+    assert own.get_payload().lstrip().startswith("# Cairn from Python")
+    lines = [one(all_files, "/entry_points.txt").decode().split() for all_files in (files, built)]
+    assert lines[0] == lines[1]
