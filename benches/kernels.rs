@@ -144,8 +144,8 @@ fn pictures<'a, P: Sampled>(
             });
             let black = [current.pixels[0]; BLOCK];
             let mut out = Block { before: black, after: black, merged: black };
-            P::pixels_of_one(level, previous, &a, &mut out.before);
-            P::pixels_of_one(level, current, &b, &mut out.after);
+            P::pixels_of_one(level, previous, &a, u64::MAX, &mut out.before);
+            P::pixels_of_one(level, current, &b, u64::MAX, &mut out.after);
             black_box(P::merge_block(level, &rule, &mut out));
             black_box(out);
         });

@@ -174,7 +174,7 @@ impl CpuGenerator {
             moment,
             margin,
             stills: &self.stills,
-            softens: is_found,
+            is_found,
         };
         let rendered = between.render(out, &mut self.hidden);
         if rendered.hidden > 0 {

@@ -18,8 +18,11 @@ use crate::Raster;
 
 /// Samples that differ by no more than this many levels agree, and the one nearer in time is taken as it is.
 pub(super) const AGREE: u8 = 1;
-/// Samples that differ by more than this are looked at one by one.
-pub(super) const CAREFUL: u8 = 24;
+/// Samples that differ by more than this are looked at one by one. Motion that was found in the pictures themselves seldom is that
+/// of what lies behind an overlay.
+pub(super) const fn careful(is_found: bool) -> u8 {
+    if is_found { 64 } else { 24 }
+}
 /// The same where surfaces meet.
 pub(super) const STRICT: u8 = 4;
 
@@ -29,9 +32,6 @@ pub(super) const DISTINCT: i32 = 8;
 pub(super) const RIM: f32 = 45.0;
 /// The levels that count where an anchor does not show what a pixel claims to be.
 pub(super) const UNSEEN: f32 = 20.0;
-
-/// Pixels of a tile that are not worth sampling all of it.
-const FEW: u32 = 4;
 
 /// What a picture between two anchors is made of.
 pub(super) struct Between<'a, P> {
@@ -52,8 +52,8 @@ pub(super) struct Between<'a, P> {
     pub(super) margin: f32,
     /// What stands still in both.
     pub(super) stills: &'a Stills,
-    /// Whether edges are known from pictures alone.
-    pub(super) softens: bool,
+    /// Whether motion, and with it edges, is known from pictures alone.
+    pub(super) is_found: bool,
 }
 
 /// What a rendered picture lacks.
@@ -76,7 +76,8 @@ impl<P: Colour> Between<'_, P> {
     pub(super) fn render(&self, out: &mut Raster<P>, hidden: &mut [u64]) -> Rendered {
         let grid = self.places.grid;
         let weight = ((self.phase + 16) >> 5).clamp(1, 127) as u8;
-        let rule = Rule { weight, nearer_is_current: self.phase >= WHOLE / 2, agree: AGREE, careful: CAREFUL };
+        let careful = careful(self.is_found);
+        let rule = Rule { weight, nearer_is_current: self.phase >= WHOLE / 2, agree: AGREE, careful };
         let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
         rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
@@ -184,7 +185,7 @@ impl<P: Colour> Between<'_, P> {
             uncovered += orphans.count_ones() as usize;
             questionable |= orphans;
         }
-        let can_be_soft = self.softens && tile.kind == Kind::Rough && [across, down] == [TILE, TILE];
+        let can_be_soft = self.is_found && tile.kind == Kind::Rough && [across, down] == [TILE, TILE];
         let soft = if can_be_soft { soft(self.level, &keys, questionable) } else { 0 };
         let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
@@ -202,15 +203,16 @@ impl<P: Colour> Between<'_, P> {
         let strict = Rule { careful: STRICT, ..*rule };
         // An anchor that shows nothing of the tile is not asked.
         let shows_nothing = beyond.map(|beyond| beyond == u64::MAX);
-        let sample = |anchor, first, at, samples: &mut [P; BLOCK]| match is_whole {
+        // Nor is one for what lies beyond its edges.
+        let sample = |anchor, first, at, beyond: u64, samples: &mut [P; BLOCK]| match is_whole {
             true => P::tile_of_one(self.level, anchor, first, samples, TILE),
-            false => P::pixels_of_one(self.level, anchor, at, samples),
+            false => P::pixels_of_one(self.level, anchor, at, !beyond, samples),
         };
         if shows_nothing != [true, false] {
-            sample(self.previous, spots.before, &before, &mut block.before);
+            sample(self.previous, spots.before, &before, beyond[0], &mut block.before);
         }
         if shows_nothing != [false, true] {
-            sample(self.current, spots.after, &after, &mut block.after);
+            sample(self.current, spots.after, &after, beyond[1], &mut block.after);
         }
         let differing =
             if shows_nothing[0] == shows_nothing[1] { P::merge_block(self.level, &strict, block) } else { 0 };
@@ -313,17 +315,9 @@ impl<P: Colour> Between<'_, P> {
         let size = [grid.width, grid.height];
         let beyond = claims::spots(self.level, &claims, from, self.moment, size, &mut before, &mut after);
         let has_rim = has_front & !(beyond[0] | beyond[1]);
-        if has_rim.count_ones() < FEW {
-            each_bit(has_rim, |place| {
-                rims.before[place] = P::sample(self.previous, [before.x[place], before.y[place]]);
-                rims.after[place] = P::sample(self.current, [after.x[place], after.y[place]]);
-                rims.merged[place] = P::merge(rims.before[place], rims.after[place], rule).0;
-            });
-        } else {
-            P::pixels_of_one(self.level, self.previous, &before, &mut rims.before);
-            P::pixels_of_one(self.level, self.current, &after, &mut rims.after);
-            P::merge_block(self.level, rule, rims);
-        }
+        P::pixels_of_one(self.level, self.previous, &before, has_rim, &mut rims.before);
+        P::pixels_of_one(self.level, self.current, &after, has_rim, &mut rims.after);
+        P::merge_block(self.level, rule, rims);
         has_rim
     }
 
@@ -507,7 +501,7 @@ pub(super) fn beyond<P: Colour>(
                 }
             }
             lost += hidden.count_ones() as usize;
-            P::pixels_of_one(level, current, &at, &mut block);
+            P::pixels_of_one(level, current, &at, u64::MAX, &mut block);
             for j in 0..down {
                 pixels[j * grid.width..][..across].copy_from_slice(&block[j * TILE..][..across]);
             }

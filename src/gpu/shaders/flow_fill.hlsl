@@ -5,7 +5,7 @@
 #include "flow_trust.hlsli"
 
 static const uint STEPS[14] = { 1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 86 };
-static const float COLOUR_SCALE = 10;
+static const float COLOUR_SCALE = 20;
 static const int LEAST_REACH = 8;
 static const float STEEP = 0.3;
 

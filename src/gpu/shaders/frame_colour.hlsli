@@ -161,6 +161,8 @@ float4 sampled(uint anchor, int2 spot)
 
 static const float AGREE = 1;
 static const float CAREFUL = 24;
+// The same where motion was found in the pictures themselves: it seldom is that of what lies behind an overlay.
+static const float CAREFUL_IF_FOUND = 64;
 static const float STRICT = 4;
 
 // Whether some channel differs by more than so many levels.

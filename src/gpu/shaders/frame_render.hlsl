@@ -101,7 +101,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         bool has_to = nearest(after, to);
         uint mark = mark_of(key);
         is_loose = mark == HOLE || mark == ORPHAN;
-        bool is_doubtful = differ(of_previous, of_current, CAREFUL) || is_loose || !has_from || !has_to;
+        bool is_doubtful = differ(of_previous, of_current, IsEven != 0 ? CAREFUL_IF_FOUND : CAREFUL) || is_loose || !has_from || !has_to;
         bool is_settled = !is_doubtful && (is_clear || !differ(of_previous, of_current, STRICT));
         [branch]
         if (!is_settled && !is_clear)

@@ -29,7 +29,7 @@ const SAME: f32 = 0.25;
 /// Motions nearer to each other than this, in pixels, are of one surface.
 const SURFACE: f32 = 1.0;
 /// A difference counts at most this much, in code values.
-const MOST_UNLIKE: f32 = 40.0;
+const MOST_UNLIKE: f32 = 20.0;
 /// What a pixel that leads out of the picture counts, in code values.
 const OUTSIDE: f32 = 8.0;
 /// A mean difference above this is no match, in code values.

@@ -14,7 +14,7 @@ const SLACK_PER_LENGTH: f32 = 0.01;
 /// How far a fill looks along a ray, step by step, in pixels.
 const STEPS: [i32; 14] = [1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 86];
 /// Colour by which pixels differ before they count as different things, in code values.
-const COLOUR_SCALE: f32 = 10.0;
+const COLOUR_SCALE: f32 = 20.0;
 /// How far apart two pixels are at least whose motion gives a slope, in steps along a ray.
 const LEAST_REACH: i32 = 8;
 /// A slope of motion from here on is an edge, in pixels to a step.

@@ -84,15 +84,16 @@ impl Sampled for Pixel {
         }
     }
 
-    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]) {
+    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
         match level.0 {
-            Set::Scalar | Set::Portable => scalar::pixels_of_one(source, at, out),
+            Set::Scalar => scalar::pixels_of_one(source, at, wanted, out),
+            Set::Portable => portable::pixels_of_one(source, at, wanted, out),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::pixels_of_one(source, at, out) },
+            Set::Avx2 => unsafe { avx2::pixels_of_one(source, at, wanted, out) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::pixels_of_one(source, at, out) },
+            Set::Avx512 => unsafe { avx512::pixels_of_one(source, at, wanted, out) },
         }
     }
 
@@ -173,13 +174,25 @@ impl<'a> Patch<'a> {
             // Rows are read beyond their end, into the next one; below the picture's last there is none.
             let end = start + (SPAN - 1) * source.width + PATCH_WIDTH;
             if let Some(pixels) = source.pixels.get(start..end) {
-                fetch_ahead(pixels, source.width);
                 return Self { pixels, stride: source.width, phases };
             }
         }
         let room = room.insert([[[0; 4]; PATCH_WIDTH]; SPAN]);
         source.clamped([x, y], room);
         Self { pixels: room.as_flattened(), stride: PATCH_WIDTH, phases }
+    }
+
+    /// Asks for what the tiles to the right will read: thirteen rows are more than processors foresee by themselves.
+    #[inline(always)]
+    fn fetch_ahead(self) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        for row in 0..SPAN {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let ahead = self.pixels.as_ptr().wrapping_add(row * self.stride + AHEAD);
+            // SAFETY: a hint, which reads nothing and may name any address.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(ahead.cast()) };
+        }
+        self
     }
 
     /// `N` pixels of a row from its pixel `from` on.
@@ -193,21 +206,6 @@ impl<'a> Patch<'a> {
     fn is_whole(&self) -> bool {
         self.phases == [0, 0]
     }
-}
-
-/// Asks for what the tiles to the right of a patch will read: thirteen rows are more than processors foresee by
-/// themselves.
-#[inline(always)]
-fn fetch_ahead(patch: &[Pixel], stride: usize) {
-    #[cfg(target_arch = "x86_64")]
-    for row in 0..SPAN {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let ahead = patch.as_ptr().wrapping_add(row * stride + AHEAD);
-        // SAFETY: a hint, which reads nothing and may name any address.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(ahead.cast()) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (patch, stride);
 }
 
 /// Pixels ahead of a patch: six tiles.
@@ -235,6 +233,89 @@ const BIAS: i16 = 128 * ONE - 64;
 
 /// Pixels that are read of a row: two more than make a sample.
 const EIGHT: usize = 8;
+
+/// As many pixels that lie side by side in the picture cost about as much sampled as a tile as one by one.
+const TOGETHER: u32 = 10;
+/// So many groups are looked for that turn out to be smaller.
+const LOOKS: usize = 3;
+/// Positions that are no farther away along an axis, and those a tile from them, are numbers.
+const FAR: i32 = 1 << 30;
+
+/// Splits the pixels of a block into groups that lie in the picture as they do in their tile, as those of one surface
+/// mostly do, and others.
+struct Groups<'a> {
+    at: &'a Positions,
+    left: u64,
+    alone: u64,
+    looks: usize,
+}
+
+impl<'a> Groups<'a> {
+    #[inline(always)]
+    fn new(at: &'a Positions, wanted: u64) -> Self {
+        Self { at, left: wanted, alone: 0, looks: LOOKS }
+    }
+
+    /// Another group, and where its tile lies; none where there is none that is worth it.
+    #[inline(always)]
+    fn next(&mut self) -> Option<([i32; 2], u64)> {
+        while self.left.count_ones() >= TOGETHER && self.looks > 0 {
+            let place = self.left.trailing_zeros() as usize;
+            let at = [self.at.x[place], self.at.y[place]];
+            let corner = [at[0].wrapping_sub(along(place % TILE)), at[1].wrapping_sub(along(place / TILE))];
+            let is_far = at.iter().any(|v| !(-FAR..FAR).contains(v));
+            let group = if is_far { 0 } else { self.with(corner) };
+            self.left &= !(group | 1 << place);
+            if group.count_ones() >= TOGETHER {
+                return Some((corner, group));
+            }
+            self.alone |= group | 1 << place;
+            self.looks -= 1;
+        }
+        None
+    }
+
+    /// Those that are in no group.
+    #[inline(always)]
+    fn alone(&self) -> u64 {
+        self.alone | self.left
+    }
+
+    /// Those left that lie as in a tile at `corner`.
+    #[inline(always)]
+    fn with(&self, corner: [i32; 2]) -> u64 {
+        let mut lanes = [0_u64; TILE];
+        for j in 0..TILE {
+            for (i, lane) in lanes.iter_mut().enumerate() {
+                let place = TILE * j + i;
+                let is_in = (self.at.x[place] == corner[0] + along(i)) & (self.at.y[place] == corner[1] + along(j));
+                *lane |= u64::from(is_in) << place;
+            }
+        }
+        lanes.into_iter().fold(0, |all, bits| all | bits) & self.left
+    }
+}
+
+/// Takes up to `N` places out of those `wanted`, and says how many; the last of them once more where there are fewer.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn some_of<const N: usize>(wanted: &mut u64) -> ([usize; N], usize) {
+    let (mut places, mut last) = ([0; N], 0);
+    let count = N.min(wanted.count_ones() as usize);
+    for place in &mut places {
+        last = if *wanted == 0 { last } else { wanted.trailing_zeros() as usize };
+        *wanted &= wanted.wrapping_sub(1);
+        // So that compilers see that it is a place.
+        *place = last % BLOCK;
+    }
+    (places, count)
+}
+
+/// So many pixels, in 1/64 px.
+#[inline(always)]
+fn along(pixels: usize) -> i32 {
+    64 * pixels as i32
+}
 
 /// Where the pixels around each position of a block begin in the picture, or [`BEYOND`] where some are outside.
 #[inline(always)]

@@ -62,8 +62,8 @@ impl Sampled for Pixel {
         tile_of_one(level, source, at, out, stride);
     }
 
-    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]) {
-        pixels_of_one(level, source, at, out);
+    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
+        pixels_of_one(level, source, at, wanted, out);
     }
 
     fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64 {
@@ -97,7 +97,7 @@ at_every_level! {
 }
 
 at_every_level! {
-    fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK])
+    fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK])
         = scalar::pixels_of_one | vectors::pixels_of_one
 }
 

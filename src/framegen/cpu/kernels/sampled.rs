@@ -98,8 +98,9 @@ pub trait Sampled: Pixel {
     /// When `out` is too small for that.
     fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize);
 
-    /// Sixty-four pixels, each from a place of its own.
-    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, out: &mut [Self; BLOCK]);
+    /// Those of sixty-four pixels that are `wanted` (bit `8 j + i`), each from a place of its own. Others are left as they
+    /// are.
+    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]);
 
     /// Merges the samples of a block. Bits as for [`Self::tile`].
     fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64;

@@ -43,8 +43,8 @@ pub(super) fn merge_block<P: Sampled>(rule: &Rule, block: &mut Block<P>) -> u64 
 }
 
 /// See [`Sampled::pixels_of_one`].
-pub(super) fn pixels_of_one<P: Sampled>(source: Source<'_, P>, at: &Positions, out: &mut [P; BLOCK]) {
-    for (i, pixel) in out.iter_mut().enumerate() {
+pub(super) fn pixels_of_one<P: Sampled>(source: Source<'_, P>, at: &Positions, wanted: u64, out: &mut [P; BLOCK]) {
+    for (i, pixel) in out.iter_mut().enumerate().filter(|(i, _)| wanted >> i & 1 == 1) {
         *pixel = P::sample(source, [at.x[i], at.y[i]]);
     }
 }

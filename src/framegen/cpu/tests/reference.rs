@@ -21,7 +21,7 @@ use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
 use crate::framegen::cpu::past::Past;
 use crate::framegen::cpu::perspective::{Moment, Seen, Way};
-use crate::framegen::cpu::render::{AGREE, CAREFUL, DISTINCT, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart};
+use crate::framegen::cpu::render::{AGREE, DISTINCT, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart, careful};
 use crate::framegen::cpu::soften::{SHARE, TORN};
 use crate::framegen::cpu::{source, standing::Standing};
 use crate::framegen::{Anchor, AnchorPair};
@@ -522,7 +522,7 @@ impl<P: Colour> Shown<'_, P> {
         let grid = self.places.grid;
         let [before, after] = self.spots(at, key, true);
         let (of_previous, of_current) = (P::sample(self.previous, before), P::sample(self.current, after));
-        let rule = self.rule(CAREFUL);
+        let rule = self.rule(careful(self.is_found));
         let (merged, is_far_apart) = P::merge(of_previous, of_current, &rule);
         let (from, to) = (grid.nearest(before), grid.nearest(after));
         let is_doubtful = is_far_apart || own == EMPTY || layer::mark(own) == ORPHAN || from.is_none() || to.is_none();

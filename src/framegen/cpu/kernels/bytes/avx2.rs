@@ -6,8 +6,8 @@ use std::arch::x86_64::*;
 use bytemuck::{must_cast, must_cast_ref};
 
 use super::{
-    BEFORE, BIAS, BLOCK, Block, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE, clamped, rows,
-    starts,
+    BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
+    clamped, rows, some_of, starts,
 };
 use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
 
@@ -23,8 +23,8 @@ pub(super) fn tile(
     stride: usize,
 ) -> u64 {
     let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a));
-    let after = sampled(&Patch::new(&current, b, &mut room_b));
+    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
+    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
     let merge = Merge::new(rule);
     let mut mask = 0;
     for j in 0..TILE {
@@ -39,7 +39,7 @@ pub(super) fn tile(
 #[target_feature(enable = "avx2")]
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
     let mut room = None;
-    for (j, row) in sampled(&Patch::new(&source, at, &mut room)).into_iter().enumerate() {
+    for (j, row) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).into_iter().enumerate() {
         store(&mut out[j * stride..], row);
     }
 }
@@ -61,16 +61,36 @@ pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
 
 /// See [`super::Sampled::pixels_of_one`].
 #[target_feature(enable = "avx2")]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
+pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+    let mut groups = Groups::new(at, wanted);
+    while let Some((corner, group)) = groups.next() {
+        let mut room = None;
+        for (j, row) in sampled(&Patch::new(&source, corner, &mut room)).into_iter().enumerate() {
+            let pixels: [Pixel; TILE] = must_cast(row);
+            for (i, (out, pixel)) in out[TILE * j..].iter_mut().zip(pixels).enumerate() {
+                *out = if group >> (TILE * j + i) & 1 == 1 { pixel } else { *out };
+            }
+        }
+    }
+    each_pixel(source, at, groups.alone(), out);
+}
+
+/// Some pixels, one at a time.
+#[target_feature(enable = "avx2")]
+fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &mut [Pixel; BLOCK]) {
+    if wanted == 0 {
+        return;
+    }
     // Of two pixels beside each other, a channel of both behind each other.
     let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 8, 9, 2, 3, 10, 11, 4, 5, 12, 13, 6, 7, 14, 15));
     let bias = _mm256_set1_epi16(BIAS);
     let starts = starts(&source, at);
-    for (i, four) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+    while wanted != 0 {
+        let (places, count) = some_of::<4>(&mut wanted);
         let mut sums = [_mm_setzero_si128(); 4];
-        for (lane, sum) in sums.iter_mut().enumerate() {
-            let at = [at.x[4 * i + lane], at.y[4 * i + lane]];
-            let rows: [__m256i; TAPS] = match rows(&source, starts[4 * i + lane]) {
+        for (&place, sum) in places.iter().zip(&mut sums).take(count) {
+            let at = [at.x[place], at.y[place]];
+            let rows: [__m256i; TAPS] = match rows(&source, starts[place]) {
                 Some([a, b, c, d, e, f]) => {
                     [must_cast(*a), must_cast(*b), must_cast(*c), must_cast(*d), must_cast(*e), must_cast(*f)]
                 }
@@ -95,7 +115,10 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
         }
         let [a, b, c, d] = sums.map(|sum| _mm_srai_epi32(sum, 14));
         let levels = _mm_packs_epi16(_mm_packs_epi32(a, b), _mm_packs_epi32(c, d));
-        *four = must_cast(_mm_xor_si128(levels, _mm_set1_epi8(-128)));
+        let pixels: [Pixel; 4] = must_cast(_mm_xor_si128(levels, _mm_set1_epi8(-128)));
+        for (&place, pixel) in places[..count].iter().zip(pixels) {
+            out[place] = pixel;
+        }
     }
 }
 

@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
 
 use super::{
-    AHEAD, BEFORE, BIAS, BLOCK, Block, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
-    clamped, starts,
+    AHEAD, BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
+    clamped, some_of, starts,
 };
 use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
 
@@ -27,8 +27,8 @@ pub(super) fn tile(
     stride: usize,
 ) -> u64 {
     let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a));
-    let after = sampled(&Patch::new(&current, b, &mut room_b));
+    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
+    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
     let merge = Merge::new(rule);
     let mut mask = 0;
     for row in 0..TILE {
@@ -47,7 +47,7 @@ pub(super) fn tile(
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
     let mut room = None;
-    for (pair, rows) in sampled(&Patch::new(&source, at, &mut room)).into_iter().enumerate() {
+    for (pair, rows) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).into_iter().enumerate() {
         store(out, 2 * pair, stride, rows);
     }
 }
@@ -70,20 +70,39 @@ pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
 
 /// See [`super::Sampled::pixels_of_one`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
+pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+    let mut groups = Groups::new(at, wanted);
+    while let Some((corner, group)) = groups.next() {
+        let mut room = None;
+        let rows = sampled(&Patch::new(&source, corner, &mut room));
+        let out = must_cast_mut::<_, [[Pixel; PIXELS]; TILE / 2]>(out);
+        for (pair, (out, rows)) in out.iter_mut().zip(rows).enumerate() {
+            *out = must_cast(_mm512_mask_mov_epi32(must_cast(*out), (group >> (PIXELS * pair)) as u16, rows));
+        }
+    }
+    each_pixel(source, at, groups.alone(), out);
+}
+
+/// Some pixels, two at a time.
+#[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
+fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &mut [Pixel; BLOCK]) {
+    if wanted == 0 {
+        return;
+    }
     let (taps, levels): (__m512i, __m512i) = (must_cast(TAPS_BY_CHANNEL), must_cast(LEVELS_BY_PIXEL));
     let bias = _mm512_set1_epi64(BIAS.into());
     let starts = starts(&source, at);
-    for (i, out) in must_cast_mut::<_, [[Pixel; PIXELS]; 4]>(out).iter_mut().enumerate() {
+    while wanted != 0 {
+        let (places, count) = some_of::<PIXELS>(&mut wanted);
         // Two pixels, their sums where the even numbers are and again where the odd ones are.
         let mut sums = [_mm512_setzero_si512(); PIXELS / 2];
-        for (pair, sums) in sums.iter_mut().enumerate() {
+        for (pair, sums) in sums.iter_mut().enumerate().take(count.div_ceil(2)) {
             // Minus the weighted rows of each, two rows together: a lane to a channel, and in it for each row what its first
             // four taps have and what the others have. And minus the weights of the rows.
             let mut rows = [[_mm512_setzero_si512(); TAPS / 2]; 2];
             let mut phases = [0; 2];
             for (side, (rows, phase)) in rows.iter_mut().zip(&mut phases).enumerate() {
-                let pixel = PIXELS * i + 2 * pair + side;
+                let pixel = places[2 * pair + side];
                 let at = [at.x[pixel], at.y[pixel]];
                 let [fx, fy] = at.map(|v| (v & 63) as usize);
                 let two = |upper, lower| {
@@ -119,7 +138,10 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
         let eight = |a, b, c, d| _mm512_packs_epi32(four(a, b), four(c, d));
         let sixteen = _mm512_packs_epi16(eight(a, b, c, d), eight(e, f, g, h));
         let pixels = _mm512_permutexvar_epi8(levels, _mm512_xor_si512(sixteen, _mm512_set1_epi8(-128)));
-        *out = must_cast(pixels);
+        let pixels: [Pixel; PIXELS] = must_cast(pixels);
+        for (&place, pixel) in places[..count].iter().zip(pixels) {
+            out[place] = pixel;
+        }
     }
 }
 

@@ -1,6 +1,9 @@
 //! The form over arrays: a row of eight pixels is one vector of 32 channels.
 
-use super::{BEFORE, BIAS, NEGATIVE, Patch, Pixel, ROW, Rule, SINC, SPAN, Sampled, Source, TAPS, TILE};
+use super::{
+    BEFORE, BIAS, BLOCK, Groups, NEGATIVE, Patch, Pixel, Positions, ROW, Rule, SINC, SPAN, Sampled, Source, TAPS, TILE,
+    scalar,
+};
 
 /// See [`Sampled::tile`].
 pub(super) fn tile(
@@ -13,8 +16,8 @@ pub(super) fn tile(
     stride: usize,
 ) -> u64 {
     let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a));
-    let after = sampled(&Patch::new(&current, b, &mut room_b));
+    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
+    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
     let mut mask = 0;
     for j in 0..TILE {
         let (before, after) = (before[j].as_chunks::<4>().0, after[j].as_chunks::<4>().0);
@@ -30,9 +33,24 @@ pub(super) fn tile(
 /// See [`Sampled::tile_of_one`].
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
     let mut room = None;
-    for (j, row) in sampled(&Patch::new(&source, at, &mut room)).iter().enumerate() {
+    for (j, row) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).iter().enumerate() {
         out[j * stride..][..TILE].as_flattened_mut().copy_from_slice(row);
     }
+}
+
+/// See [`Sampled::pixels_of_one`].
+pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+    let mut groups = Groups::new(at, wanted);
+    while let Some((corner, group)) = groups.next() {
+        let mut room = None;
+        for (j, row) in sampled(&Patch::new(&source, corner, &mut room)).iter().enumerate() {
+            let pixels = out[TILE * j..].iter_mut().zip(row.as_chunks::<4>().0).enumerate();
+            for (_, (out, pixel)) in pixels.filter(|(i, _)| group >> (TILE * j + i) & 1 == 1) {
+                *out = *pixel;
+            }
+        }
+    }
+    scalar::pixels_of_one(source, at, groups.alone(), out);
 }
 
 /// The tile, row by row.

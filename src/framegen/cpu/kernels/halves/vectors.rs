@@ -62,8 +62,12 @@ pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
 
 /// See [`super::Sampled::pixels_of_one`].
 #[inline(always)]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut [Pixel; BLOCK]) {
+pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     for (j, out) in out.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
+        let wanted = (wanted >> (TILE * j)) as u8;
+        if wanted == 0 {
+            continue;
+        }
         // A row of eight pixels: their columns and the weights of these, tap by tap.
         let mut sums = [[0.0; ROW]; TAPS];
         let (mut low, mut high, mut across) = (sums, sums, sums);
@@ -86,7 +90,9 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, out: &mut
             let [s, l, h, w] = [&sums, &low, &high, &across].map(|taps| std::array::from_fn(|tap| taps[tap][i]));
             *value = sample(s, l, h, w);
         }
-        *out = narrowed(&values);
+        for (x, (out, value)) in out.iter_mut().zip(narrowed(&values)).enumerate() {
+            *out = if wanted >> x & 1 == 1 { value } else { *out };
+        }
     }
 }
 

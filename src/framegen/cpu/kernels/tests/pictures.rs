@@ -140,17 +140,28 @@ fn all_levels_make_the_same_pixels<P: Painted>() {
     for size in SIZES.into_iter().cycle().take(8 * SIZES.len()) {
         let pictures = Pictures::<P>::new(&mut random, size.0, size.1);
         let [previous, current] = pictures.sources();
+        // Each where it pleases, or in a few groups of which some lie side by side.
         let positions = |random: &mut Random| {
-            let all: [[i32; 2]; BLOCK] = std::array::from_fn(|_| position(random, size));
+            let corners: [[i32; 2]; 4] = std::array::from_fn(|_| position(random, size));
+            let (groups, strays) = (random.below(5) as usize, 1 + random.below(8));
+            let all: [[i32; 2]; BLOCK] = std::array::from_fn(|place| {
+                if groups == 0 || random.below(8 * strays) == 0 {
+                    return position(random, size);
+                }
+                let [x, y] = corners[(place + place / TILE) * groups / (2 * TILE) % corners.len()];
+                [x.wrapping_add(64 * (place % TILE) as i32), y.wrapping_add(64 * (place / TILE) as i32)]
+            });
             Positions { x: all.map(|at| at[0]), y: all.map(|at| at[1]) }
         };
         let (a, b, rule) = (positions(&mut random), positions(&mut random), rule(&mut random));
+        let wanted = [u64::MAX, random.bits(), random.bits() & random.bits() & random.bits(), 0];
+        let wanted = wanted[random.below(4) as usize];
         let make = |level: Option<Level>| {
             let mut out = Block { before: [P::GUARD; BLOCK], after: [P::GUARD; BLOCK], merged: [P::GUARD; BLOCK] };
             for (source, at, samples) in [(previous, &a, &mut out.before), (current, &b, &mut out.after)] {
                 match level {
-                    Some(level) => P::pixels_of_one(level, source, at, samples),
-                    None => scalar::pixels_of_one(source, at, samples),
+                    Some(level) => P::pixels_of_one(level, source, at, wanted, samples),
+                    None => scalar::pixels_of_one(source, at, wanted, samples),
                 }
             }
             let mask = match level {
