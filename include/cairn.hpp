@@ -180,9 +180,9 @@ public:
     const error &why() const noexcept { return why_; }
 
     /** The value; where there is none, throws why(). */
-    T &value() & { return check(), *value_; }
-    const T &value() const & { return check(), *value_; }
-    T value() && { return check(), std::move(*value_); }
+    T &value() & { return must_be_there(), *value_; }
+    const T &value() const & { return must_be_there(), *value_; }
+    T value() && { return must_be_there(), std::move(*value_); }
 
     /** The value, which must be there. */
     T &operator*() noexcept { return *value_; }
@@ -191,7 +191,7 @@ public:
     const T *operator->() const noexcept { return &*value_; }
 
 private:
-    void check() const
+    void must_be_there() const
     {
         if (!value_) detail::raise(why_);
     }

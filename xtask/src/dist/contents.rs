@@ -8,6 +8,7 @@ use super::library::{self, Built};
 use super::sbom;
 use super::tree::Tree;
 use super::unity;
+use super::unreal;
 use crate::clone::Clone;
 
 /// The archive's own pages; `@VERSION@` and `@ONNXRUNTIME@` stand for versions.
@@ -83,6 +84,9 @@ pub(super) fn of(
             tree.add_file(format!("runtime/{name}"), &file)?;
         }
         tree.add("runtime/README.md", fill(RUNTIME))?;
+    }
+    if let Some(import) = &built.import {
+        unreal::add(clone, &mut tree, &import.msvc)?;
     }
     tree.unlink();
     Ok(Some(tree))

@@ -7,6 +7,7 @@ mod library;
 mod sbom;
 pub(crate) mod tree;
 pub(crate) mod unity;
+mod unreal;
 mod wheel;
 
 use std::fs;
@@ -21,6 +22,7 @@ use crate::clone::Clone;
 
 pub(crate) use library::{Source, exports};
 use tree::Tree;
+pub(crate) use unreal::{PLUGIN as UNREAL, assemble as assemble_unreal};
 
 /// What an archive is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

@@ -44,6 +44,12 @@ impl Tree {
         self.add(path, fs::read(from).map_err(|e| format!("{}: {e}", from.display()))?)
     }
 
+    /// Adds what is there under another name once more.
+    pub(super) fn copy(&mut self, from: &str, to: String) -> Result<(), String> {
+        let bytes = self.files.get(from).ok_or_else(|| format!("{} has no {from}", self.name))?.clone();
+        self.add(to, bytes)
+    }
+
     /// Adds the clone's files whose names start with `prefix` and that `wanted` takes, under the names they have there.
     pub(super) fn add_clone(&mut self, clone: &Clone, prefix: &str, wanted: fn(&str) -> bool) -> Result<(), String> {
         let files: Vec<_> =

@@ -25,6 +25,7 @@ mod study;
 mod tally;
 mod thorough;
 mod unity;
+mod unreal;
 mod wheels;
 
 use std::cell::OnceCell;
@@ -86,6 +87,11 @@ const RUNNERS: &[Runner] = &[
         run: directml::run,
     },
     Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
+    Runner {
+        name: "unreal",
+        what: "the plugin for Unreal Engine 5.1 to 5.6, by declarations of it and in a small engine",
+        run: unreal::run,
+    },
     Runner {
         name: "ffx",
         what: "AMD's ffx-api: a double of each release, and AMD's own where CAIRN_FFX_DIR is",

@@ -1,0 +1,93 @@
+#pragma once
+
+/*
+ * What differs from one version of the engine to another, 5.1 to 5.6, and nothing else does: how a command list is had and given back
+ * (5.5), and how the engine is told to write down its barriers before somebody else records (5.6).
+ */
+
+#include "CoreMinimal.h"
+#include "Misc/EngineVersionComparison.h"
+#include "RHICommandList.h"
+#include "RenderGraphBuilder.h"
+#include "RenderGraphUtils.h"
+#include "ShaderParameterMacros.h"
+
+#if UE_VERSION_OLDER_THAN(5, 1, 0)
+#error "Cairn needs Unreal Engine 5.1 or later: earlier ones have no public interface to their Direct3D 12 device"
+#endif
+
+#if CAIRN_WITH_D3D12
+
+#include "ID3D12DynamicRHI.h"
+
+/* From 5.6 on the engine writes its barriers down when it is asked to. Before, it does so when it copies a texture. */
+#define CAIRN_FLUSHES_BY_COPY UE_VERSION_OLDER_THAN(5, 6, 0)
+
+BEGIN_SHADER_PARAMETER_STRUCT(FCairnPassParameters, )
+	RDG_TEXTURE_ACCESS(Target, ERHIAccess::CopyDest)
+#if CAIRN_FLUSHES_BY_COPY
+	RDG_TEXTURE_ACCESS(FlushFrom, ERHIAccess::CopySrc)
+	RDG_TEXTURE_ACCESS(FlushTo, ERHIAccess::CopyDest)
+#endif
+END_SHADER_PARAMETER_STRUCT()
+
+namespace CairnEngine
+{
+	/** The only graphics card that Cairn uses where there are several in one device. */
+	constexpr uint32 DeviceIndex = 0;
+
+	/** The parameters of a pass that writes Target, with all that it needs besides. */
+	inline FCairnPassParameters* MakeParameters(FRDGBuilder& GraphBuilder, FRDGTextureRef Target)
+	{
+		FCairnPassParameters* Parameters = GraphBuilder.AllocParameters<FCairnPassParameters>();
+		Parameters->Target = Target;
+#if CAIRN_FLUSHES_BY_COPY
+		const FRDGTextureDesc Texel = FRDGTextureDesc::Create2D(
+			FIntPoint(1, 1), PF_B8G8R8A8, FClearValueBinding::Black, TexCreate_RenderTargetable | TexCreate_ShaderResource);
+		const FRDGTextureRef From = GraphBuilder.CreateTexture(Texel, TEXT("Cairn.FlushFrom"));
+		Parameters->FlushFrom = From;
+		Parameters->FlushTo = GraphBuilder.CreateTexture(Texel, TEXT("Cairn.FlushTo"));
+		// What nobody has written may not be read.
+		AddClearRenderTargetPass(GraphBuilder, From);
+#endif
+		return Parameters;
+	}
+
+	/**
+	 * Has Record(ID3D12GraphicsCommandList*, ID3D12Resource*, FRHICommandList&) called when the engine's own list is open, on the thread
+	 * that writes it, with the target resident and in COPY_DEST. Within the pass.
+	 */
+	template <typename RecordType>
+	void Enqueue(FRHICommandListImmediate& RHICmdList, const FCairnPassParameters* Parameters, RecordType&& Record)
+	{
+		FRHITexture* const Target = Parameters->Target->GetRHI();
+#if CAIRN_FLUSHES_BY_COPY
+		RHICmdList.EnqueueLambda([Target](FRHICommandListImmediate& Executing)
+		{
+			// It is in this state already: what counts is that the engine knows that the texture is used.
+			GetID3D12DynamicRHI()->RHITransitionResource(
+				Executing, Target, D3D12_RESOURCE_STATE_COPY_DEST, D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES);
+		});
+		RHICmdList.CopyTexture(Parameters->FlushFrom->GetRHI(), Parameters->FlushTo->GetRHI(), FRHICopyTextureInfo());
+#endif
+		RHICmdList.EnqueueLambda([Target, Record = Forward<RecordType>(Record)](FRHICommandListImmediate& Executing) mutable
+		{
+			ID3D12DynamicRHI* const RHI = GetID3D12DynamicRHI();
+#if !CAIRN_FLUSHES_BY_COPY
+			RHI->RHIUpdateResourceResidency(Executing, DeviceIndex, Target);
+			RHI->RHIFlushResourceBarriers(Executing, DeviceIndex);
+#endif
+#if UE_VERSION_OLDER_THAN(5, 5, 0)
+			ID3D12GraphicsCommandList* const List = RHI->RHIGetGraphicsCommandList(DeviceIndex);
+			Record(List, RHI->RHIGetResource(Target), static_cast<FRHICommandList&>(Executing));
+			RHI->RHIFinishExternalComputeWork(DeviceIndex, List);
+#else
+			ID3D12GraphicsCommandList* const List = RHI->RHIGetGraphicsCommandList(Executing, DeviceIndex);
+			Record(List, RHI->RHIGetResource(Target), static_cast<FRHICommandList&>(Executing));
+			RHI->RHIFinishExternalComputeWork(Executing, DeviceIndex, List);
+#endif
+		});
+	}
+}
+
+#endif

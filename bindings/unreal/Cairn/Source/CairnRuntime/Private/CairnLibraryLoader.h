@@ -1,0 +1,13 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+/** The library's file: where it is, and whether it is the one that this plugin was compiled for. */
+namespace CairnLibraryLoader
+{
+	/** Loads the library from the plugin's own folder, for the rest of the process. Why that cannot be, with what to do; empty on success. */
+	FString Load();
+}
+
+/** Where the plugin's own files are. */
+FString CairnPluginFolder();

@@ -1,0 +1,36 @@
+#include "CairnPass.h"
+
+#include "CairnStream.h"
+
+#if CAIRN_WITH_D3D12
+
+#include "CairnEngine.h"
+
+void CairnAddPass(
+	FRDGBuilder& GraphBuilder, FRDGTextureRef Target, const TSharedRef<FCairnStream, ESPMode::ThreadSafe>& Stream, uint64 NowNs)
+{
+	FCairnPassParameters* const Parameters = CairnEngine::MakeParameters(GraphBuilder, Target);
+	// Shaders run in it and the last thing it does is a copy; who reads the target may not be in this graph, so it is never left out.
+	GraphBuilder.AddPass(
+		RDG_EVENT_NAME("Cairn"), Parameters, ERDGPassFlags::Compute | ERDGPassFlags::Copy | ERDGPassFlags::NeverCull,
+		[Parameters, Stream, NowNs](FRHICommandListImmediate& RHICmdList)
+		{
+			CairnEngine::Enqueue(
+				RHICmdList, Parameters,
+				[Stream, NowNs](ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing)
+				{
+					Stream->Record(List, Texture, Executing, NowNs);
+				});
+		});
+}
+
+#else
+
+void CairnAddPass(FRDGBuilder&, FRDGTextureRef, const TSharedRef<FCairnStream, ESPMode::ThreadSafe>&, uint64) {}
+
+uint64 CairnNow()
+{
+	return 0;
+}
+
+#endif

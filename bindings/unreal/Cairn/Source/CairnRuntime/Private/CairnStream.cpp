@@ -1,0 +1,416 @@
+#include "CairnStream.h"
+
+#if CAIRN_WITH_D3D12
+
+#include "CairnEngine.h"
+#include "CairnLog.h"
+#include "CairnPass.h"
+#include "HAL/PlatformTime.h"
+#include "Misc/ScopeLock.h"
+
+#include <utility>
+
+namespace
+{
+	/** The longest sleep of the thread, so that nothing that it should have heard of waits longer. */
+	constexpr uint32 LongestSleepMs = 50;
+
+	cairn::picture PictureOf(const FCairnPicture& From)
+	{
+		return cairn::picture_of(
+			cairn::span<const unsigned char>(From.Pixels.GetData(), static_cast<std::size_t>(From.Pixels.Num())),
+			static_cast<uint32>(From.Width), static_cast<uint32>(From.Height), CAIRN_FORMAT_BGRA8);
+	}
+}
+
+uint64 CairnNow()
+{
+	return static_cast<uint64>(FPlatformTime::Seconds() * 1e9);
+}
+
+FCairnStream::FCairnStream(FCairnSettings InSettings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> InWorlds)
+	: Settings(MoveTemp(InSettings)), Worlds(MoveTemp(InWorlds))
+{
+}
+
+TSharedRef<FCairnStream, ESPMode::ThreadSafe> FCairnStream::Start(
+	FCairnSettings Settings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> Worlds)
+{
+	const TSharedRef<FCairnStream, ESPMode::ThreadSafe> Made = MakeShareable(new FCairnStream(MoveTemp(Settings), MoveTemp(Worlds)));
+	FCairnStream& Stream = *Made;
+	Stream.Thread.Reset(FRunnableThread::Create(&Stream, TEXT("Cairn anchors"), 0, TPri_BelowNormal));
+	if (!Stream.Thread.IsValid())
+	{
+		Stream.bEnded = true;
+		Stream.Fail(TEXT("Cairn: no thread can be started. End other programs"));
+	}
+	return Made;
+}
+
+FCairnStream::~FCairnStream()
+{
+	RequestStop();
+	if (Thread.IsValid())
+	{
+		Thread->WaitForCompletion();
+	}
+	if (Fence != nullptr)
+	{
+		Fence->Release();
+	}
+}
+
+void FCairnStream::RequestStop()
+{
+	const FScopeLock Locked(&Lock);
+	bStopping = true;
+	if (Cancellable != nullptr)
+	{
+		(void)Cancellable->cancel();
+	}
+	Changed->Trigger();
+}
+
+bool FCairnStream::HasEnded() const
+{
+	return bEnded && (Fence == nullptr || Fence->GetCompletedValue() >= Recorded);
+}
+
+void FCairnStream::Abandon()
+{
+	RequestStop();
+	if (Thread.IsValid())
+	{
+		Thread->WaitForCompletion();
+	}
+	if (!HasEnded())
+	{
+		// The presenter would wait for frames that the engine may never give to the device any more.
+		(void)Presenter.release();
+	}
+}
+
+FIntPoint FCairnStream::GetSize() const
+{
+	const FScopeLock Locked(&Lock);
+	return WorldSize;
+}
+
+FString FCairnStream::GetFailure() const
+{
+	const FScopeLock Locked(&Lock);
+	return Failure;
+}
+
+void FCairnStream::Fail(const FString& Message)
+{
+	{
+		const FScopeLock Locked(&Lock);
+		if (!Failure.IsEmpty())
+		{
+			return;
+		}
+		Failure = Message;
+	}
+	UE_LOG(LogCairn, Error, TEXT("%s"), *Message);
+	RequestStop();
+}
+
+void FCairnStream::SetPaused(bool bHold)
+{
+	bPaused = bHold;
+	Changed->Trigger();
+}
+
+void FCairnStream::Append(FCairnPicture Picture)
+{
+	const FScopeLock Locked(&Lock);
+	Edits.Add(MoveTemp(Picture));
+	Changed->Trigger();
+}
+
+/* ---- The thread: anchors ----------------------------------------------------------------------------------------- */
+
+uint32 FCairnStream::Run()
+{
+	cairn::result<void> Done = Prepare();
+	if (Done.ok())
+	{
+		Done = Play();
+	}
+	{
+		const FScopeLock Locked(&Lock);
+		Cancellable = nullptr;
+	}
+	if (!Done.ok() && !(bStopping && Done.code() == CAIRN_ERROR_CANCELLED))
+	{
+		Fail(UTF8_TO_TCHAR(Done.why().what()));
+	}
+	bEnded = true;
+	return 0;
+}
+
+/** Loads the world and makes all that is needed to show it. */
+cairn::result<void> FCairnStream::Prepare()
+{
+	cairn::result<FCairnDevice> Frames = Worlds->Frames();
+	if (!Frames.ok())
+	{
+		return Frames.why();
+	}
+	Device = *Frames;
+	cairn::result<cairn::d3d12_objects> Own = Device->d3d12();
+	if (!Own.ok())
+	{
+		return Own.why();
+	}
+	const HRESULT Fenced = Own->device->CreateFence(0, D3D12_FENCE_FLAG_NONE, IID_PPV_ARGS(&Fence));
+	Own->device->Release();
+	Own->queue->Release();
+	if (FAILED(Fenced))
+	{
+		return cairn::error(CAIRN_ERROR_DEVICE, "ID3D12Device::CreateFence failed: the graphics device is gone. Start the game again");
+	}
+	cairn::result<FCairnWorld> Loaded = Worlds->Load(
+		Settings.World, Settings.OperatingPoint, Settings.Anchors, Settings.Threads, [this](float Part)
+		{
+			Progress = Part;
+			return !bStopping;
+		});
+	if (!Loaded.ok())
+	{
+		return Loaded.why();
+	}
+	World = *Loaded;
+	Progress = 1.0f;
+	const cairn::result<cairn::world_info> Info = World->info();
+	if (!Info.ok())
+	{
+		return Info.why();
+	}
+	KnownKeys = Info->keys;
+
+	cairn::rollout_options Wanted;
+	Wanted.seed = static_cast<uint64>(Settings.Seed);
+	cairn::result<cairn::rollout> MadeRollout = cairn::rollout::create(*World, Wanted);
+	if (!MadeRollout.ok())
+	{
+		return MadeRollout.why();
+	}
+	Rollout = MoveTemp(*MadeRollout);
+
+	cairn::presenter_options Shape;
+	Shape.multiplier = static_cast<uint32>(FMath::Max(Settings.Multiplier, 0));
+	// Who wants one frame to an anchor wants none that is generated, also where the next one is late.
+	Shape.flags = CAIRN_PRESENTER_CATCH_UP | (Settings.Multiplier == 1 ? CAIRN_PRESENTER_HOLD_LATE : 0u) |
+		(Settings.bLetterbox ? CAIRN_PRESENTER_LETTERBOX : 0u);
+	Shape.colour_space = Settings.bLinear ? CAIRN_COLOUR_LINEAR : CAIRN_COLOUR_SRGB;
+	cairn::result<cairn::presenter> MadePresenter = cairn::presenter::create(Shape);
+	if (!MadePresenter.ok())
+	{
+		return MadePresenter.why();
+	}
+	Presenter = MoveTemp(*MadePresenter);
+
+	if (Settings.FrameBudgetMs > 0.0f)
+	{
+		const FTCHARToUTF8 Schedules(*Settings.BudgetSchedules);
+		cairn::budget Budget;
+		Budget.frame_ns = static_cast<uint64>(static_cast<double>(Settings.FrameBudgetMs) * 1e6);
+		Budget.schedules = Settings.BudgetSchedules.IsEmpty() ? nullptr : Schedules.Get();
+		Budget.presenter = Presenter.get();
+		const cairn::result<void> Held = Rollout.govern(Budget);
+		if (!Held.ok())
+		{
+			return Held.why();
+		}
+	}
+	const FScopeLock Locked(&Lock);
+	WorldSize = FIntPoint(static_cast<int32>(Info->render_width), static_cast<int32>(Info->render_height));
+	Cancellable = &Rollout;
+	if (bStopping)
+	{
+		return cairn::error(CAIRN_ERROR_CANCELLED, "stopped");
+	}
+	return {};
+}
+
+/** Makes anchors, one for each span of the world's time, until it is told to stop. */
+cairn::result<void> FCairnStream::Play()
+{
+	cairn::result<cairn::step_info> Made = Rollout.append(PictureOf(Settings.Picture));
+	const cairn::result<cairn::rollout_info> Info = Rollout.info();
+	if (!Made.ok() || !Info.ok())
+	{
+		return Made.ok() ? Info.why() : Made.why();
+	}
+	const uint64 Interval = 1000000000 / FMath::Max<uint32>(Info->latents_per_second, 1);
+	for (uint64 Turn = CairnNow();; Turn = FMath::Max(Turn + Interval, CairnNow()))
+	{
+		const cairn::result<cairn::anchor> Anchor = Rollout.anchor();
+		if (!Anchor.ok())
+		{
+			return Anchor.why();
+		}
+		const cairn::result<void> Given = Give(*Anchor);
+		if (!Given.ok())
+		{
+			return Given.why();
+		}
+		// One that was late does not make those after it hurry.
+		if (!Wait(Turn + Interval))
+		{
+			return {};
+		}
+		FCairnPicture Edit;
+		{
+			const FScopeLock Locked(&Lock);
+			if (Edits.Num() > 0)
+			{
+				Edit = MoveTemp(Edits[0]);
+				Edits.RemoveAt(0);
+			}
+		}
+		Made = Edit.Width > 0 ? Rollout.append(PictureOf(Edit)) : Rollout.step(Input.Take(KnownKeys));
+		if (!Made.ok())
+		{
+			return Made.why();
+		}
+	}
+}
+
+/** Hands an anchor to the presenter, as soon as that has room. */
+cairn::result<void> FCairnStream::Give(const cairn::anchor& Anchor)
+{
+	for (;;)
+	{
+		const cairn::result<bool> Pushed = Presenter.push(Anchor, CairnNow());
+		if (!Pushed.ok())
+		{
+			return Pushed.why();
+		}
+		if (*Pushed)
+		{
+			bReady = true;
+			return {};
+		}
+		if (bStopping)
+		{
+			return cairn::error(CAIRN_ERROR_CANCELLED, "stopped");
+		}
+		Changed->Wait(4);
+	}
+}
+
+/** Waits for a time, and for as long as the stream is paused; whether it goes on then. */
+bool FCairnStream::Wait(uint64 UntilNs)
+{
+	while (!bStopping)
+	{
+		const uint64 Now = CairnNow();
+		if (!bPaused && Now >= UntilNs)
+		{
+			return true;
+		}
+		const uint64 LeftMs = bPaused ? LongestSleepMs : (UntilNs - Now) / 1000000 + 1;
+		Changed->Wait(static_cast<uint32>(FMath::Min<uint64>(LeftMs, LongestSleepMs)));
+	}
+	return false;
+}
+
+/* ---- Frames ------------------------------------------------------------------------------------------------------ */
+
+bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
+{
+	if (!bReady || bStopping)
+	{
+		return false;
+	}
+	if (Size != AskedSize)
+	{
+		const cairn::result<void> Resized = Presenter.resize(static_cast<uint32>(Size.X), static_cast<uint32>(Size.Y));
+		if (!Resized.ok())
+		{
+			Fail(UTF8_TO_TCHAR(Resized.why().what()));
+			return false;
+		}
+	}
+	const cairn::result<std::optional<cairn::frame>> Due = Presenter.query(NowNs);
+	if (!Due.ok())
+	{
+		Fail(UTF8_TO_TCHAR(Due.why().what()));
+		return false;
+	}
+	// One that is in the target already is not drawn again.
+	if (!*Due || (Size == AskedSize && (**Due).position == Asked.position && (**Due).since_ns == Asked.since_ns &&
+		(**Due).source == Asked.source))
+	{
+		return false;
+	}
+	Asked = **Due;
+	AskedSize = Size;
+	return true;
+}
+
+void FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing, uint64 NowNs)
+{
+	if (bStopping)
+	{
+		return;
+	}
+	const cairn::result<std::optional<cairn::frame>> Drawn = Presenter.record_d3d12(
+		*Device, NowNs, List, Texture, static_cast<uint32>(D3D12_RESOURCE_STATE_COPY_DEST),
+		static_cast<uint32>(D3D12_RESOURCE_STATE_COPY_DEST));
+	if (!Drawn.ok())
+	{
+		Fail(UTF8_TO_TCHAR(Drawn.why().what()));
+		return;
+	}
+	if (!*Drawn)
+	{
+		return;
+	}
+	// Behind the list: when the device gets there, this frame is over.
+	GetID3D12DynamicRHI()->RHISignalManualFence(Executing, Fence, ++Recorded);
+	{
+		const FScopeLock Locked(&Lock);
+		Shown = **Drawn;
+	}
+	bDrawn = true;
+}
+
+FCairnStatistics FCairnStream::GetStatistics() const
+{
+	FCairnStatistics Made;
+	if (!bReady)
+	{
+		return Made;
+	}
+	const cairn::result<cairn::rollout_statistics> Anchors = Rollout.statistics();
+	const cairn::result<cairn::presenter_statistics> Frames = Presenter.statistics();
+	if (Anchors.ok())
+	{
+		Made.Anchors = static_cast<int64>(Anchors->latents);
+		const uint64 Taken =
+			Anchors->encode_ns + Anchors->denoise_ns + Anchors->cache_ns + Anchors->commit_ns + Anchors->decode_ns;
+		Made.AnchorMs = static_cast<float>(static_cast<double>(Taken) / 1e6 / static_cast<double>(FMath::Max<uint64>(Anchors->latents, 1)));
+	}
+	if (Frames.ok())
+	{
+		Made.LateAnchors = static_cast<int64>(Frames->late_anchors);
+		Made.Generated = static_cast<int64>(Frames->shown_generated + Frames->shown_extrapolated);
+		Made.Frames = Made.Generated + static_cast<int64>(Frames->shown_anchors + Frames->shown_decoded + Frames->shown_held);
+		Made.FrameMs = static_cast<float>(static_cast<double>(Frames->device_frame_last_ns) / 1e6);
+		Made.Generator = UTF8_TO_TCHAR(Frames->generator);
+		Made.Preference = UTF8_TO_TCHAR(Frames->preference);
+	}
+	if (bDrawn)
+	{
+		const FScopeLock Locked(&Lock);
+		Made.Shown = Shown.source <= CAIRN_FRAME_HELD ? static_cast<ECairnFrameSource>(Shown.source) : ECairnFrameSource::Held;
+		Made.ShownAnchor = static_cast<int64>(Shown.previous);
+	}
+	return Made;
+}
+
+#endif

@@ -1,0 +1,117 @@
+#include "CairnWorlds.h"
+
+#include "DynamicRHI.h"
+#include "Misc/ScopeLock.h"
+#include "RHI.h"
+
+#if CAIRN_WITH_D3D12
+
+#include "CairnEngine.h"
+
+bool FCairnWorlds::IsPossible(FString& OutWhy)
+{
+	if (GDynamicRHI != nullptr && RHIGetInterfaceType() == ERHIInterfaceType::D3D12)
+	{
+		return true;
+	}
+	OutWhy = FString::Printf(
+		TEXT("Cairn: frames are made by Direct3D 12, and the engine runs on %s. Set Project Settings > Platforms > Windows > Default RHI ")
+		TEXT("to DirectX 12 and start the editor again, or start the game with -d3d12"),
+		GDynamicRHI != nullptr ? GDynamicRHI->GetName() : TEXT("nothing"));
+	return false;
+}
+
+cairn::result<FCairnDevice> FCairnWorlds::Frames()
+{
+	const FScopeLock Locked(&Lock);
+	if (!Graphics.IsValid())
+	{
+		ID3D12DynamicRHI* const RHI = GetID3D12DynamicRHI();
+		cairn::result<cairn::device> Made =
+			cairn::device::d3d12(RHI->RHIGetDevice(CairnEngine::DeviceIndex), RHI->RHIGetCommandQueue());
+		if (!Made.ok())
+		{
+			return Made.why();
+		}
+		Graphics = MakeShared<cairn::device, ESPMode::ThreadSafe>(MoveTemp(*Made));
+	}
+	return Graphics;
+}
+
+cairn::result<FCairnDevice> FCairnWorlds::Maker(ECairnAnchors Anchors, int32 Threads)
+{
+	if (Anchors == ECairnAnchors::Graphics)
+	{
+		return Frames();
+	}
+	cairn::cpu_options Wanted;
+	Wanted.threads = static_cast<uint32>(FMath::Max(Threads, 0));
+	cairn::result<cairn::device> Made = cairn::device::cpu(Wanted);
+	if (!Made.ok())
+	{
+		return Made.why();
+	}
+	return FCairnDevice(MakeShared<cairn::device, ESPMode::ThreadSafe>(MoveTemp(*Made)));
+}
+
+cairn::result<FCairnWorld> FCairnWorlds::Load(
+	const FString& File, const FString& OperatingPoint, ECairnAnchors Anchors, int32 Threads, TFunctionRef<bool(float)> Progress)
+{
+	const FString Name = FString::Printf(TEXT("%d|%d|%s|%s"), static_cast<int32>(Anchors), Threads, *OperatingPoint, *File);
+	TSharedPtr<FLoaded, ESPMode::ThreadSafe> Loaded;
+	{
+		const FScopeLock Locked(&Lock);
+		for (const TSharedPtr<FLoaded, ESPMode::ThreadSafe>& Known : Worlds)
+		{
+			if (Known->Name == Name)
+			{
+				Loaded = Known;
+			}
+		}
+		if (!Loaded.IsValid())
+		{
+			Loaded = MakeShared<FLoaded, ESPMode::ThreadSafe>();
+			Loaded->Name = Name;
+			Worlds.Add(Loaded);
+		}
+	}
+	const FScopeLock Locked(&Loaded->Loading);
+	FCairnWorld World = Loaded->World.Pin();
+	if (World.IsValid())
+	{
+		return World;
+	}
+	cairn::result<FCairnDevice> Device = Maker(Anchors, Threads);
+	if (!Device.ok())
+	{
+		return Device.why();
+	}
+	const FTCHARToUTF8 Path(*File);
+	const FTCHARToUTF8 Point(*OperatingPoint);
+	cairn::world_options Wanted;
+	Wanted.path = File.IsEmpty() ? nullptr : Path.Get();
+	Wanted.operating_point = OperatingPoint.IsEmpty() ? nullptr : Point.Get();
+	cairn::result<cairn::world> Made = cairn::world::load(**Device, Wanted, [&Progress](const cairn::load_progress& Now)
+	{
+		// Reading is the first half and preparing the second, whatever they take.
+		const float Part = Now.total > 0 ? static_cast<float>(Now.done) / static_cast<float>(Now.total) : 0.0f;
+		return Progress(Now.stage == CAIRN_LOAD_READING ? Part / 2.0f : 0.5f + Part / 2.0f);
+	});
+	if (!Made.ok())
+	{
+		return Made.why();
+	}
+	World = MakeShared<cairn::world, ESPMode::ThreadSafe>(MoveTemp(*Made));
+	Loaded->World = World;
+	return World;
+}
+
+#else
+
+bool FCairnWorlds::IsPossible(FString& OutWhy)
+{
+	OutWhy = TEXT("Cairn: frames are made by Direct3D 12, and this platform has none. Run the game on 64-bit Windows");
+	return false;
+}
+
+#endif

@@ -1,0 +1,39 @@
+using System.IO;
+using UnrealBuildTool;
+
+/// <summary>
+/// The library itself: its headers, its import library, and what a game must take along. cairn.dll is loaded late, by the runtime module,
+/// so that a game whose copy is missing or wrong can say so.
+/// </summary>
+public class CairnLibrary : ModuleRules
+{
+	public CairnLibrary(ReadOnlyTargetRules Target) : base(Target)
+	{
+		Type = ModuleType.External;
+
+		string Headers = Path.Combine(ModuleDirectory, "include");
+		if (!File.Exists(Path.Combine(Headers, "cairn.h")))
+		{
+			throw new BuildException("The plugin Cairn has no library: " + Headers + " has no cairn.h. Take the folder unreal/Cairn " +
+				"of Cairn's Windows archive, which is whole; the plugin in Cairn's repository is filled by cargo xtask dist.");
+		}
+		PublicSystemIncludePaths.Add(Headers);
+
+		if (Target.Platform == UnrealTargetPlatform.Win64)
+		{
+			PublicAdditionalLibraries.Add(Path.Combine(ModuleDirectory, "lib", "cairn.lib"));
+			PublicDelayLoadDLLs.Add("cairn.dll");
+
+			string Libraries = Path.Combine(PluginDirectory, "Binaries", "ThirdParty", "Cairn", "Win64");
+			foreach (string Name in new string[] { "cairn.dll", "onnxruntime.dll", "DirectML.dll" })
+			{
+				// The slim archive comes without Microsoft's.
+				if (File.Exists(Path.Combine(Libraries, Name)))
+				{
+					RuntimeDependencies.Add("$(PluginDir)/Binaries/ThirdParty/Cairn/Win64/" + Name);
+				}
+			}
+		}
+		RuntimeDependencies.Add("$(PluginDir)/Resources/place.ppm");
+	}
+}

@@ -1,0 +1,390 @@
+/*
+ * A small engine that runs Cairn's plugin: its module, subsystem, component and pass, compiled from the sources that Unreal compiles,
+ * on a Direct3D 12 device of its own. What comes into render targets is compared with what the library makes when it is asked directly.
+ *
+ * host PLUGIN load: says why the library cannot be used, or nothing.
+ * host PLUGIN play: everything else.
+ */
+#include "CairnInput.h"
+#include "CairnPictures.h"
+#include "CairnRuntimeModule.h"
+#include "CairnStream.h"
+#include "CairnWorldComponent.h"
+#include "CairnWorldSubsystem.h"
+
+#include "host.h"
+#include "objects.h"
+
+#include <cairn.hpp>
+
+#include <cstdio>
+#include <cstring>
+#include <map>
+
+#include <windows.h>
+
+#include <shellapi.h>
+
+namespace {
+
+int failures = 0, checks = 0;
+std::wstring folder;
+
+/** How long anything may take. */
+constexpr double PATIENCE = 300.0;
+constexpr int64 SEED = 7;
+constexpr int32 THREADS = 2;
+const char* const OPERATING_POINT = "stock,pictures:1";
+
+bool says(const FString& text, const wchar_t* part) { return std::wcsstr(*text, part) != nullptr; }
+
+/** As the library has them: anchors of a rollout from a picture, blue first, while W is held, the mouse having moved before the first. */
+class own_rollout {
+public:
+    explicit own_rollout(const FCairnPicture& picture, uint64_t seed)
+    {
+        cairn::cpu_options options;
+        options.threads = THREADS;
+        device_ = cairn::device::cpu(options).value();
+        cairn::world_options wanted;
+        wanted.operating_point = OPERATING_POINT;
+        world_ = cairn::world::load(device_, wanted).value();
+        cairn::rollout_options start;
+        start.seed = seed;
+        rollout_ = cairn::rollout::create(world_, start).value();
+        rollout_
+            .append(cairn::picture_of(cairn::span<const unsigned char>(picture.Pixels.GetData(), static_cast<std::size_t>(picture.Pixels.Num())),
+                                      static_cast<uint32>(picture.Width), static_cast<uint32>(picture.Height), CAIRN_FORMAT_BGRA8))
+            .value();
+    }
+    std::vector<uint8> anchor() const
+    {
+        const cairn::anchor made = rollout_.anchor().value();
+        const cairn::anchor_info info = made.info().value();
+        std::vector<uint8> bytes(std::size_t{info.width} * info.height * 4);
+        made.read_picture(0, cairn::target_of(bytes, info.width, info.height, CAIRN_FORMAT_BGRA8)).value();
+        return bytes;
+    }
+    void step(float dx, float dy)
+    {
+        cairn::controls controls;
+        controls.keys[1] = uint64_t{1} << 23; /* W */
+        controls.mouse_dx = dx;
+        controls.mouse_dy = dy;
+        rollout_.step(controls).value();
+    }
+
+private:
+    cairn::device device_;
+    cairn::world world_;
+    cairn::rollout rollout_;
+};
+
+/** A level with a game around it, and a player. */
+struct level {
+    UGameInstance game;
+    APlayerController player;
+    UWorld world;
+    FSubsystemCollectionBase collection;
+    level()
+    {
+        game.Subsystems.push_back(std::make_unique<UCairnWorldSubsystem>());
+        world.Game = &game;
+        world.Player = &player;
+        subsystem().Initialize(collection);
+    }
+    UCairnWorldSubsystem& subsystem() { return *game.GetSubsystem<UCairnWorldSubsystem>(); }
+};
+
+/** Whether the anchor's own picture is in the target, where nothing is generated: it stands while the next one is late. */
+bool is_anchor(const FCairnStatistics& now) { return now.Shown == ECairnFrameSource::Anchor || now.Shown == ECairnFrameSource::Held; }
+
+/** A component in a level, and what it has said. */
+struct actor {
+    UCairnWorldComponent component;
+    int ready = 0;
+    float progress = 0;
+    FString error;
+    explicit actor(level& in)
+    {
+        component.Outer = &in.world;
+        component.Anchors = ECairnAnchors::Processor;
+        component.Threads = THREADS;
+        component.Seed = SEED;
+        component.OnReady.Listen([this] { ready++; });
+        component.OnProgress.Listen([this](float part) { progress = part; });
+        component.OnError.Listen([this](const FString& message) { error = message; });
+    }
+    void frame()
+    {
+        component.TickComponent(0.01f, LEVELTICK_All, nullptr);
+        run_frame();
+        FTSTicker::GetCoreTicker().Tick(0.01f);
+    }
+    /** Runs frames until something is so. */
+    template <class Until> bool until(Until so)
+    {
+        const double end = FPlatformTime::Seconds() + PATIENCE;
+        while (!so()) {
+            if (FPlatformTime::Seconds() > end) return false;
+            frame();
+            Sleep(2);
+        }
+        return true;
+    }
+    /** The message that starting ends with. */
+    FString refusal()
+    {
+        component.Start();
+        until([this] { return !error.IsEmpty() || component.GetStatistics().Frames > 0; });
+        component.Stop();
+        return error;
+    }
+};
+
+FCairnPicture place_of_the_plugin()
+{
+    FCairnPicture picture;
+    FString why;
+    expect(CairnReadPicture(FString((folder + L"/Resources/place.ppm").c_str()), picture, why), "the plugin's own picture is read");
+    return picture;
+}
+
+/** A walk into a target that the component makes: each anchor that is shown is the library's own, to the bit. */
+void walk(level& in)
+{
+    in.player.Down = {FKey(L"W")};
+    actor shown(in);
+    shown.component.Multiplier = 1;
+    shown.component.BeginPlay();
+    shown.component.AddMouse(30, -20);
+    /* A slow machine may not show them all. */
+    std::map<int64, std::vector<uint8>> pictures;
+    const bool made = shown.until([&] {
+        const FCairnStatistics now = shown.component.GetStatistics();
+        if (is_anchor(now) && pictures.count(now.ShownAnchor) == 0) {
+            pictures[now.ShownAnchor] = read_texture(*shown.component.Target->GameThread_GetRenderTargetResource()->GetRenderTargetTexture());
+        }
+        return !shown.error.IsEmpty() || pictures.size() >= 4;
+    });
+    expect(made && shown.error.IsEmpty(), "a world is played");
+    expect(shown.ready == 1 && shown.progress == 1.0f, "the component says how far it is, and once that it is ready");
+    const FCairnStatistics all = shown.component.GetStatistics();
+    expect(all.Anchors >= 4 && all.Frames >= 4 && all.AnchorMs > 0 && !all.Generator.IsEmpty(), "statistics tell of it");
+    shown.component.EndPlay(EEndPlayReason::Destroyed);
+    expect(!shown.component.IsPlaying(), "it ends with the game");
+
+    own_rollout own(place_of_the_plugin(), SEED);
+    for (int64 i = 0; i <= pictures.rbegin()->first; i++) {
+        if (i > 0) own.step(i == 1 ? 30.0f : 0.0f, i == 1 ? -20.0f : 0.0f);
+        const auto found = pictures.find(i);
+        expect(found == pictures.end() || found->second == own.anchor(), "an anchor in the target is the library's own");
+    }
+    in.player.Down.clear();
+}
+
+/** From a render target into one of half floats, with frames between; then an edit, and a pause. */
+void capture(level& in)
+{
+    actor shown(in);
+    shown.component.Multiplier = 4;
+    shown.component.bReadPlayerInput = false;
+    UTextureRenderTarget2D seen, target;
+    seen.RenderTargetFormat = RTF_RGBA8;
+    seen.InitAutoFormat(64, 36);
+    std::vector<uint8> picture(64 * 36 * 4);
+    for (std::size_t i = 0; i < picture.size(); i++) picture[i] = static_cast<uint8>(i % 4 == 3 ? 0 : i / 40);
+    write_texture(*seen.GameThread_GetRenderTargetResource()->GetRenderTargetTexture(), picture);
+    target.RenderTargetFormat = RTF_RGBA16f;
+    target.InitAutoFormat(320, 180);
+    shown.component.SeedTarget = &seen;
+    shown.component.Target = &target;
+    shown.component.Start();
+    shown.component.SetKey(FKey(L"W"), true);
+    std::vector<uint8> first;
+    int64 number = 0;
+    const bool made = shown.until([&] {
+        const FCairnStatistics now = shown.component.GetStatistics();
+        if (now.Shown == ECairnFrameSource::Anchor && first.empty()) {
+            number = now.ShownAnchor;
+            first = read_texture(*target.GameThread_GetRenderTargetResource()->GetRenderTargetTexture());
+        }
+        return !shown.error.IsEmpty() || (!first.empty() && now.Generated > 0);
+    });
+    expect(made && shown.error.IsEmpty(), "a world is played from what a capture saw, with frames between");
+
+    FCairnPicture seed;
+    seed.Width = 64;
+    seed.Height = 36;
+    seed.Pixels.SetNumUninitialized(static_cast<int64>(picture.size()));
+    for (std::size_t i = 0; i < picture.size(); i++) seed.Pixels[static_cast<int64>(i)] = i % 4 == 3 ? 255 : picture[i];
+    own_rollout rollout(seed, SEED);
+    for (int64 i = 0; i < number; i++) rollout.step(0, 0);
+    const std::vector<uint8> own = rollout.anchor();
+    double most = 0;
+    for (std::size_t i = 0; i < own.size() && first.size() == own.size() * 2; i++) {
+        if (i % 4 == 3) continue;
+        /* Blue comes first in one, red in the other. */
+        uint16_t half;
+        std::memcpy(&half, &first[(i / 4 * 4 + (2 - i % 4)) * 2], sizeof half);
+        const int exponent = half >> 10 & 31;
+        const double value = exponent == 0 ? std::ldexp(half & 1023, -24) : std::ldexp(1024 + (half & 1023), exponent - 25);
+        const double part = own[i] / 255.0, light = part <= 0.04045 ? part / 12.92 : std::pow((part + 0.055) / 1.055, 2.4);
+        most = std::max(most, std::fabs(value - light));
+    }
+    expect(first.size() == own.size() * 2 && most < 0.003, "an anchor is the library's own in linear light");
+
+    shown.component.SetPaused(true);
+    Sleep(500);
+    shown.frame();
+    const int64 held = shown.component.GetStatistics().Anchors;
+    for (int i = 0; i < 20; i++) {
+        shown.frame();
+        Sleep(20);
+    }
+    expect(shown.component.GetStatistics().Anchors <= held + 1, "a pause holds the world");
+    shown.component.AppendRenderTarget(&seen);
+    shown.component.SetPaused(false);
+    expect(shown.until([&] { return shown.component.GetStatistics().Anchors > held + 2; }), "it goes on, with an edit");
+    shown.component.Stop();
+}
+
+/** What cannot be played is told, with what to do. */
+void refusals(level& in)
+{
+    struct wrong {
+        const wchar_t* parts[3];
+        std::function<void(UCairnWorldComponent&)> how;
+    };
+    UTextureRenderTarget2D grey;
+    grey.RenderTargetFormat = RTF_R8;
+    grey.InitAutoFormat(64, 36);
+    const wrong all[] = {
+        {{L"нигде мир.cairn", L"cairn_world_load", L""}, [](auto& c) { c.WorldBundle.FilePath = L"нигде мир.cairn"; }},
+        {{L"operating_point", L"stuck", L""}, [](auto& c) { c.OperatingPoint = L"stuck"; }},
+        {{L"multiplier", L"5", L""}, [](auto& c) { c.Multiplier = 5; }},
+        {{L"nowhere.png", L"cannot be read", L"Name a file"}, [](auto& c) { c.SeedPicture.FilePath = L"nowhere.png"; }},
+        {{L"no picture", L"cairn.dll", L"PNG"}, [](auto& c) { c.SeedPicture.FilePath = (folder + L"/Binaries/ThirdParty/Cairn/Win64/cairn.dll").c_str(); }},
+        {{L"Target has a format", L"RTF RGBA8 SRGB", L""}, [&grey](auto& c) { c.Target = &grey; }},
+    };
+    for (const wrong& one : all) {
+        actor refused(in);
+        one.how(refused.component);
+        const FString message = refused.refusal();
+        bool right = !refused.component.IsPlaying();
+        for (const wchar_t* part : one.parts) right = right && says(message, part);
+        if (!right) std::fprintf(stderr, "host: said: %s\n", TCHAR_TO_UTF8(*message));
+        expect(right, "what is wrong is told");
+    }
+    level other;
+    actor lost(other);
+    lost.component.Outer = nullptr;
+    expect(says(lost.refusal(), L"no running game"), "a component without a game says so");
+}
+
+/** Another renderer than Direct3D 12: the setting to change is named. */
+void other_renderer()
+{
+    struct vulkan final : FDynamicRHI {
+        ERHIInterfaceType GetInterfaceType() const override { return ERHIInterfaceType::Vulkan; }
+        const TCHAR* GetName() override { return L"Vulkan"; }
+    } stranger;
+    FDynamicRHI* const own = std::exchange(GDynamicRHI, &stranger);
+    level in;
+    const FString why = in.subsystem().GetUnavailableReason();
+    expect(!in.subsystem().IsAvailable() && says(why, L"Vulkan") && says(why, L"Default RHI") && says(why, L"DirectX 12"),
+          "another renderer is told with the setting");
+    actor refused(in);
+    refused.component.Start();
+    expect(says(refused.error, L"Default RHI"), "a component tells it as well");
+    GDynamicRHI = own;
+}
+
+void input()
+{
+    expect(CairnVirtualKey(FKey(L"W")) == 0x57 && CairnVirtualKey(FKey(L"SpaceBar")) == 0x20 && CairnVirtualKey(FKey(L"Gamepad_LeftX")) == 0,
+          "keys have their codes");
+    FCairnInput given;
+    given.SetKey(0x57, true);
+    given.SetKey(0x57, false);
+    given.SetKey(300, true);
+    given.SetKey(200, true);
+    given.AddMouse(3, 4);
+    given.AddMouse(std::nanf(""), 1e9f);
+    given.AddScroll(1);
+    cairn::controls taken = given.Take(128);
+    expect(taken.keys[1] == uint64_t{1} << 23 && taken.keys[3] == 0, "a key that was tapped counts, and one that the world does not know does not");
+    expect(taken.mouse_dx == 3 && taken.mouse_dy == 32768 && taken.scroll == 1, "the mouse adds up, as far as it can");
+    taken = given.Take(256);
+    expect(taken.keys[1] == 0 && taken.keys[3] == uint64_t{1} << 8 && taken.mouse_dx == 0, "what was taken is gone, and what is held stays");
+
+    TArray<FColor> colours;
+    colours.Add({1, 2, 3, 0});
+    const FCairnPicture made = CairnPictureOf(colours, 1, 1);
+    expect(made.Pixels[0] == 1 && made.Pixels[2] == 3 && made.Pixels[3] == 255, "a capture's colours are taken, without its alpha");
+}
+
+unsigned long references(ID3D12Device* device)
+{
+    device->AddRef();
+    return device->Release();
+}
+
+void play()
+{
+    input();
+    start_renderer();
+    other_renderer();
+    ID3D12Device* const device = GetID3D12DynamicRHI()->RHIGetDevice(0);
+    const unsigned long before = references(device);
+    {
+        level in;
+        expect(in.subsystem().IsAvailable(), "Cairn can be used");
+        if (!in.subsystem().IsAvailable()) std::fprintf(stderr, "host: %s\n", TCHAR_TO_UTF8(*in.subsystem().GetUnavailableReason()));
+        const std::string version = std::to_string(CAIRN_VERSION / 1000000) + "." + std::to_string(CAIRN_VERSION / 1000 % 1000) + ".";
+        expect(std::string(TCHAR_TO_UTF8(*in.subsystem().GetLibraryVersion())).rfind(version, 0) == 0, "the library has a version");
+        expect(in.subsystem().GetRequirements().Num() > 2, "what is needed is told");
+        walk(in);
+        capture(in);
+        refusals(in);
+        /* What was stopped goes when the device has done with it. */
+        actor idle(in);
+        in.subsystem().Deinitialize();
+        expect(idle.until([&] { return references(device) <= before; }), "nothing of the device is held when all has ended");
+    }
+    FModuleManager::Shutdown();
+    end_renderer();
+}
+
+} /* namespace */
+
+void expect(bool fine, const char* what)
+{
+    /* From several threads, one after the other. */
+    checks++;
+    if (fine) return;
+    failures++;
+    std::fprintf(stderr, "host: failed: %s\n", what);
+}
+
+const std::wstring& plugin_folder() { return folder; }
+
+int main()
+{
+    SetConsoleOutputCP(CP_UTF8);
+    int count = 0;
+    LPWSTR* words = CommandLineToArgvW(GetCommandLineW(), &count);
+    if (count != 3) {
+        std::fprintf(stderr, "host PLUGIN load|play\n");
+        return 2;
+    }
+    folder = words[1];
+    if (std::wstring(words[2]) == L"load") {
+        std::printf("why: %s\n", TCHAR_TO_UTF8(*FCairnRuntimeModule::Get().WhyNot()));
+        FModuleManager::Shutdown();
+        return 0;
+    }
+    play();
+    std::printf("%d checks, %d failed\n", checks, failures);
+    return failures > 0 ? 1 : 0;
+}

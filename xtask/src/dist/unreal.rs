@@ -1,0 +1,54 @@
+//! The plugin for Unreal Engine, whole: what the clone has of it, and the library where its build files look for it.
+
+use std::fs;
+use std::path::Path;
+
+use super::tree::Tree;
+use crate::clone::Clone;
+
+/// In the clone.
+pub(crate) const PLUGIN: &str = "bindings/unreal/Cairn/";
+
+/// In an archive.
+const PLACE: &str = "unreal/Cairn/";
+
+/// What the library is to a plugin: name in the archive, and name in the plugin.
+pub(crate) const FILLED: [(&str, &str); 5] = [
+    ("include/cairn.h", "Source/ThirdParty/CairnLibrary/include/cairn.h"),
+    ("include/cairn.hpp", "Source/ThirdParty/CairnLibrary/include/cairn.hpp"),
+    ("include/cairn_ld.h", "Source/ThirdParty/CairnLibrary/include/cairn_ld.h"),
+    ("samples/worlds/place.ppm", "Resources/place.ppm"),
+    ("bin/cairn.dll", "Binaries/ThirdParty/Cairn/Win64/cairn.dll"),
+];
+
+/// Adds the plugin to an archive that has the library. Microsoft's libraries are in
+/// the archive once, and who takes the plugin puts them beside it.
+pub(super) fn add(clone: &Clone, tree: &mut Tree, import: &[u8]) -> Result<(), String> {
+    for file in clone.files()?.iter().filter(|file| file.starts_with(PLUGIN)) {
+        let path = file.replacen(PLUGIN, PLACE, 1);
+        tree.add_file(path, &clone.root.join(file))?;
+    }
+    tree.add_file("unreal/README.md", &clone.root.join("bindings/unreal/README.md"))?;
+    for (from, to) in FILLED {
+        tree.copy(from, format!("{PLACE}{to}"))?;
+    }
+    tree.add(format!("{PLACE}Source/ThirdParty/CairnLibrary/lib/cairn.lib"), import)
+}
+
+/// Puts the plugin together in a folder, from the clone and a library that was built.
+pub(crate) fn assemble(clone: &Clone, library: &Path, folder: &Path) -> Result<(), String> {
+    let copy = |from: &Path, to: &str| {
+        let to = folder.join(to);
+        fs::create_dir_all(to.parent().unwrap_or(folder)).map_err(|e| format!("{}: {e}", to.display()))?;
+        fs::copy(from, &to).map(|_| ()).map_err(|e| format!("{}: {e}", from.display()))
+    };
+    for file in clone.files()?.iter() {
+        if let Some(path) = file.strip_prefix(PLUGIN) {
+            copy(&clone.root.join(file), path)?;
+        }
+    }
+    FILLED.iter().try_for_each(|(from, to)| match from.strip_prefix("bin/") {
+        Some(name) => copy(&library.join(name), to),
+        None => copy(&clone.root.join(from), to),
+    })
+}

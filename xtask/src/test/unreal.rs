@@ -1,0 +1,369 @@
+//! `bindings/unreal`: Clang takes the plugin for each version of the engine, by declarations of its public interface; its rules apply; and a
+//! small engine in the lab runs it on a Direct3D 12 device.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use provision::{Console, tools};
+
+use super::Context;
+use super::abi::STRICT;
+use super::host;
+use super::lab;
+use super::tally::{Skip, Tally};
+use crate::abi::declarations;
+use crate::abi::header;
+use crate::dist;
+use crate::shell::{Log, output};
+
+const DESCRIPTION: &str = "bindings/unreal/Cairn/Cairn.uplugin";
+const RUNTIME: &str = "bindings/unreal/Cairn/Source/CairnRuntime";
+const ENGINE: &str = "tests/unreal/engine";
+const HOST: &str = "tests/unreal/host";
+const HEADERS: &str = "tests/unreal/headers.txt";
+const BUILD_TOOL: &str = "tests/unreal/BuildTool.cs";
+const STAND_IN: &str = "tests/host/stand_in.c";
+
+/// The second number of each version of Unreal Engine 5 that the plugin is for.
+const VERSIONS: [u32; 6] = [1, 2, 3, 4, 5, 6];
+
+/// Those that the small engine is built as: one of each way that lists are had and barriers written down.
+const PLAYED: [u32; 2] = [4, 6];
+
+/// Where the plugin is put together: with a space and a letter that is not Latin.
+const FOLDER: &str = "a folder Ж";
+
+/// The library in the plugin.
+const LIBRARY: &str = "Binaries/ThirdParty/Cairn/Win64/cairn.dll";
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    let work = context.clone.target.join("xtask").join("test").join("unreal");
+    match fs::remove_dir_all(&work) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
+        _ => {}
+    }
+    let place = Place { context, work };
+    place.describe(&mut tally)?;
+    place.mark_headers(&mut tally)?;
+    place.compile(log, &mut tally)?;
+    place.rules(log, &mut tally)?;
+    match lab::or_skip("the plugin for Unreal Engine in a small engine")? {
+        Some(skip) => tally.skips.push(skip),
+        None => place.play(log, &mut tally)?,
+    }
+    Ok(tally)
+}
+
+fn skip(name: &str, reason: String) -> Skip {
+    Skip { name: name.to_owned(), reason }
+}
+
+/// What is in the library's place, its file, and what must be said of it.
+type Other = (&'static str, Option<PathBuf>, &'static str);
+
+struct Place<'a> {
+    context: &'a Context<'a>,
+    work: PathBuf,
+}
+
+impl Place<'_> {
+    fn write(&self, name: &str, text: &str) -> Result<PathBuf, String> {
+        let path = self.work.join(name);
+        let folder = path.parent().unwrap_or(&self.work);
+        fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
+    }
+
+    /// The clone's files of a folder with that ending.
+    fn files(&self, folder: &str, ending: &str) -> Result<Vec<PathBuf>, String> {
+        let files = self.context.clone.files()?.into_iter();
+        let own = files.filter(|file| file.starts_with(folder) && file.ends_with(ending));
+        Ok(own.map(|file| self.context.clone.root.join(file)).collect())
+    }
+
+    /// The plugin's description is JSON, of the library's version, and names modules that are there. None is called Cairn, whose macro the
+    /// build tool would define as `cairn.h` does.
+    fn describe(&self, tally: &mut Tally) -> Result<(), String> {
+        let text = self.context.clone.read(DESCRIPTION)?;
+        let read: serde_json::Value = serde_json::from_str(&text).map_err(|e| format!("{DESCRIPTION}: {e}"))?;
+        let version = read["VersionName"].as_str() == Some(env!("CARGO_PKG_VERSION"));
+        tally.check((!version).then(|| format!("{DESCRIPTION} is not of version {}", env!("CARGO_PKG_VERSION"))));
+        let modules: Vec<&str> =
+            read["Modules"].as_array().into_iter().flatten().filter_map(|module| module["Name"].as_str()).collect();
+        tally.check(modules.is_empty().then(|| format!("{DESCRIPTION} has no module")));
+        for module in modules {
+            let rules = format!("bindings/unreal/Cairn/Source/{module}/{module}.Build.cs");
+            let there = self.context.clone.root.join(&rules).is_file() && module != "Cairn";
+            tally.check((!there).then(|| format!("{DESCRIPTION} names {module}, and {rules} must be there")));
+        }
+        Ok(())
+    }
+
+    /// What the engine's header tool wants of headers that it reads, as far as it can be told from their text.
+    fn mark_headers(&self, tally: &mut Tally) -> Result<(), String> {
+        for path in self.files(&format!("{RUNTIME}/Public/"), ".h")? {
+            let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            tally.check(wrong_marks(&text, &name).map(|why| format!("{}: {why}", path.display())));
+            self.write(&format!("generated/{name}.generated.h"), "")?;
+        }
+        let list = self.context.clone.read(HEADERS)?;
+        for (of, header) in list.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split_once(' ')) {
+            self.write(&format!("include/{}", header.trim()), &format!("#include \"{of}\"\n"))?;
+        }
+        Ok(())
+    }
+
+    /// What a compiler of the plugin is told, whichever it is.
+    fn told(&self, command: &mut Command, version: u32, d3d12: bool) {
+        let root = &self.context.clone.root;
+        command.arg("-std=c++17").args(STRICT).arg("-Wshadow").args(["-DUNICODE", "-D_UNICODE", "-DCAIRNRUNTIME_API="]);
+        command.args(["-DENGINE_MAJOR_VERSION=5".to_owned(), format!("-DENGINE_MINOR_VERSION={version}")]);
+        command.arg(format!("-DCAIRN_WITH_D3D12={}", u8::from(d3d12)));
+        for folder in [self.work.join("include"), self.work.join("generated"), root.join(ENGINE), root.join(HOST)] {
+            command.arg("-I").arg(folder);
+        }
+        for folder in ["Public", "Private"] {
+            command.arg("-I").arg(root.join(RUNTIME).join(folder));
+        }
+        // The build tool has ThirdParty's headers as the system's.
+        command.arg("-isystem").arg(root.join("include"));
+    }
+
+    /// A source file of all the given ones.
+    fn together(&self, name: &str, files: &[PathBuf]) -> Result<PathBuf, String> {
+        let lines: String = files.iter().map(|file| format!("#include \"{}\"\n", file.display())).collect();
+        self.write(name, &lines)
+    }
+
+    /// Has Clang take the plugin for each version, and each of its files by itself for the last one; and where there is no Direct3D 12.
+    fn compile(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let console = Console::new();
+        let mingw = tools::mingw_compiler(true, &console).map_err(|e| e.to_string())?;
+        let (program, first, system) = if mingw.first.is_empty() {
+            let Some(clang) = tools::clang("clang++", &console) else {
+                tally.skips.push(skip("Clang on the plugin", "needs clang: apt install clang".to_owned()));
+                return Ok(());
+            };
+            (clang, &["--target=x86_64-pc-windows-gnu"][..], system_headers(&mingw.program)?)
+        } else {
+            // Zig's compiler is Clang, and brings its headers.
+            (mingw.program, mingw.first, Vec::new())
+        };
+        let sources = self.files(&format!("{RUNTIME}/Private/"), ".cpp")?;
+        let all = self.together("plugin.cpp", &sources)?;
+        let cases = VERSIONS.iter().map(|version| (*version, true, &all));
+        let last = VERSIONS[VERSIONS.len() - 1];
+        let alone = sources.iter().map(|source| (last, true, source));
+        for (version, d3d12, source) in cases.chain(alone).chain([(last, false, &all)]) {
+            let mut command = Command::new(&program);
+            command.args(first).args(["-fno-exceptions", "-fsyntax-only"]);
+            self.told(&mut command, version, d3d12);
+            for folder in &system {
+                command.arg("-isystem").arg(folder);
+            }
+            let taken = log.run(command.arg(source))?.success;
+            let with = if d3d12 { "with" } else { "without" };
+            tally.check((!taken).then(|| {
+                format!("Clang does not take {} for Unreal Engine 5.{version} {with} Direct3D 12", source.display())
+            }));
+        }
+        Ok(())
+    }
+
+    /// Applies the build tool's rules of the plugin, with the library in it and without.
+    fn rules(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let mono = match provision::mono(&Console::new()) {
+            Ok(mono) if cfg!(target_os = "linux") => mono,
+            Ok(_) => return Ok(()),
+            Err(e) => {
+                tally.skips.push(skip("the rules of the plugin", format!("needs mono: {e}")));
+                return Ok(());
+            }
+        };
+        let clone = self.context.clone;
+        let program = self.work.join("BuildTool.exe");
+        let mut command = mono.compiler();
+        command.args(["-target:exe", "-langversion:7.2", "-warnaserror+", "-warn:4"]);
+        // What only one side of a rule reads is nobody's mistake here.
+        command.arg("-nowarn:414,649").arg(format!("-out:{}", program.display())).arg(clone.root.join(BUILD_TOOL));
+        command.args(self.files(dist::UNREAL, ".Build.cs")?);
+        if !log.run(&mut command)?.success {
+            tally.failures.push("the rules of the plugin do not compile".to_owned());
+            return Ok(());
+        }
+        let empty = log.run(mono.program().arg(&program).arg(clone.root.join(dist::UNREAL)))?;
+        let told = !empty.success && empty.output.contains("error The plugin Cairn has no library");
+        tally.check((!told).then(|| format!("a plugin without a library: {:?}", empty.output)));
+        let full = self.work.join("rules");
+        let folder = full.join("Source/ThirdParty/CairnLibrary/include");
+        fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        self.write("rules/Source/ThirdParty/CairnLibrary/include/cairn.h", "")?;
+        self.write(&format!("rules/{LIBRARY}"), "")?;
+        let applied = log.run(mono.program().arg(&program).arg(&full))?;
+        let (windows, elsewhere) =
+            applied.output.split_once("module CairnLibrary External on Linux").unwrap_or_default();
+        let wanted = [
+            "/Source/ThirdParty/CairnLibrary/include\n",
+            "/Source/ThirdParty/CairnLibrary/lib/cairn.lib\n",
+            "delayed cairn.dll\n",
+            "needs $(PluginDir)/Binaries/ThirdParty/Cairn/Win64/cairn.dll\n",
+            "needs $(PluginDir)/Resources/place.ppm\n",
+            "depends D3D12RHI\n",
+            "define CAIRN_WITH_D3D12=1\n",
+        ];
+        for line in wanted {
+            tally.check((!windows.contains(line)).then(|| format!("the rules for Windows lack {line:?}")));
+        }
+        let apart = elsewhere.contains("define CAIRN_WITH_D3D12=0\n") && !elsewhere.contains("D3D12RHI");
+        tally.check((!apart || elsewhere.contains("cairn.dll")).then(|| "the rules elsewhere need Windows".to_owned()));
+        Ok(())
+    }
+
+    /// Builds a small engine around the plugin, and runs it with the library, with others in its place, and with none.
+    fn play(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let library = host::windows_library(self.context, log)?;
+        let plugin = self.work.join(FOLDER).join("Cairn");
+        dist::assemble_unreal(self.context.clone, &library, &plugin)?;
+        let late = self.late_imports(log)?;
+        let sources =
+            [self.files(&format!("{RUNTIME}/Private/"), ".cpp")?, self.files(&format!("{HOST}/"), ".cpp")?].concat();
+        let all = self.together("host.cpp", &sources)?;
+        let mut newest = PathBuf::new();
+        for version in PLAYED {
+            let program = self.work.join(format!("host-5.{version}.exe"));
+            let mingw = tools::mingw_compiler(true, &Console::new()).map_err(|e| e.to_string())?;
+            let mut command = Command::new(&mingw.program);
+            command.args(mingw.first);
+            self.told(&mut command, version, true);
+            command.arg(&all).arg(&late).args(["-ldelayimp", "-ld3d12", "-ldxgi", "-lshell32", "-static", "-o"]);
+            if !log.run(command.arg(&program))?.success {
+                tally.failures.push(format!("the small engine does not compile as 5.{version}"));
+                continue;
+            }
+            let mut command = in_lab(&program)?;
+            self.context.provide_windows_worlds(&mut command)?;
+            let ended = log.run(command.arg(&plugin).arg("play").current_dir(&self.work))?;
+            tally.check((!ended.success).then(|| format!("the plugin in Unreal Engine 5.{version}: {}", ended.output)));
+            newest = program;
+        }
+        for (name, library, says) in self.others(log)? {
+            let folder = self.work.join(FOLDER).join(name);
+            let file = folder.join(LIBRARY);
+            fs::create_dir_all(file.parent().unwrap_or(&folder)).map_err(|e| format!("{}: {e}", file.display()))?;
+            if let Some(library) = library {
+                fs::copy(&library, &file).map_err(|e| format!("{}: {e}", file.display()))?;
+            }
+            let ended = log.run(in_lab(&newest)?.arg(&folder).arg("load").current_dir(&self.work))?;
+            let told = ended.success && ended.output.contains(says) && ended.output.contains("cairn.dll");
+            tally.check((!told).then(|| format!("a plugin whose library is {name}: {:?}", ended.output)));
+        }
+        Ok(())
+    }
+
+    /// An import library as a linker makes it of `cairn.lib` for what is loaded late.
+    fn late_imports(&self, log: &mut Log) -> Result<PathBuf, String> {
+        let declared = declarations::read(&self.context.clone.read(header::HEADER)?)?;
+        let names: String = declared.functions.iter().map(|function| format!("    {}\n", function.name)).collect();
+        let exports = self.write("cairn.def", &format!("LIBRARY cairn.dll\nEXPORTS\n{names}"))?;
+        let made = self.work.join("libcairn-late.a");
+        let mut command = Command::new("x86_64-w64-mingw32-dlltool");
+        command.arg("--input-def").arg(exports).args(["--dllname", "cairn.dll", "--output-delaylib"]).arg(&made);
+        if log.run(&mut command)?.success { Ok(made) } else { Err("dlltool makes no imports".to_owned()) }
+    }
+
+    /// What may be in the library's place, and what must be said of it.
+    fn others(&self, log: &mut Log) -> Result<Vec<Other>, String> {
+        let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
+        let mut stand_in = |name: &str, defines: &[&str]| {
+            let library = self.work.join(format!("{name}.dll"));
+            let mut command = Command::new(&compiler.program);
+            command
+                .args(compiler.first)
+                .args(["-std=c11", "-shared", "-DCAIRN_STATIC", "-include", "cairn.h"])
+                .args(defines);
+            command.arg("-I").arg(self.context.clone.root.join("include"));
+            command.arg(self.context.clone.root.join(STAND_IN)).arg("-o").arg(&library);
+            match log.run(&mut command)?.success {
+                true => Ok(Some(library)),
+                false => Err(format!("{STAND_IN} does not compile as {name}")),
+            }
+        };
+        let this = "-DSTAND_IN_ABI=CAIRN_ABI_VERSION";
+        let later = stand_in("later", &["-DSTAND_IN_ABI=CAIRN_ABI_VERSION+1"])?;
+        let older = stand_in("older", &[this, "-DSTAND_IN_VERSION=CAIRN_VERSION-1"])?;
+        let other = stand_in("other", &[])?;
+        let text = self.write("text.dll", "no library")?;
+        Ok(vec![
+            ("missing", None, "the library cannot be loaded"),
+            ("text", Some(text), "the library cannot be loaded"),
+            ("other", other, "this is no Cairn library"),
+            ("later", later, "cairn_abi_version is "),
+            ("older", older, "cairn_version is "),
+        ])
+    }
+}
+
+/// A program in the lab, or on Windows itself.
+fn in_lab(program: &Path) -> Result<Command, String> {
+    if cfg!(windows) {
+        return Ok(Command::new(program));
+    }
+    let mut command = lab::lab_run()?;
+    command.arg(program);
+    Ok(command)
+}
+
+/// Where a compiler of GCC's for Windows has the C++ library and the system's headers. Its own C headers are not Clang's.
+fn system_headers(compiler: &Path) -> Result<Vec<PathBuf>, String> {
+    let mut command = Command::new(compiler);
+    command.args(["-print-file-name=include"]);
+    let own = PathBuf::from(output(&mut command)?.trim());
+    let library = own.join("c++");
+    let root = own.ancestors().nth(5).map(|root| root.join("x86_64-w64-mingw32").join("include"));
+    match root.filter(|root| root.join("d3d12.h").is_file() && library.is_dir()) {
+        Some(root) => Ok(vec![library.clone(), library.join("x86_64-w64-mingw32"), root]),
+        None => Err(format!("{} has its headers in other places than GCC of MinGW-w64 has", compiler.display())),
+    }
+}
+
+/// Why the engine's header tool would refuse a header: it reads neither conditions around what is marked nor marks without its own header.
+fn wrong_marks(text: &str, name: &str) -> Option<String> {
+    let marked = ["UCLASS(", "USTRUCT(", "UENUM("].iter().map(|mark| text.matches(mark).count()).sum::<usize>();
+    let includes: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("#include ")).collect();
+    let own = format!("\"{name}.generated.h\"");
+    match marked {
+        0 if includes.contains(&own.as_str()) => {
+            Some("nothing is marked, and it includes a generated header".to_owned())
+        }
+        0 => None,
+        _ if includes.last() != Some(&own.as_str()) => Some(format!("{own} is not what it includes last")),
+        _ if text.lines().any(|line| line.starts_with("#if")) => Some("has conditions".to_owned()),
+        _ if text.matches("GENERATED_BODY()").count() + text.matches("UENUM(").count() != marked => {
+            Some("each marked class and struct has one GENERATED_BODY()".to_owned())
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_header_tool_would_refuse_is_told() {
+        let good = "#pragma once\n#include \"CoreMinimal.h\"\n#include \"A.generated.h\"\nUCLASS()\nclass A { GENERATED_BODY() };\n";
+        assert_eq!(wrong_marks(good, "A"), None);
+        assert_eq!(wrong_marks("#include \"CoreMinimal.h\"\nclass A;\n", "A"), None);
+        for (from, to) in [
+            ("GENERATED_BODY()", ""),
+            ("#include \"A.g", "#include \"B.g"),
+            ("UCLASS()", "#if X\nUCLASS()"),
+            ("UCLASS()", ""),
+        ] {
+            assert!(wrong_marks(&good.replace(from, to), "A").is_some(), "{from} as {to}");
+        }
+    }
+}
