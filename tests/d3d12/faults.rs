@@ -71,8 +71,11 @@ fn replaced<F: Copy>(place: *const F, ours: F) -> F {
     let mut before = 0;
     // SAFETY: the page of a live table, and a place that lives during the call.
     assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), READ_WRITE, &mut before) } != 0, "it can be written");
-    // SAFETY: a table that the process may write now, and a function of the same type.
-    let theirs = unsafe { std::ptr::replace(place, ours) };
+    // SAFETY: a table that the process may write now, and a function of the same type. Volatile, as the compiler takes the table of
+    // an interface for constant, and leaves out what it need not write.
+    let theirs = unsafe { place.read_volatile() };
+    // SAFETY: as above.
+    unsafe { place.write_volatile(ours) };
     // SAFETY: as above.
     assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), before, &mut before) } != 0, "it is as before");
     theirs
