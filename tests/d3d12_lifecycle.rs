@@ -24,7 +24,8 @@ mod engine;
 use engine::{Engine, comes_back, references};
 
 /// What Cairn's part of a process may grow by in all cycles after the first ones: caches of drivers fill up, at times of their own.
-const DRIFT: i64 = 4 << 20;
+/// In a few lives that is some megabytes up or down, Cairn's or not; what a life leaves shows in many.
+const DRIFT: i64 = 12 << 20;
 /// The same where sessions are made, which nobody else makes here to compare with.
 const DRIFT_OF_WORLDS: i64 = 24 << 20;
 /// What all memory of the process may grow by then, a device's that the processor plays and mapped files among it: of the latter the
@@ -140,7 +141,8 @@ fn devices_come_and_go_and_leave_what_their_calls_leave_without_cairn() {
         others += grown(&engine, before, count, bare);
     }
     println!("{} lives: {ours:?}, and {others:?} without Cairn", count * TURNS);
-    assert!(ours.own <= others.own + others.own / 4 + DRIFT, "{ours:?}, and {others:?} without Cairn");
+    let theirs = others.own.max(0);
+    assert!(ours.own <= theirs + theirs / 4 + DRIFT, "{ours:?}, and {others:?} without Cairn");
 }
 
 #[test]
