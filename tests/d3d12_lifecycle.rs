@@ -23,10 +23,12 @@ use buffers::List;
 mod engine;
 use engine::{Engine, comes_back, references};
 
-/// What Cairn's part of a process may grow by in all cycles after the first ones: caches of drivers fill up, at times of their own.
-/// In a few lives that is some megabytes up or down, Cairn's or not; what a life leaves shows in many.
-const DRIFT: i64 = 12 << 20;
-/// The same where sessions are made, which nobody else makes here to compare with.
+/// What Cairn's part of a process may grow by in the middle one of [`TURNS`].
+const DRIFT: i64 = 1 << 20;
+/// The lives of devices are in so many parts: caches of drivers fill up at times of their own, by megabytes, and so spoil a part
+/// or two; what each life leaves shows in every one.
+const TURNS: u64 = 5;
+/// What a process may grow by in all lives of worlds after the first ones: sessions are made, which nobody else makes here to compare with.
 const DRIFT_OF_WORLDS: i64 = 24 << 20;
 /// What all memory of the process may grow by then, a device's that the processor plays and mapped files among it: of the latter the
 /// system keeps as much in RAM as it likes, and one world that stays is more.
@@ -52,13 +54,6 @@ struct Memory {
     own: i64,
     /// All that is in RAM.
     resident: i64,
-}
-
-impl std::ops::AddAssign for Memory {
-    fn add_assign(&mut self, other: Self) {
-        self.own += other.own;
-        self.resident += other.resident;
-    }
 }
 
 /// Memory of this process.
@@ -126,23 +121,21 @@ fn own(engine: &Engine) {
 /// Software that plays a device leaves something of each call that makes something, whoever calls: what is counted is what Cairn adds.
 #[test]
 fn devices_come_and_go_and_leave_what_their_calls_leave_without_cairn() {
-    const TURNS: u64 = 4;
     let _alone = alone();
     let engine = engine::engine();
     let bare = |engine: &Engine| bare::ALL.iter().for_each(|part| part.come_and_go(engine));
-    let count = cycles("CAIRN_DEVICE_CYCLES", 12).div_ceil(TURNS);
+    let count = cycles("CAIRN_DEVICE_CYCLES", 15).div_ceil(TURNS);
     let before = held(&engine);
     grown(&engine, before, WARM_UP, own);
     grown(&engine, before, WARM_UP, bare);
     // In turns, so that what fills up once fills up for both.
-    let [mut ours, mut others] = [Memory::default(); 2];
-    for _ in 0..TURNS {
-        ours += grown(&engine, before, count, own);
-        others += grown(&engine, before, count, bare);
-    }
-    println!("{} lives: {ours:?}, and {others:?} without Cairn", count * TURNS);
-    let theirs = others.own.max(0);
-    assert!(ours.own <= theirs + theirs / 4 + DRIFT, "{ours:?}, and {others:?} without Cairn");
+    let turn = |_| [own as fn(&Engine), bare].map(|life| grown(&engine, before, count, life).own);
+    let mut turns: Vec<[i64; 2]> = (0..TURNS).map(turn).collect();
+    println!("bytes in {count} lives of a device, and without Cairn: {turns:?}");
+    // A turn in which the others' shrinks is no reason for ours to do so.
+    let beyond = |[ours, others]: &[i64; 2]| ours - others.max(&0) * 5 / 4;
+    turns.sort_by_key(beyond);
+    assert!(beyond(&turns[turns.len() / 2]) <= DRIFT, "bytes in {count} lives, and without Cairn: {turns:?}");
 }
 
 #[test]
