@@ -146,8 +146,14 @@ pub(crate) fn is_root() -> bool {
     cfg!(unix) && process::run(Command::new("id").arg("-u"), |_| {}).is_ok_and(|outcome| outcome.stdout.trim() == "0")
 }
 
+/// The version of the compiler that links for other systems.
+pub const ZIG: &str = "0.16.0";
+
 /// Pinned: the linker wrapper and the compiler it drives.
 const ZIG_PACKAGES: [&str; 2] = ["cargo-zigbuild==0.23.4", "ziglang==0.16.0"];
+
+/// Where they lie in the cache, with what zig has compiled.
+pub const ZIG_PLACE: &str = "zigbuild-0.23.4-zig-0.16.0";
 
 /// The folder with `cargo-zigbuild` and a `python` that has `ziglang`, in an environment of their own; fetched on first use (90 MB).
 ///
@@ -155,7 +161,7 @@ const ZIG_PACKAGES: [&str; 2] = ["cargo-zigbuild==0.23.4", "ziglang==0.16.0"];
 /// No Python with pip, or an unreachable index.
 pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = "a linker for other systems";
-    let place = cache::cache_dir()?.join("zigbuild-0.23.4-zig-0.16.0");
+    let place = cache::cache_dir()?.join(ZIG_PLACE);
     let programs = place.join(if cfg!(windows) { "Scripts" } else { "bin" });
     let complete = place.join("complete");
     if complete.is_file() {
@@ -186,6 +192,34 @@ pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
     Ok(programs)
 }
 
+/// The folder of what zig compiles while it links: the sources of the unwinder and of the C libraries.
+///
+/// # Errors
+/// As [`zigbuild`], or its package has no such folder.
+pub fn zig_sources(progress: &dyn Progress) -> Result<PathBuf> {
+    let programs = zigbuild(progress)?;
+    let place = programs.parent().unwrap_or(&programs);
+    let packages = match cfg!(windows) {
+        true => vec![place.join("Lib")],
+        // Below a folder of the Python's version.
+        false => {
+            let library = place.join("lib");
+            let entries = std::fs::read_dir(&library).map_err(|e| Error::io(&library, &e))?;
+            entries.flatten().map(|entry| entry.path()).collect()
+        }
+    };
+    let mut found = packages.iter().map(|folder| folder.join("site-packages/ziglang/lib"));
+    found.find(|folder| folder.join("libunwind").is_dir()).ok_or_else(|| {
+        let remedy = format!("Remove {} and run the command again", place.display());
+        Error::new("zig's sources", "its package has no folder of them", remedy)
+    })
+}
+
+/// What zig compiles while it links is compiled without debug information: that would name its sources by their place in the cache and
+/// the folder it was started in. Clang's driver takes arguments from a variable, the only way to those that zig does not ask for; the `#`
+/// keeps it quiet about them.
+const NO_DEBUG: (&str, &str) = ("CCC_OVERRIDE_OPTIONS", "#+-g0");
+
 /// Lets a command find `cargo-zigbuild` and its zig, fetched on first use, before all other programs.
 ///
 /// # Errors
@@ -195,10 +229,10 @@ pub fn by_zig(command: &mut Command, progress: &dyn Progress) -> Result<()> {
     let folders = std::iter::once(zigbuild(progress)?).chain(std::env::split_paths(&path));
     let remedy = "Set CAIRN_CACHE_DIR to a folder with a plain name";
     let joined = std::env::join_paths(folders).map_err(|e| Error::new("PATH", e.to_string(), remedy))?;
-    // What they keep is kept with all else.
-    let kept = cache::cache_dir()?.join("zig");
+    // What they compile is kept with themselves: zig takes it up again whatever it was compiled with.
+    let kept = cache::cache_dir()?.join(ZIG_PLACE).join("kept");
     command.env("PATH", joined).env("ZIG_GLOBAL_CACHE_DIR", kept.join("global"));
-    command.env("CARGO_ZIGBUILD_CACHE_DIR", kept.join("wrappers"));
+    command.env("CARGO_ZIGBUILD_CACHE_DIR", kept.join("wrappers")).env(NO_DEBUG.0, NO_DEBUG.1);
     Ok(())
 }
 
@@ -362,6 +396,12 @@ mod tests {
     fn finds_programs_on_the_path_and_says_when_there_is_none() {
         assert!(on_path("cargo").is_some());
         assert!(on_path("no-such-program-of-ours").is_none());
+    }
+
+    #[test]
+    fn the_compiler_s_version_is_said_alike() {
+        assert!(ZIG_PACKAGES[1].ends_with(&format!("=={ZIG}")) && ZIG_PLACE.ends_with(&format!("-zig-{ZIG}")));
+        assert!(ZIG_PLACE.starts_with(&ZIG_PACKAGES[0].replace("cargo-", "").replace("==", "-")));
     }
 
     #[test]
