@@ -4,6 +4,7 @@ setuptools makes of the package."""
 import base64
 import csv
 import hashlib
+import json
 import os
 import re
 import zipfile
@@ -56,7 +57,7 @@ def test_nothing_else_is_in_it(wheel):
     _, files = wheel
     info = next(name for name in files if name.endswith("/RECORD")).removesuffix("/RECORD")
     beside = {name.removeprefix(f"{info}/") for name in files if not name.startswith("cairn/")}
-    texts = {f"licenses/{name}" for name in ("LICENSE-APACHE", "LICENSE-MIT", "THIRD-PARTY.md")}
+    texts = {f"licenses/{name}" for name in ("LICENSE-APACHE", "LICENSE-MIT", "THIRD-PARTY.md", "THIRD-PARTY-RUST.html")}
     assert beside == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "sboms/cairn.cdx.json"} | texts
 
 
@@ -96,3 +97,19 @@ def test_it_says_of_itself_what_setuptools_says(wheel):
     assert own.get_payload().lstrip().startswith("# Cairn from Python")
     lines = [one(all_files, "/entry_points.txt").decode().split() for all_files in (files, built)]
     assert lines[0] == lines[1]
+
+
+# What links a library puts parts of its own into it.
+LINKED = {"manylinux_2_28_x86_64": ("llvm-libunwind", "glibc-nonshared"), "win_amd64": ("mingw-w64", "libgcc")}
+
+
+def test_it_names_all_that_is_linked_into_the_library(wheel):
+    path, files = wheel
+    page, bill = one(files, "/licenses/THIRD-PARTY.md").decode(), json.loads(one(files, "/sboms/cairn.cdx.json"))
+    components = {component["name"]: component for component in bill["components"]}
+    for part in ("rust-std", "ort", *LINKED[platform(path)]):
+        licence = components[part]["licenses"][0]["expression"]
+        assert f"| {part} {components[part]['version']} | {licence} |" in page
+    own = next(entry for entry in bill["dependencies"] if entry["ref"] == bill["metadata"]["component"]["bom-ref"])
+    assert {components[part]["purl"] for part in ("rust-std", *LINKED[platform(path)])} <= set(own["dependsOn"])
+    assert b"Copyright notices for The Rust Standard Library" in one(files, "/licenses/THIRD-PARTY-RUST.html")

@@ -1,14 +1,19 @@
 //! What is in an archive, and where.
 
+use std::collections::BTreeSet;
+use std::path::Path;
+
 use provision::Console;
 
 use super::Platform;
-use super::dependencies::{self, Crate};
+use super::dependencies::{self, Part};
 use super::library::{self, Built};
+use super::runtime;
 use super::sbom;
-use super::tree::Tree;
+use super::tree::{self, Tree};
 use super::unity;
 use super::unreal;
+use crate::book;
 use crate::clone::Clone;
 
 /// The archive's own pages; `@VERSION@` and `@ONNXRUNTIME@` stand for versions.
@@ -27,11 +32,11 @@ pub(super) fn of(
     clone: &Clone,
     platform: Platform,
     built: &Built,
-    crates: &[Crate],
+    parts: &[Part],
     bill: &[u8],
     slim: bool,
 ) -> Result<Option<Tree>, String> {
-    let version = &crates.first().ok_or("a library of no crates")?.version;
+    let version = &parts.first().ok_or("a library of no parts")?.version;
     let runtimes = platform == Platform::Windows;
     if slim && !runtimes {
         return Ok(None);
@@ -50,10 +55,11 @@ pub(super) fn of(
         !["bindings/python/tests/", "bindings/python/wheel/"].iter().any(|tests| file.starts_with(tests))
     })?;
     tree.add_clone(clone, "bindings/csharp/", |file| !file.starts_with("bindings/csharp/tests/"))?;
-    tree.add_clone(clone, "docs/", |file| {
-        ["docs/bundle.md", "docs/bundle.schema.json", "docs/control-script.md", "docs/fsr.md"].contains(&file)
-    })?;
-    tree.add("THIRD-PARTY.md", dependencies::page(crates))?;
+    for file in book_files(clone)? {
+        tree.add_file(file.clone(), &clone.root.join(&file))?;
+    }
+    tree.add(dependencies::PAGE, dependencies::page(parts))?;
+    tree.add(runtime::RUST_NOTICES, runtime::rust_notices(clone)?)?;
     tree.add(sbom::NAME, bill)?;
 
     let [name, debug] = library::names(platform);
@@ -88,6 +94,29 @@ pub(super) fn of(
     if let Some(import) = &built.import {
         unreal::add(clone, &mut tree, &import.msvc)?;
     }
-    tree.unlink();
+    tree.relink(&[(unity::PACKAGE, unity::FOLDER), (unreal::SOURCE, unreal::FOLDER)]);
     Ok(Some(tree))
+}
+
+/// What of the book a host's programmers do not need: how Cairn itself is worked on, and a whole run of the comparison, which is as large as
+/// the library.
+const NOT_FOR_HOSTS: [&str; 2] = ["docs/lab.md", "docs/report/"];
+
+/// The book's chapters that lie in its folder, with the pictures and files that they show; an archive has the others in their places.
+fn book_files(clone: &Clone) -> Result<BTreeSet<String>, String> {
+    let chapters = book::chapters(&clone.read(book::SUMMARY)?)?;
+    let mut files = BTreeSet::new();
+    let is_wanted =
+        |file: &str| file.starts_with("docs/") && !NOT_FOR_HOSTS.iter().any(|unwanted| file.starts_with(unwanted));
+    for chapter in chapters.into_iter().filter(|chapter| is_wanted(chapter)) {
+        let page = clone.read(&chapter)?;
+        let folder = chapter.rsplit_once('/').map_or("", |(folder, _)| folder);
+        let shown = book::links(&page).filter_map(|target| tree::joined(folder, target));
+        files.extend(shown.filter(|file| {
+            let is_page = Path::new(file).extension().is_some_and(|ending| ending == "md");
+            is_wanted(file) && !is_page && clone.root.join(file).is_file()
+        }));
+        files.insert(chapter);
+    }
+    Ok(files)
 }

@@ -1,4 +1,4 @@
-//! The crates that a library is made of, and their licences.
+//! The crates that a library is made of, their licences, and the page that names every part.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -9,11 +9,37 @@ use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, PackageId};
 use provision::tools;
 
 use super::Platform;
+use super::runtime::RUST_NOTICES;
 use crate::clone::Clone;
 
-/// A crate in the library.
+/// Where a part of the library comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Cargo brought it.
+    Crate,
+    /// The compiler or the linker did.
+    Runtime,
+}
+
+/// What refers to a part: its package URL <https://github.com/package-url/purl-spec>.
+pub(super) fn reference(kind: Kind, name: &str, version: &str) -> String {
+    format!("pkg:{}/{name}@{version}", kind.package_type())
+}
+
+impl Kind {
+    /// In a package URL.
+    pub(super) fn package_type(self) -> &'static str {
+        match self {
+            Self::Crate => "cargo",
+            Self::Runtime => "generic",
+        }
+    }
+}
+
+/// Something that is in the library.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Crate {
+pub(super) struct Part {
+    pub(super) kind: Kind,
     pub(super) name: String,
     pub(super) version: String,
     /// An SPDX expression.
@@ -23,17 +49,26 @@ pub(super) struct Crate {
     pub(super) repository: Option<String>,
     /// As the lock file has it; none of our own.
     pub(super) sha256: Option<String>,
-    /// Names and versions of what it is made of in turn.
-    pub(super) uses: Vec<(String, String)>,
+    /// References to what it is made of in turn.
+    pub(super) uses: Vec<String>,
     /// The files in which it states its licence, by name.
     pub(super) texts: BTreeMap<String, String>,
 }
+
+impl Part {
+    pub(super) fn reference(&self) -> String {
+        reference(self.kind, &self.name, &self.version)
+    }
+}
+
+/// The page that names every part, in an archive.
+pub(super) const PAGE: &str = "THIRD-PARTY.md";
 
 /// Beginnings of the names of files that state a licence, in capitals.
 const LICENCE_FILES: [&str; 6] = ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE", "UNLICENSE"];
 
 /// All crates of the library for a platform, the library's own first.
-pub(super) fn of(clone: &Clone, platform: Platform) -> Result<Vec<Crate>, String> {
+pub(super) fn of(clone: &Clone, platform: Platform) -> Result<Vec<Part>, String> {
     let filter = ["--locked", "--filter-platform", platform.triple()].map(str::to_owned);
     let metadata = MetadataCommand::new()
         .cargo_path(tools::cargo())
@@ -52,9 +87,10 @@ pub(super) fn of(clone: &Clone, platform: Platform) -> Result<Vec<Crate>, String
         let licence = package.license.clone().ok_or_else(|| format!("{name} {version} names no licence"))?;
         let uses = links.get(&id).into_iter().flatten().map(|used| {
             let used = &metadata[used];
-            (used.name.to_string(), used.version.to_string())
+            reference(Kind::Crate, &used.name, &used.version.to_string())
         });
-        crates.push(Crate {
+        crates.push(Part {
+            kind: Kind::Crate,
             uses: uses.collect(),
             // The library's own stand in the archive as they are.
             texts: if id == root.id { BTreeMap::new() } else { texts(package.manifest_path.parent())? },
@@ -120,9 +156,9 @@ fn texts(folder: Option<&Utf8Path>) -> Result<BTreeMap<String, String>, String> 
     Ok(texts)
 }
 
-/// A page with every crate that is not our own, its licence, and every text of a licence once.
-pub(super) fn page(crates: &[Crate]) -> String {
-    let others = || crates.iter().skip(1);
+/// A page with every part that is not our own, its licence, and every text of a licence once.
+pub(super) fn page(parts: &[Part]) -> String {
+    let others = || parts.iter().skip(1);
     let mut page = "# What is in the library besides our own work\n\nThe licence of each part, as its authors state it, and the texts \
                     that they give.\n\n| part | licence | where it is developed |\n|---|---|---|\n"
         .to_owned();
@@ -130,6 +166,7 @@ pub(super) fn page(crates: &[Crate]) -> String {
         let place = part.repository.as_deref().unwrap_or("https://crates.io");
         _ = writeln!(page, "| {} {} | {} | {place} |", part.name, part.version, part.licence);
     }
+    _ = writeln!(page, "\nWhat rust-std is made of in turn, with its notices: [{RUST_NOTICES}]({RUST_NOTICES}).");
     // By text, since most are the same.
     let mut parts: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for part in others() {
@@ -151,8 +188,9 @@ pub(super) fn page(crates: &[Crate]) -> String {
 mod tests {
     use super::*;
 
-    fn part(name: &str, text: &str) -> Crate {
-        Crate {
+    fn part(name: &str, text: &str) -> Part {
+        Part {
+            kind: Kind::Crate,
             name: name.to_owned(),
             version: "1.0.0".to_owned(),
             licence: "MIT".to_owned(),

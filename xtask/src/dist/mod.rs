@@ -4,6 +4,7 @@ mod archive;
 mod contents;
 mod dependencies;
 mod library;
+mod runtime;
 mod sbom;
 pub(crate) mod tree;
 pub(crate) mod unity;
@@ -107,8 +108,8 @@ pub(crate) fn make(
         console.start(&format!("{}: building the library", platform.name()));
         let built = library::build(clone, platform, source, moment)?;
         console.start(&format!("{}: licences of what is in it", platform.name()));
-        let crates = dependencies::of(clone, platform)?;
-        let bill = sbom::write(&crates, moment)?;
+        let inside = parts_of(clone, platform, &built.debug)?;
+        let bill = sbom::write(&inside, moment)?;
         let mut write = |tree: &Tree, pack: fn(&Tree, Timestamp) -> Result<Vec<u8>, String>, ending: &str| {
             console.start(&format!("packing {}", tree.name()));
             let path = folder.join(format!("{}{ending}", tree.name()));
@@ -121,7 +122,7 @@ pub(crate) fn make(
         };
         if parts != Parts::Wheels {
             for slim in [false, true] {
-                let Some(tree) = contents::of(clone, platform, &built, &crates, &bill, slim)? else { continue };
+                let Some(tree) = contents::of(clone, platform, &built, &inside, &bill, slim)? else { continue };
                 match platform {
                     Platform::Windows => write(&tree, archive::zip, ".zip")?,
                     Platform::Linux => write(&tree, archive::tar_gz, ".tar.gz")?,
@@ -129,7 +130,7 @@ pub(crate) fn make(
             }
         }
         if parts != Parts::Archives {
-            write(&wheel::of(clone, platform, &built, &crates, &bill)?, archive::zip, "")?;
+            write(&wheel::of(clone, platform, &built, &inside, &bill)?, archive::zip, "")?;
         }
     }
     let lines: String =
@@ -137,6 +138,16 @@ pub(crate) fn make(
     let sums = folder.join(SUMS);
     fs::write(&sums, lines).map_err(|e| format!("{}: {e}", sums.display()))?;
     Ok(made)
+}
+
+/// What is in a library, itself first: crates, and what compilers put beside them. Its `debug` information tells of those.
+fn parts_of(clone: &Clone, platform: Platform, debug: &[u8]) -> Result<Vec<dependencies::Part>, String> {
+    let mut parts = dependencies::of(clone, platform)?;
+    let runtimes = runtime::of(clone, platform, debug)?;
+    let own = parts.first_mut().ok_or("a library of no crates")?;
+    own.uses.extend(runtimes.iter().map(dependencies::Part::reference));
+    parts.extend(runtimes);
+    Ok(parts)
 }
 
 fn file_name(path: &Path) -> String {

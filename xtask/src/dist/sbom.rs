@@ -13,19 +13,19 @@ use cyclonedx_bom::prelude::{
 use jiff::Timestamp;
 use sha2::{Digest, Sha256};
 
-use super::dependencies::Crate;
+use super::dependencies::Part;
 
 /// Its name in an archive.
 pub(super) const NAME: &str = "cairn.cdx.json";
 
 const VERSION: SpecVersion = SpecVersion::V1_5;
 
-/// The bill of `crates`, the first of which is what is billed. The same crates make the same bill: its number is made of them.
-pub(super) fn write(crates: &[Crate], moment: Timestamp) -> Result<Vec<u8>, String> {
+/// The bill of `parts`, the first of which is what is billed. The same parts make the same bill: its number is made of them.
+pub(super) fn write(parts: &[Part], moment: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: &dyn std::fmt::Display| format!("the bill of materials: {e}");
-    let (own, others) = crates.split_first().ok_or("a library of no crates")?;
+    let (own, others) = parts.split_first().ok_or("a library of no parts")?;
     let mut bom = Bom {
-        serial_number: Some(UrnUuid::new(number(crates)).map_err(|e| format!("{NAME}: {e:?}"))?),
+        serial_number: Some(UrnUuid::new(number(parts)).map_err(|e| format!("{NAME}: {e:?}"))?),
         metadata: Some(Metadata {
             timestamp: Some(DateTime::try_from(moment.to_string()).map_err(|e| failed(&e))?),
             component: Some(component(own)?),
@@ -36,12 +36,9 @@ pub(super) fn write(crates: &[Crate], moment: Timestamp) -> Result<Vec<u8>, Stri
     };
     bom.spec_version = VERSION;
     bom.dependencies = Some(Dependencies(
-        crates
+        parts
             .iter()
-            .map(|part| Dependency {
-                dependency_ref: reference(&part.name, &part.version),
-                dependencies: part.uses.iter().map(|(name, version)| reference(name, version)).collect(),
-            })
+            .map(|part| Dependency { dependency_ref: part.reference(), dependencies: part.uses.clone() })
             .collect(),
     ));
     let checked = bom.validate_version(VERSION);
@@ -53,16 +50,11 @@ pub(super) fn write(crates: &[Crate], moment: Timestamp) -> Result<Vec<u8>, Stri
     Ok(bytes)
 }
 
-/// What refers to a crate within the bill: its package URL <https://github.com/package-url/purl-spec>.
-fn reference(name: &str, version: &str) -> String {
-    format!("pkg:cargo/{name}@{version}")
-}
-
-fn component(part: &Crate) -> Result<Component, String> {
+fn component(part: &Part) -> Result<Component, String> {
     let failed = |e: &dyn std::fmt::Display| format!("the bill of materials, {} {}: {e}", part.name, part.version);
-    let mut component =
-        Component::new(Classification::Library, &part.name, &part.version, Some(reference(&part.name, &part.version)));
-    component.purl = Some(Purl::new("cargo", &part.name, &part.version).map_err(|e| failed(&e))?);
+    let mut component = Component::new(Classification::Library, &part.name, &part.version, Some(part.reference()));
+    let url = Purl::new(part.kind.package_type(), &part.name, &part.version);
+    component.purl = Some(url.map_err(|e| failed(&e))?);
     component.description = part.description.as_deref().map(NormalizedString::new);
     let licence = SpdxExpression::try_from(part.licence.clone()).map_err(|e| failed(&e))?;
     component.licenses = Some(Licenses(vec![LicenseChoice::Expression(licence)]));
@@ -78,10 +70,10 @@ fn component(part: &Crate) -> Result<Component, String> {
 }
 
 /// A number of version 8, which RFC 9562 leaves to who makes it: here of a digest of names and versions.
-fn number(crates: &[Crate]) -> String {
+fn number(parts: &[Part]) -> String {
     let mut digest = Sha256::new();
-    for part in crates {
-        digest.update(reference(&part.name, &part.version));
+    for part in parts {
+        digest.update(part.reference());
         digest.update(b"\n");
     }
     let digest = digest.finalize();
@@ -97,26 +89,33 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
+    use crate::dist::dependencies::Kind;
 
-    fn part(name: &str, licence: &str, uses: &[(&str, &str)]) -> Crate {
-        Crate {
+    fn part(kind: Kind, name: &str, licence: &str, uses: &[&str]) -> Part {
+        Part {
+            kind,
             name: name.to_owned(),
             version: "1.2.3".to_owned(),
             licence: licence.to_owned(),
             description: Some("a part".to_owned()),
             repository: Some("https://example.org/part".to_owned()),
             sha256: Some("ab".repeat(32)),
-            uses: uses.iter().map(|(name, version)| ((*name).to_owned(), (*version).to_owned())).collect(),
+            uses: uses.iter().map(|used| (*used).to_owned()).collect(),
             texts: BTreeMap::new(),
         }
     }
 
     #[test]
     fn a_bill_names_parts_licences_sums_and_who_uses_whom() {
-        let crates = [part("own", "MIT OR Apache-2.0", &[("a", "1.2.3")]), part("a", "Zlib", &[])];
+        let uses = ["pkg:cargo/a@1.2.3", "pkg:generic/b@1.2.3"];
+        let parts = [
+            part(Kind::Crate, "own", "MIT OR Apache-2.0", &uses),
+            part(Kind::Crate, "a", "Zlib", &[]),
+            part(Kind::Runtime, "b", "Apache-2.0 WITH LLVM-exception", &[]),
+        ];
         let moment: Timestamp = "2024-02-29T12:00:00Z".parse().unwrap();
-        let bytes = write(&crates, moment).unwrap();
-        assert_eq!(bytes, write(&crates, moment).unwrap());
+        let bytes = write(&parts, moment).unwrap();
+        assert_eq!(bytes, write(&parts, moment).unwrap());
         let bill: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
         assert_eq!((&bill["bomFormat"], &bill["specVersion"]), (&"CycloneDX".into(), &"1.5".into()));
         assert_eq!(bill["metadata"]["component"]["name"], "own");
@@ -125,15 +124,18 @@ mod tests {
         assert_eq!(only["purl"], "pkg:cargo/a@1.2.3");
         assert_eq!(only["licenses"][0]["expression"], "Zlib");
         assert_eq!(only["hashes"][0]["content"], "ab".repeat(32));
-        assert_eq!(bill["components"].as_array().map(Vec::len), Some(1));
-        assert_eq!(bill["dependencies"][0]["dependsOn"][0], "pkg:cargo/a@1.2.3");
-        let refused = write(&crates[..1], moment).unwrap_err();
+        assert_eq!(bill["components"].as_array().map(Vec::len), Some(2));
+        assert_eq!(bill["components"][1]["purl"], "pkg:generic/b@1.2.3");
+        assert_eq!(bill["components"][1]["licenses"][0]["expression"], "Apache-2.0 WITH LLVM-exception");
+        let [first, second] = uses.map(serde_json::Value::from);
+        assert_eq!(bill["dependencies"][0]["dependsOn"], serde_json::Value::from([first, second].to_vec()));
+        let refused = write(&parts[..1], moment).unwrap_err();
         assert!(refused.contains("pkg:cargo/a@1.2.3"), "who is used must be there: {refused}");
     }
 
     #[test]
     fn a_licence_that_is_none_is_refused() {
-        let refused = write(&[part("own", "free for all", &[])], Timestamp::UNIX_EPOCH).unwrap_err();
+        let refused = write(&[part(Kind::Crate, "own", "free for all", &[])], Timestamp::UNIX_EPOCH).unwrap_err();
         assert!(refused.contains("own 1.2.3"), "{refused}");
     }
 }

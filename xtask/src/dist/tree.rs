@@ -60,17 +60,21 @@ impl Tree {
         files.into_iter().try_for_each(|file| self.add_file(file.clone(), &clone.root.join(&file)))
     }
 
-    /// Makes plain words of links in pages that lead to what the archive does not have.
-    pub(super) fn unlink(&mut self) {
+    /// Lets links in pages lead to where the archive has their targets, and makes plain words of those to what it does not have. `moved` are
+    /// folders that lie elsewhere than in the clone: there and here.
+    pub(super) fn relink(&mut self, moved: &[(&str, &str)]) {
         let pages: Vec<String> = self.files.keys().filter(|path| path.ends_with(".md")).cloned().collect();
         for page in pages {
             let folder = page.rsplit_once('/').map_or("", |(folder, _)| folder);
+            let origin = renamed(&page, moved.iter().map(|&(there, here)| (here, there)));
+            let origin = origin.rsplit_once('/').map_or("", |(folder, _)| folder);
             let text = String::from_utf8_lossy(&self.files[&page]).into_owned();
-            let unlinked = without_dead_links(&text, |target| match joined(folder, target) {
-                Some(path) => self.has(&path),
-                None => false,
+            let relinked = relinked(&text, |target| {
+                let path = renamed(&joined(origin, target)?, moved.iter().copied());
+                let as_before = joined(folder, target).as_ref() == Some(&path);
+                self.has(&path).then(|| if as_before { target.to_owned() } else { relative(folder, &path) })
             });
-            self.files.insert(page, unlinked.into_bytes());
+            self.files.insert(page, relinked.into_bytes());
         }
     }
 
@@ -105,18 +109,42 @@ pub(crate) fn joined(folder: &str, target: &str) -> Option<String> {
     Some(parts.join("/"))
 }
 
+/// A path with the folder it begins with, where it is the first of a pair, replaced by the second.
+fn renamed<'a>(path: &str, mut folders: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+    let found = folders.find_map(|(from, to)| Some(format!("{to}{}", path.strip_prefix(from)?)));
+    found.unwrap_or_else(|| path.to_owned())
+}
+
+/// How a page of `folder` links to a path from the root.
+fn relative(folder: &str, path: &str) -> String {
+    let folder: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
+    let path: Vec<&str> = path.split('/').collect();
+    let shared = folder.iter().zip(&path).take_while(|(one, other)| one == other).count();
+    let up = std::iter::repeat_n("..", folder.len() - shared);
+    up.chain(path[shared..].iter().copied()).collect::<Vec<_>>().join("/")
+}
+
 /// A page whose Markdown links to files that are not there are their words alone; pictures that are not there are left out. Links into
 /// the page itself and to other sites stay.
 pub(crate) fn without_dead_links(text: &str, exists: impl Fn(&str) -> bool) -> String {
+    relinked(text, |path| exists(path).then(|| path.to_owned()))
+}
+
+/// The same, where `lead` says what leads to a file, if anything does.
+fn relinked(text: &str, lead: impl Fn(&str) -> Option<String>) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut rest = text;
     while let Some(at) = rest.find("](") {
         let (before, link) = rest.split_at(at);
         let Some((target, after)) = link[2..].split_once(')') else { break };
         let path = target.split('#').next().unwrap_or_default();
-        let stays = path.is_empty() || path.contains(':') || exists(path);
-        match before.rfind('[').filter(|_| !stays) {
-            None => kept.push_str(&rest[..at + 2 + target.len() + 1]),
+        let elsewhere = path.is_empty() || path.contains(':');
+        let led = if elsewhere { Some(path.to_owned()) } else { lead(path) };
+        match before.rfind('[').filter(|_| led.is_none()) {
+            None => {
+                let path_to = led.as_deref().unwrap_or(path);
+                kept.extend([before, "](", path_to, &target[path.len()..], ")"]);
+            }
             Some(open) => match before[..open].strip_suffix('!') {
                 Some(text) => kept.push_str(text),
                 None => _ = (kept.push_str(&before[..open]), kept.push_str(&before[open + 1..])),
@@ -149,12 +177,26 @@ mod tests {
         let page = "See [a file](../a folder/host/main), [a folder](../a folder), [one](gone.md#there) and [two](../../x), \
                     ![a picture](gone.png)[here](#here), [a site](https://example.org/a_(b) and a[0](1";
         tree.add("pages/page.md", page).unwrap();
-        tree.unlink();
+        tree.relink(&[]);
         let (_, text) = tree.files().last().unwrap();
         assert_eq!(
             String::from_utf8_lossy(text),
             "See [a file](../a folder/host/main), [a folder](../a folder), one and two, [here](#here), \
              [a site](https://example.org/a_(b) and a[0](1"
         );
+    }
+
+    #[test]
+    fn links_follow_what_lies_elsewhere_than_in_the_clone() {
+        let mut tree = Tree::new("a-1".to_owned());
+        tree.add("pages/start/page.md", "[a](../../bindings/engine/Docs/a.md#there), [b](../b.md)").unwrap();
+        tree.add("pages/b.md", "").unwrap();
+        tree.add("engine/plugin/Docs/a.md", "[b](../../../pages/b.md), [c](../c.md), [d](../../gone.md)").unwrap();
+        tree.add("engine/plugin/c.md", "").unwrap();
+        tree.relink(&[("bindings/engine/", "engine/plugin/")]);
+        let texts: BTreeMap<_, _> = tree.files().collect();
+        let text = |path: &str| String::from_utf8_lossy(texts[path]).into_owned();
+        assert_eq!(text("a-1/pages/start/page.md"), "[a](../../engine/plugin/Docs/a.md#there), [b](../b.md)");
+        assert_eq!(text("a-1/engine/plugin/Docs/a.md"), "[b](../../../pages/b.md), [c](../c.md), d");
     }
 }

@@ -6,10 +6,12 @@ use std::path::Path;
 use super::tree::Tree;
 use crate::clone::Clone;
 
-/// In the clone.
+/// In the clone: the binding with its page, and the plugin in it.
+pub(super) const SOURCE: &str = "bindings/unreal/";
 pub(crate) const PLUGIN: &str = "bindings/unreal/Cairn/";
 
 /// In an archive.
+pub(super) const FOLDER: &str = "unreal/";
 const PLACE: &str = "unreal/Cairn/";
 
 /// What the library is to a plugin: name in the archive, and name in the plugin.
@@ -28,7 +30,7 @@ pub(super) fn add(clone: &Clone, tree: &mut Tree, import: &[u8]) -> Result<(), S
         let path = file.replacen(PLUGIN, PLACE, 1);
         tree.add_file(path, &clone.root.join(file))?;
     }
-    tree.add_file("unreal/README.md", &clone.root.join("bindings/unreal/README.md"))?;
+    tree.add_file(format!("{FOLDER}README.md"), &clone.root.join(format!("{SOURCE}README.md")))?;
     for (from, to) in FILLED {
         tree.copy(from, format!("{PLACE}{to}"))?;
     }

@@ -10,8 +10,9 @@ use sha2::{Digest, Sha256};
 use toml::{Table, Value};
 
 use super::Platform;
-use super::dependencies::{self, Crate};
+use super::dependencies::{self, Part};
 use super::library::{self, Built};
+use super::runtime::{self, RUST_NOTICES};
 use super::sbom;
 use super::tree::{self, Tree};
 use crate::clone::Clone;
@@ -39,12 +40,12 @@ pub(super) fn of(
     clone: &Clone,
     platform: Platform,
     built: &Built,
-    crates: &[Crate],
+    parts: &[Part],
     bill: &[u8],
 ) -> Result<Tree, String> {
     let project: Table = clone.read(PROJECT)?.parse().map_err(|e| format!("{PROJECT}: {e}"))?;
     let project = Project::of(&project)?;
-    let version = &crates.first().ok_or("a library of no crates")?.version;
+    let version = &parts.first().ok_or("a library of no parts")?.version;
     if project.version != *version {
         return Err(format!("{PROJECT} has the version {}, and the library is {version}", project.version));
     }
@@ -61,11 +62,13 @@ pub(super) fn of(
     for file in licences {
         tree.add_file(format!("{info}/licenses/{file}"), &clone.root.join(file))?;
     }
-    tree.add(format!("{info}/licenses/THIRD-PARTY.md"), dependencies::page(crates))?;
+    tree.add(format!("{info}/licenses/{}", dependencies::PAGE), dependencies::page(parts))?;
+    tree.add(format!("{info}/licenses/{RUST_NOTICES}"), runtime::rust_notices(clone)?)?;
     tree.add(format!("{info}/sboms/{}", sbom::NAME), bill)?;
     // Nothing that the page links to is in a wheel.
     let page = tree::without_dead_links(&clone.read(README)?, |_| false);
-    tree.add(format!("{info}/METADATA"), project.metadata(&[&licences[..], &["THIRD-PARTY.md"]].concat(), &page))?;
+    let texts = [&licences[..], &[dependencies::PAGE, RUST_NOTICES]].concat();
+    tree.add(format!("{info}/METADATA"), project.metadata(&texts, &page))?;
     tree.add(format!("{info}/entry_points.txt"), project.entry_points())?;
     let generator = format!("cairn-dist ({})", env!("CARGO_PKG_VERSION"));
     let wheel = format!("Wheel-Version: 1.0\nGenerator: {generator}\nRoot-Is-Purelib: false\nTag: {}\n", tag(platform));

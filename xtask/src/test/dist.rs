@@ -10,6 +10,7 @@ use super::Context;
 use super::host;
 use super::lab;
 use super::tally::{Skip, Tally};
+use crate::book;
 use crate::dist::{self, Made, Parts, Platform, Source};
 use crate::shell::{Log, output};
 
@@ -69,7 +70,13 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     for root in [&windows, &slim, &linux] {
         tally.check(promises(root)?);
         tally.check(foreign(root)?);
+        tally.check(no_book(context, root)?);
+        tally.check(dead_links(root)?);
     }
+    for (root, linked) in [(&windows, ["mingw-w64", "libgcc"]), (&linux, ["llvm-libunwind", "glibc-nonshared"])] {
+        tally.check(unnamed(root, &["rust-std", linked[0], linked[1]])?);
+    }
+    tally.check(places(&linux.join("debug/libcairn.so.debug"))?);
     tally.check((!windows.join("runtime/DirectML.dll").is_file()).then(|| "the runtimes are missing".to_owned()));
     tally.check(slim.join("runtime").exists().then(|| "the slim archive has runtimes".to_owned()));
 
@@ -82,7 +89,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// The archives of this clone and of a clone of it, compiled for hosts' users in two places.
+/// The archives of this clone and of a clone of it, compiled for hosts' users in two places, each with tools in a cache of its own.
 pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     let work = fresh(context, "dist-release")?;
@@ -94,7 +101,7 @@ pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally,
     let here = dist::make(context.clone, &BOTH, Parts::All, Source::Release, &work.join("here"))?;
     let mut command = Command::new(tools::cargo());
     command.args(["xtask", "dist", "--out"]).arg(work.join("there")).current_dir(&other);
-    command.env("CARGO_TARGET_DIR", work.join("target"));
+    command.env("CARGO_TARGET_DIR", work.join("target")).env("CAIRN_CACHE_DIR", other_cache(&work)?);
     if !log.run(&mut command)?.success {
         return Err("the other clone makes no archives".to_owned());
     }
@@ -108,6 +115,25 @@ pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally,
     super::wheels::check(context, log, &work, &wheels, &mut tally)?;
     fs::remove_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     Ok(tally)
+}
+
+/// A cache elsewhere, as another user has one: with a zig of its own that has compiled nothing yet, and all else of this one's.
+fn other_cache(work: &Path) -> Result<PathBuf, String> {
+    let folder = work.join("another user");
+    let own = folder.join("cairn");
+    fs::create_dir_all(&own).map_err(|e| format!("{}: {e}", own.display()))?;
+    let cache = provision::cache_dir().map_err(|e| e.to_string())?;
+    for entry in fs::read_dir(&cache).map_err(|e| format!("{}: {e}", cache.display()))? {
+        let from = entry.map_err(|e| format!("{}: {e}", cache.display()))?.path();
+        let into = own.join(from.file_name().unwrap_or_default());
+        let [program, how] = if from.ends_with(tools::ZIG_PLACE) { ["cp", "-a"] } else { ["ln", "-s"] };
+        output(Command::new(program).arg(how).arg(&from).arg(&into))?;
+    }
+    let kept = own.join(tools::ZIG_PLACE).join("kept");
+    match fs::remove_dir_all(&kept) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {e}", kept.display())),
+        _ => Ok(folder),
+    }
 }
 
 /// An empty folder for what is made.
@@ -152,20 +178,86 @@ fn promises(root: &Path) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("{} names {}", page.display(), missing.join(", "))))
 }
 
-/// Files that must not be in an archive: AMD's, and our tests.
-fn foreign(root: &Path) -> Result<Option<String>, String> {
+/// The book's chapters that an archive lacks.
+fn no_book(context: &Context<'_>, root: &Path) -> Result<Option<String>, String> {
+    let chapters = book::chapters(&context.clone.read(book::SUMMARY)?)?;
+    let wanted = chapters.iter().filter(|chapter| chapter.starts_with("docs/"));
+    // A whole run of the comparison is as large as the library, and the lab is for who works on Cairn.
+    let missing: Vec<_> = wanted
+        .filter(|chapter| !["docs/lab.md", "docs/report/report.md"].contains(&chapter.as_str()))
+        .filter(|chapter| !root.join(chapter).is_file())
+        .map(String::as_str)
+        .collect();
+    Ok((!missing.is_empty()).then(|| format!("{} has no {}", root.display(), missing.join(", "))))
+}
+
+/// Links of an archive's pages that lead to nothing in it.
+fn dead_links(root: &Path) -> Result<Option<String>, String> {
+    let mut dead = Vec::new();
+    let mut alive = 0;
+    for page in files(root)?.into_iter().filter(|path| path.extension().is_some_and(|ending| ending == "md")) {
+        let text = fs::read_to_string(&page).map_err(|e| format!("{}: {e}", page.display()))?;
+        for target in book::links(&text) {
+            match page.with_file_name(target).exists() {
+                true => alive += 1,
+                false => dead.push(format!("{}: {target}", page.strip_prefix(root).unwrap_or(&page).display())),
+            }
+        }
+    }
+    if alive < 40 {
+        return Ok(Some(format!("the pages of {} have {alive} links among each other", root.display())));
+    }
+    Ok((!dead.is_empty()).then(|| format!("links in {} lead to nothing: {}", root.display(), dead.join(", "))))
+}
+
+/// Parts of the library that the page of licences or the bill of materials does not name.
+fn unnamed(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
+    let read = |name: &str| fs::read_to_string(root.join(name)).map_err(|e| format!("{name}: {e}"));
+    let (page, bill) = (read("THIRD-PARTY.md")?, read("cairn.cdx.json")?);
+    let is_named =
+        |part: &&&str| page.contains(&format!("\n| {part} ")) && bill.contains(&format!("\"pkg:generic/{part}@"));
+    let missing: Vec<_> = parts.iter().filter(|part| !is_named(part)).copied().collect();
+    if !read("THIRD-PARTY-RUST.html")?.contains("Copyright notices for The Rust Standard Library") {
+        return Ok(Some("the archive has no notices of Rust's standard library".to_owned()));
+    }
+    Ok((!missing.is_empty()).then(|| format!("the archive's licences do not name {}", missing.join(", "))))
+}
+
+/// What of this machine a file of debug information names: anything in the cache is at another place elsewhere.
+fn places(debug: &Path) -> Result<Option<String>, String> {
+    let cache = provision::cache_dir().map_err(|e| e.to_string())?;
+    let bytes = fs::read(debug).map_err(|e| format!("{}: {e}", debug.display()))?;
+    let found = [cache.as_os_str().as_encoded_bytes(), b"site-packages/ziglang"]
+        .into_iter()
+        .find_map(|place| bytes.windows(place.len()).position(|part| part == place));
+    Ok(found.map(|at| {
+        let end = bytes[at..].iter().position(|&byte| byte == 0).map_or(bytes.len(), |length| at + length);
+        format!("{} names {}", debug.display(), String::from_utf8_lossy(&bytes[at..end]))
+    }))
+}
+
+/// Every file below a folder.
+fn files(root: &Path) -> Result<Vec<PathBuf>, String> {
     let mut folders = vec![root.to_owned()];
     let mut found = Vec::new();
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))? {
             let path = entry.map_err(|e| format!("{}: {e}", folder.display()))?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-            if path.is_dir() {
-                folders.push(path.clone());
-            }
-            if name.starts_with("amd_") || name.starts_with("ffx") || name == "tests" || name == "target" {
-                found.push(path.display().to_string());
-            }
+            if path.is_dir() { folders.push(path) } else { found.push(path) }
+        }
+    }
+    Ok(found)
+}
+
+/// Files that must not be in an archive: AMD's, and our tests.
+fn foreign(root: &Path) -> Result<Option<String>, String> {
+    let is_foreign =
+        |part: &str| part.starts_with("amd_") || part.starts_with("ffx") || part == "tests" || part == "target";
+    let mut found = Vec::new();
+    for file in files(root)? {
+        let inside = file.strip_prefix(root).unwrap_or(&file).to_string_lossy().to_lowercase();
+        if inside.split('/').any(is_foreign) {
+            found.push(inside);
         }
     }
     Ok((!found.is_empty()).then(|| format!("archives must not have {}", found.join(", "))))

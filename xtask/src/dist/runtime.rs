@@ -1,0 +1,258 @@
+//! What compilers put into a library besides crates: Rust's standard library, and the parts of C's and of the unwinder that are linked in.
+//! Which those are is read from the library's symbols, so that none goes unnamed.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use object::read::elf::ElfFile64;
+use object::read::pe::PeFile64;
+use object::{Object, ObjectSymbol, SymbolKind};
+use provision::{Console, tools};
+
+use super::Platform;
+use super::dependencies::{Kind, Part};
+use crate::clone::Clone;
+use crate::shell::output;
+
+/// Rust's own account of what its standard library is made of, with all notices, beside the page of parts.
+pub(super) const RUST_NOTICES: &str = "THIRD-PARTY-RUST.html";
+
+/// The same, as bytes.
+pub(super) fn rust_notices(clone: &Clone) -> Result<Vec<u8>, String> {
+    let sysroot = output(Command::new("rustc").args(["--print", "sysroot"]).current_dir(&clone.root))?;
+    let page = Path::new(sysroot.trim()).join("share/doc/rust/COPYRIGHT-library.html");
+    fs::read(&page).map_err(|e| format!("{}: {e}. Take Rust by rustup, which brings that page along", page.display()))
+}
+
+/// What a library has in it, by the symbols in the file with its `debug` information: the library itself has lost some.
+pub(super) fn of(clone: &Clone, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
+    let mut parts = vec![standard_library(clone)?];
+    match platform {
+        Platform::Linux => {
+            let sources = tools::zig_sources(&Console::new()).map_err(|e| e.to_string())?;
+            parts.extend(of_zig(&c_sources(debug)?, &sources)?);
+        }
+        Platform::Windows => parts.extend(of_mingw(debug)?),
+    }
+    Ok(parts)
+}
+
+fn part(name: &str, version: &str, licence: &str, place: &str, texts: BTreeMap<String, String>) -> Part {
+    Part {
+        kind: Kind::Runtime,
+        name: name.to_owned(),
+        version: version.to_owned(),
+        licence: licence.to_owned(),
+        description: None,
+        repository: Some(place.to_owned()),
+        sha256: None,
+        uses: Vec::new(),
+        texts,
+    }
+}
+
+fn standard_library(clone: &Clone) -> Result<Part, String> {
+    let said = output(Command::new("rustc").arg("--version").current_dir(&clone.root))?;
+    let version = said.split_whitespace().nth(1).ok_or_else(|| format!("rustc's version is {said:?}"))?;
+    Ok(part("rust-std", version, "MIT OR Apache-2.0", "https://github.com/rust-lang/rust", BTreeMap::new()))
+}
+
+/// What zig compiles out of its own sources while it links, and under what terms.
+struct Origin {
+    name: &'static str,
+    licence: &'static str,
+    place: &'static str,
+    /// Of the sources.
+    folder: &'static str,
+    /// The file with the terms; where there is none, every source states them at its head.
+    terms: Option<&'static str>,
+    /// Words that the terms must have, so that others are not taken for them.
+    words: &'static str,
+}
+
+const ORIGINS: [Origin; 2] = [
+    Origin {
+        name: "llvm-libunwind",
+        licence: "Apache-2.0 WITH LLVM-exception",
+        place: "https://github.com/llvm/llvm-project",
+        folder: "libunwind/src",
+        terms: Some("libunwind/LICENSE.TXT"),
+        words: "LLVM Exceptions to the Apache 2.0 License",
+    },
+    Origin {
+        name: "glibc-nonshared",
+        licence: "LGPL-2.1-or-later WITH GCC-exception-2.0-note",
+        place: "https://sourceware.org/glibc/",
+        folder: "libc/glibc",
+        terms: None,
+        words: "permission to link the compiled version of this file with other\nprograms, and to distribute those programs without any restriction",
+    },
+];
+
+/// The parts that C `sources` in a library come from; one that is no file of a known origin is refused.
+fn of_zig(sources: &BTreeSet<String>, zig: &Path) -> Result<Vec<Part>, String> {
+    let mut parts = Vec::new();
+    let mut known = BTreeSet::new();
+    for origin in &ORIGINS {
+        let mut files = Vec::new();
+        find(&zig.join(origin.folder), sources, &mut files)?;
+        if files.is_empty() {
+            continue;
+        }
+        known.extend(files.iter().filter_map(|file| Some(file.file_name()?.to_string_lossy().into_owned())));
+        let read = |path: &Path| fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()));
+        let texts: BTreeMap<String, String> = match origin.terms {
+            Some(terms) => [(terms.to_owned(), read(&zig.join(terms))?)].into(),
+            None => files
+                .iter()
+                .map(|file| Ok((file.display().to_string(), head(&read(file)?))))
+                .collect::<Result<_, String>>()?,
+        };
+        if let Some((file, _)) = texts.iter().find(|(_, text)| !text.contains(origin.words)) {
+            return Err(format!("{file} is in the library under other terms than {}", origin.licence));
+        }
+        parts.push(part(origin.name, &format!("zig-{}", tools::ZIG), origin.licence, origin.place, texts));
+    }
+    let strange: Vec<_> = sources.difference(&known).map(String::as_str).collect();
+    if strange.is_empty() {
+        Ok(parts)
+    } else {
+        Err(format!("the library has in it, and no page names: {}", strange.join(", ")))
+    }
+}
+
+/// Adds files below `folder` that have one of `names`.
+fn find(folder: &Path, names: &BTreeSet<String>, found: &mut Vec<PathBuf>) -> Result<(), String> {
+    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+    let entries = fs::read_dir(folder).map_err(failed)?.collect::<Result<Vec<_>, _>>().map_err(failed)?;
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    paths.sort();
+    for path in paths {
+        if path.is_dir() {
+            find(&path, names, found)?;
+        } else if path.file_name().is_some_and(|name| names.contains(&*name.to_string_lossy())) {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// The comment that a source in C begins with, without its marks.
+fn head(source: &str) -> String {
+    let comment =
+        source.trim_start().strip_prefix("/*").and_then(|rest| rest.split_once("*/")).map_or("", |(text, _)| text);
+    comment.lines().map(str::trim).collect::<Vec<_>>().join("\n").trim().to_owned()
+}
+
+/// Names of the sources in C, C++ and assembly that a Linux library was compiled from; Rust's have no such ending.
+fn c_sources(debug: &[u8]) -> Result<BTreeSet<String>, String> {
+    let file =
+        ElfFile64::<object::Endianness>::parse(debug).map_err(|e| format!("the built library is no ELF file: {e}"))?;
+    let names = file.symbols().filter(|symbol| symbol.kind() == SymbolKind::File);
+    let names: BTreeSet<String> = names.filter_map(|symbol| symbol.name().ok().map(str::to_owned)).collect();
+    if names.is_empty() {
+        return Err("the built library does not say what it was compiled from: its symbol table is missing".to_owned());
+    }
+    let is_c = |name: &String| {
+        let ending = Path::new(name).extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        ["c", "cc", "cpp", "cxx", "s", "S", "zig"].contains(&ending)
+    };
+    Ok(names.into_iter().filter(is_c).collect())
+}
+
+/// Where Debian keeps MinGW-w64's notices.
+const MINGW_NOTICES: &str = "/usr/share/doc/mingw-w64-common/copyright";
+
+/// MinGW-w64's start files and helpers, and GCC's unwinder: their symbols must be there, since their linker took nothing else's.
+fn of_mingw(debug: &[u8]) -> Result<Vec<Part>, String> {
+    let file = PeFile64::parse(debug).map_err(|e| format!("the built library is no DLL: {e}"))?;
+    let names: BTreeSet<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
+    for wanted in ["_pei386_runtime_relocator", "_Unwind_RaiseException"] {
+        if !names.contains(wanted) {
+            return Err(format!("the built DLL has no {wanted}: what is linked into it is not what is named"));
+        }
+    }
+    let compiler = || Command::new("x86_64-w64-mingw32-gcc");
+    let macros = output(compiler().args(["-E", "-dM", "-include", "_mingw.h", "-x", "c", "/dev/null"]))?;
+    let value = |name: &str| {
+        let line = macros.lines().find_map(|line| line.strip_prefix("#define ")?.strip_prefix(name)?.strip_prefix(' '));
+        line.map(str::to_owned).ok_or_else(|| format!("MinGW-w64 says no {name}"))
+    };
+    let version = format!("{}.{}", value("__MINGW64_VERSION_MAJOR")?, value("__MINGW64_VERSION_MINOR")?);
+    let gcc = output(compiler().arg("-dumpfullversion"))?;
+    let notices = fs::read_to_string(MINGW_NOTICES).map_err(|e| {
+        format!("{MINGW_NOTICES}: {e}. The archive must have MinGW-w64's notices: apt install mingw-w64-common")
+    })?;
+    Ok(vec![
+        part("mingw-w64", &version, "ZPL-2.1", "https://www.mingw-w64.org", [("copyright".to_owned(), notices)].into()),
+        part("libgcc", gcc.trim(), "GPL-3.0-or-later WITH GCC-exception-3.1", "https://gcc.gnu.org", BTreeMap::new()),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sources of zig, as far as they count here, in a folder of their own.
+    fn zig(name: &str, glibc: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("cairn-runtime-{name}-{}", std::process::id()));
+        for (file, text) in [
+            ("libunwind/src/libunwind.cpp", "// code"),
+            ("libunwind/LICENSE.TXT", "---- LLVM Exceptions to the Apache 2.0 License ----\n"),
+            ("libc/glibc/io/stat64-2.32.c", glibc),
+        ] {
+            let path = folder.join(file);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+        folder
+    }
+
+    fn named(names: &[&str]) -> BTreeSet<String> {
+        names.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    const EXCEPTION: &str = "/* Copyright of someone.\n   The owner gives unlimited\n   permission to link the compiled version of this file with other\n   \
+                             programs, and to distribute those programs without any restriction\n   coming from it.  */\n#include <a.h>\n/* b */\n";
+
+    #[test]
+    fn what_is_linked_in_is_named_with_its_terms_and_nothing_else_is() {
+        let folder = zig("named", EXCEPTION);
+        let both = of_zig(&named(&["libunwind.cpp", "stat64-2.32.c"]), &folder).unwrap();
+        let said: Vec<_> = both.iter().map(|part| (part.name.as_str(), part.licence.as_str())).collect();
+        assert_eq!(
+            said,
+            [
+                ("llvm-libunwind", "Apache-2.0 WITH LLVM-exception"),
+                ("glibc-nonshared", "LGPL-2.1-or-later WITH GCC-exception-2.0-note")
+            ]
+        );
+        let text = both[1].texts.values().next().unwrap();
+        assert!(text.starts_with("Copyright of someone.\nThe owner") && text.ends_with("coming from it."), "{text}");
+        assert!(of_zig(&named(&[]), &folder).unwrap().is_empty());
+        let strange = of_zig(&named(&["libunwind.cpp", "inflate.c"]), &folder).unwrap_err();
+        assert!(strange.contains("inflate.c") && !strange.contains("libunwind.cpp"), "{strange}");
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn a_file_of_the_c_library_without_its_exception_is_refused() {
+        let folder = zig("refused", "/* Copyright of someone. All of the LGPL holds. */");
+        let refused = of_zig(&named(&["stat64-2.32.c"]), &folder).unwrap_err();
+        assert!(refused.contains("stat64-2.32.c") && refused.contains("other terms"), "{refused}");
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
+    fn a_library_tells_which_sources_of_c_it_has() {
+        // This program itself: it is linked with the C library's start files, or with none that names a source.
+        let own = std::env::current_exe().unwrap();
+        if cfg!(target_os = "linux") {
+            let sources = c_sources(&fs::read(own).unwrap()).unwrap();
+            assert!(sources.iter().all(|name| !name.contains("cgu")), "{sources:?}");
+        }
+        assert!(c_sources(b"not a library").is_err());
+    }
+}
