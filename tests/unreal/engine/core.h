@@ -25,7 +25,13 @@ using uint64 = std::uint64_t;
 using TCHAR = wchar_t;
 
 #define TEXT(text) L##text
-#define MoveTemp(value) std::move(value)
+/** Of what has a name and may change, as the engine insists. */
+template <class T> constexpr std::remove_reference_t<T>&& MoveTemp(T&& value) noexcept
+{
+    static_assert(std::is_lvalue_reference_v<T>, "what has no name is moved without being told");
+    static_assert(!std::is_const_v<std::remove_reference_t<T>>, "what may not change cannot be moved from");
+    return static_cast<std::remove_reference_t<T>&&>(value);
+}
 #define THIRD_PARTY_INCLUDES_START
 #define THIRD_PARTY_INCLUDES_END
 /* Macros of the engine's whose names are everyday words, so that headers meet them. */
@@ -169,11 +175,32 @@ template <class T> TRawPtrProxy<T> MakeShareable(T* raw) { return {raw}; }
 template <class T> class TUniquePtr {
 public:
     bool IsValid() const { return of_ != nullptr; }
-    void Reset(T* raw) { of_.reset(raw); }
+    void Reset(T* raw = nullptr) { of_.reset(raw); }
     T* operator->() const { return of_.get(); }
 
 private:
     std::unique_ptr<T> of_;
+};
+
+/** Of what counts its own references. */
+template <class T> class TRefCountPtr {
+public:
+    TRefCountPtr() = default;
+    TRefCountPtr(const TRefCountPtr&) = delete;
+    TRefCountPtr& operator=(const TRefCountPtr&) = delete;
+    ~TRefCountPtr() { if (of_ != nullptr) of_->Release(); }
+    bool IsValid() const { return of_ != nullptr; }
+    operator T*() const { return of_; }
+    T* operator->() const { return of_; }
+    /** Where a reference more is written to. What was there before is let go of. */
+    T** GetInitReference()
+    {
+        if (of_ != nullptr) std::exchange(of_, nullptr)->Release();
+        return &of_;
+    }
+
+private:
+    T* of_ = nullptr;
 };
 
 /* ---- Threads and time -------------------------------------------------------------------------------------------- */
@@ -183,11 +210,12 @@ public:
     FCriticalSection();
     ~FCriticalSection();
     FCriticalSection(const FCriticalSection&) = delete;
+    /** One that is gone already is told: its memory may be anybody's. */
     void Lock();
     void Unlock();
 
 private:
-    void* of_;
+    std::atomic<void*> of_;
 };
 
 class FScopeLock {
@@ -235,11 +263,13 @@ public:
 class FRunnableThread {
 public:
     static FRunnableThread* Create(FRunnable* runnable, const TCHAR* name, uint32 stack, EThreadPriority priority);
+    /** Tells the runnable to stop, as Kill does, and waits. */
     ~FRunnableThread();
     void WaitForCompletion();
 
 private:
     void* of_ = nullptr;
+    FRunnable* runnable_ = nullptr;
 };
 
 struct FPlatformTime {
@@ -283,6 +313,9 @@ public:
 class FModuleManager {
 public:
     template <class T> static T& LoadModuleChecked(const TCHAR* name) { return static_cast<T&>(Find(name)); }
+    /** Null where it is not loaded. */
+    template <class T> static T* GetModulePtr(const TCHAR* name) { return static_cast<T*>(Loaded(name)); }
+    static IModuleInterface* Loaded(const TCHAR* name);
     static IModuleInterface& Find(const TCHAR* name);
     using Maker = std::unique_ptr<IModuleInterface> (*)();
     static bool Register(const TCHAR* name, Maker maker);
@@ -310,8 +343,11 @@ public:
 
 struct FPaths {
     static FString Combine(const FString& a, const TCHAR* b) { return a + L"/" + b; }
+    /** From the folder of the program's file. */
     static FString ConvertRelativePathToFull(const FString& path);
+    /** From another one, which stays as it is given. */
     static FString ConvertRelativePathToFull(const FString& base, const FString& path);
+    /** Where it is from the folder of the program's file. */
     static FString ProjectDir();
 };
 
@@ -343,4 +379,5 @@ enum class EVerbosity { Error, Warning, Log, Verbose, All };
 void WriteLog(const TCHAR* category, EVerbosity verbosity, const TCHAR* format, ...);
 #define DECLARE_LOG_CATEGORY_EXTERN(name, verbosity, all) extern const TCHAR* const name
 #define DEFINE_LOG_CATEGORY(name) const TCHAR* const name = L## #name
+constexpr const TCHAR* LogTemp = L"LogTemp";
 #define UE_LOG(category, verbosity, ...) WriteLog(category, EVerbosity::verbosity, __VA_ARGS__)

@@ -22,7 +22,7 @@ struct ID3D12DynamicRHI : public FDynamicRHI {
 #else
     /* RHITransitionResource is there, deprecated, and does nothing. */
     virtual void RHIFlushResourceBarriers(FRHICommandListBase& list, uint32 device) = 0;
-    virtual void RHIUpdateResourceResidency(FRHICommandListBase& list, uint32 device, FRHITexture* texture) = 0;
+    virtual void RHIUpdateResourceResidency(FRHICommandListBase& list, uint32 device, FRHIResource* resource) = 0;
 #endif
     virtual void RHISignalManualFence(FRHICommandList& list, ID3D12Fence* fence, uint64 value) = 0;
 };

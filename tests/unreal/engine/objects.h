@@ -17,6 +17,8 @@ class UGameInstance;
 class UObject {
 public:
     virtual ~UObject() = default;
+    /** By the collector, before it goes. */
+    virtual void BeginDestroy() {}
     /** Whom it was made in. */
     UObject* Outer = nullptr;
     /** What was made in it, and goes with it: here nobody collects what nobody names. */
@@ -52,12 +54,14 @@ public:
         const auto all = all_;
         for (const auto& what : all) what(a...);
     }
-    /** For the host: Blueprints and AddDynamic need the header tool. */
+    /** For the host, and what AddDynamic comes to. */
     void Listen(std::function<void(A...)> what) { all_.push_back(std::move(what)); }
 
 private:
     std::vector<std::function<void(A...)>> all_;
 };
+/** Of a UFUNCTION of an object's. */
+#define AddDynamic(object, function) Listen([self = object](auto&&... a) { (self->*function)(a...); })
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE(name) using name = TMulticast<>
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(name, type, parameter) using name = TMulticast<type>
 
@@ -138,9 +142,16 @@ public:
     using Super = UActorComponent;
     FActorComponentTickFunction PrimaryComponentTick;
     UWorld* GetWorld() const { return static_cast<UWorld*>(Outer); }
+    void RegisterComponent() {}
     virtual void BeginPlay() {}
     virtual void EndPlay(const EEndPlayReason::Type) {}
     virtual void TickComponent(float, ELevelTick, FActorComponentTickFunction*) {}
+};
+
+class AActor : public UObject {
+public:
+    using Super = AActor;
+    virtual void BeginPlay() {}
 };
 
 enum ETextureRenderTargetFormat { RTF_RGBA8, RTF_RGBA8_SRGB, RTF_RGBA16f, RTF_R8 };
@@ -155,6 +166,9 @@ public:
 
 class UTextureRenderTarget2D : public UObject {
 public:
+    UTextureRenderTarget2D() = default;
+    /** What it has is let go of by the render thread, when that gets to it. */
+    ~UTextureRenderTarget2D() override;
     int32 SizeX = 0, SizeY = 0;
     ETextureRenderTargetFormat RenderTargetFormat = RTF_RGBA16f;
     EPixelFormat GetFormat() const;

@@ -26,7 +26,31 @@ struct FClearValueBinding {
     static const FClearValueBinding Black;
 };
 
-class FRHITexture;
+struct ID3D12Resource;
+
+class FRHIResource {
+public:
+    virtual ~FRHIResource() = default;
+};
+
+/** A texture of the engine's. What it has is the host's, which knows these things of it. */
+class FRHITexture : public FRHIResource {
+public:
+    FRHITexture(ID3D12Resource* resource, EPixelFormat format, int32 width, int32 height)
+        : Resource(resource), Format(format), Width(width), Height(height)
+    {
+    }
+    ~FRHITexture() override;
+    FRHITexture(const FRHITexture&) = delete;
+
+    ID3D12Resource* const Resource;
+    const EPixelFormat Format;
+    const int32 Width, Height;
+    /** The state in the list, with the barriers that are not written down yet; as Direct3D 12 numbers them. */
+    uint32 State = 0;
+    /** Of the last list that the engine knows to use it. */
+    uint64 UsedIn = 0;
+};
 
 /** Of a texture. */
 class FTextureRHIRef {
@@ -66,6 +90,15 @@ public:
     virtual const TCHAR* GetName() = 0;
 };
 extern FDynamicRHI* GDynamicRHI;
+
+/** Which graphics cards are rendered on. */
+class FRHIGPUMask {
+public:
+    static FRHIGPUMask All() { return FRHIGPUMask(); }
+    uint32 GetNumActive() const { return Count; }
+    /** For the host. */
+    static uint32 Count;
+};
 inline ERHIInterfaceType RHIGetInterfaceType() { return GDynamicRHI->GetInterfaceType(); }
 
 /* ---- The graph --------------------------------------------------------------------------------------------------- */
@@ -169,3 +202,5 @@ struct FRenderCommands {
     static void Add(std::function<void(FRHICommandListImmediate&)> what);
 };
 #define ENQUEUE_RENDER_COMMAND(name) FRenderCommands()
+/** Waits until all that was given is done, and the device has been given its lists. */
+void FlushRenderingCommands();

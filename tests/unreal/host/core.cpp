@@ -47,18 +47,28 @@ FUTF8ToTCHAR::FUTF8ToTCHAR(const char* text)
     text_.pop_back();
 }
 
-FCriticalSection::FCriticalSection() : of_(new CRITICAL_SECTION) { InitializeCriticalSection(static_cast<CRITICAL_SECTION*>(of_)); }
+FCriticalSection::FCriticalSection() : of_(new CRITICAL_SECTION) { InitializeCriticalSection(static_cast<CRITICAL_SECTION*>(of_.load())); }
 FCriticalSection::~FCriticalSection()
 {
-    DeleteCriticalSection(static_cast<CRITICAL_SECTION*>(of_));
-    delete static_cast<CRITICAL_SECTION*>(of_);
+    auto* own = static_cast<CRITICAL_SECTION*>(of_.exchange(nullptr));
+    DeleteCriticalSection(own);
+    delete own;
 }
-void FCriticalSection::Lock() { EnterCriticalSection(static_cast<CRITICAL_SECTION*>(of_)); }
-void FCriticalSection::Unlock() { LeaveCriticalSection(static_cast<CRITICAL_SECTION*>(of_)); }
+void FCriticalSection::Lock()
+{
+    auto* own = static_cast<CRITICAL_SECTION*>(of_.load());
+    expect(own != nullptr, "a lock is used while there is one");
+    if (own != nullptr) EnterCriticalSection(own);
+}
+void FCriticalSection::Unlock()
+{
+    auto* own = static_cast<CRITICAL_SECTION*>(of_.load());
+    if (own != nullptr) LeaveCriticalSection(own);
+}
 
 FEvent::FEvent(EEventMode mode) : of_(CreateEventW(nullptr, mode == EEventMode::ManualReset, FALSE, nullptr)) {}
 FEvent::~FEvent() { CloseHandle(of_); }
-void FEvent::Trigger() { SetEvent(of_); }
+void FEvent::Trigger() { expect(SetEvent(of_) != FALSE, "an event is triggered while there is one"); }
 bool FEvent::Wait(uint32 milliseconds) { return WaitForSingleObject(of_, milliseconds) == WAIT_OBJECT_0; }
 
 static DWORD WINAPI run(void* runnable) { return static_cast<FRunnable*>(runnable)->Run(); }
@@ -66,11 +76,14 @@ static DWORD WINAPI run(void* runnable) { return static_cast<FRunnable*>(runnabl
 FRunnableThread* FRunnableThread::Create(FRunnable* runnable, const TCHAR*, uint32, EThreadPriority)
 {
     auto made = std::make_unique<FRunnableThread>();
+    made->runnable_ = runnable;
     made->of_ = CreateThread(nullptr, 0, run, runnable, 0, nullptr);
     return made->of_ != nullptr ? made.release() : nullptr;
 }
 FRunnableThread::~FRunnableThread()
 {
+    if (of_ == nullptr) return;
+    runnable_->Stop();
     WaitForCompletion();
     CloseHandle(of_);
 }
@@ -131,6 +144,12 @@ IModuleInterface& FModuleManager::Find(const TCHAR* name)
     }
     return *found;
 }
+IModuleInterface* FModuleManager::Loaded(const TCHAR* name)
+{
+    const modules& all = modules::get();
+    const auto found = all.loaded.find(name);
+    return found == all.loaded.end() ? nullptr : found->second.get();
+}
 bool FModuleManager::Register(const TCHAR* name, Maker maker)
 {
     modules::get().makers[name] = maker;
@@ -176,13 +195,20 @@ TSharedPtr<IPlugin> IPluginManager::FindPlugin(const FString& name)
     return name == L"Cairn" ? MakeShared<IPlugin>(FString(plugin_folder().c_str())) : TSharedPtr<IPlugin>();
 }
 
-FString FPaths::ProjectDir() { return FString(full(L".").c_str()); }
-FString FPaths::ConvertRelativePathToFull(const FString& path) { return FString(full(*path).c_str()); }
+static bool is_whole(const std::wstring& path)
+{
+    return path.size() > 1 && (path[1] == L':' || path[0] == L'\\' || path[0] == L'/');
+}
+
+/* The program's file is two folders below the project, as in a game, and nothing begins where the process happens to be. */
+FString FPaths::ProjectDir() { return FString(L"../../"); }
+FString FPaths::ConvertRelativePathToFull(const FString& path)
+{
+    return is_whole(*path) ? FString(full(*path).c_str()) : FString(full(project_folder() + L"/Binaries/Win64/" + *path).c_str());
+}
 FString FPaths::ConvertRelativePathToFull(const FString& base, const FString& path)
 {
-    const std::wstring given = *path;
-    const bool whole = given.size() > 1 && (given[1] == L':' || given[0] == L'\\' || given[0] == L'/');
-    return FString(full(whole ? given : std::wstring(*base) + L"/" + given).c_str());
+    return is_whole(*path) ? path : base + L"/" + path;
 }
 
 bool FFileHelper::LoadFileToArray(TArray64<uint8>& to, const TCHAR* file)

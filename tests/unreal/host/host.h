@@ -10,36 +10,22 @@ void expect(bool fine, const char* what);
 
 /** Where the plugin is. */
 const std::wstring& plugin_folder();
+/** The project that it is in; nowhere near the folder that the process happens to be in. */
+std::wstring project_folder();
 
 /** Starts the engine's renderer on Direct3D 12. */
 void start_renderer();
-/** Another engine's frame: what was given to the render thread, and then to the thread that writes lists, runs on threads of their own. */
+/**
+ * Ends a frame of the game's. What was given to the render thread, and by that to the thread that writes lists, goes on while the next
+ * frame is made: the game may be a frame ahead of the one, and that a frame ahead of the other.
+ */
 void run_frame();
+/** Ends a frame, and waits until the device has done all. */
+void finish_frames();
 /** Waits for the device and lets go of all. */
 void end_renderer();
-/** Whether all that the engine has is given to the device, which has done it. */
-void finish_frames();
 
-/** A texture of the engine's, and what it knows of it. */
-class FRHITexture {
-public:
-    FRHITexture(ID3D12Resource* resource, EPixelFormat format, int32 width, int32 height)
-        : Resource(resource), Format(format), Width(width), Height(height)
-    {
-    }
-    ~FRHITexture() { Resource->Release(); }
-    FRHITexture(const FRHITexture&) = delete;
-
-    ID3D12Resource* const Resource;
-    const EPixelFormat Format;
-    const int32 Width, Height;
-    /** The state in the list, with the barriers that are not written down yet. */
-    D3D12_RESOURCE_STATES State = D3D12_RESOURCE_STATE_COMMON;
-    /** Of the last list that the engine knows to use it. */
-    uint64 UsedIn = 0;
-};
-
-std::shared_ptr<FRHITexture> make_texture(EPixelFormat format, bool srgb, int32 width, int32 height);
+std::shared_ptr<FRHITexture> make_texture(EPixelFormat format, int32 width, int32 height);
 /** The texture's bytes, row by row. What is under way is finished first. */
 std::vector<uint8> read_texture(FRHITexture& texture);
 void write_texture(FRHITexture& texture, const std::vector<uint8>& bytes);

@@ -2,10 +2,11 @@
  * A small engine that runs Cairn's plugin: its module, subsystem, component and pass, compiled from the sources that Unreal compiles,
  * on a Direct3D 12 device of its own. What comes into render targets is compared with what the library makes when it is asked directly.
  *
- * host PLUGIN load: says why the library cannot be used, or nothing.
+ * host PLUGIN load [LIBRARY]: says why the library cannot be used, or nothing; once somebody has loaded that other one.
  * host PLUGIN play: everything else.
  */
 #include "CairnInput.h"
+#include "CairnPass.h"
 #include "CairnPictures.h"
 #include "CairnRuntimeModule.h"
 #include "CairnStream.h"
@@ -27,7 +28,7 @@
 
 namespace {
 
-int failures = 0, checks = 0;
+std::atomic<int> failures{0}, checks{0};
 std::wstring folder;
 
 /** How long anything may take. */
@@ -115,6 +116,8 @@ struct actor {
         component.OnProgress.Listen([this](float part) { progress = part; });
         component.OnError.Listen([this](const FString& message) { error = message; });
     }
+    /** As the collector lets go of it. */
+    ~actor() { component.BeginDestroy(); }
     void frame()
     {
         component.TickComponent(0.01f, LEVELTICK_All, nullptr);
@@ -131,6 +134,12 @@ struct actor {
             Sleep(2);
         }
         return true;
+    }
+    /** The statistics of what is in the target: nothing is under way any more. */
+    FCairnStatistics settled()
+    {
+        finish_frames();
+        return component.GetStatistics();
     }
     /** The message that starting ends with. */
     FString refusal()
@@ -156,14 +165,16 @@ void walk(level& in)
     in.player.Down = {FKey(L"W")};
     actor shown(in);
     shown.component.Multiplier = 1;
+    // From the project, wherever the process is.
+    shown.component.SeedPicture.FilePath = L"Cairn/Resources/place.ppm";
     shown.component.BeginPlay();
     shown.component.AddMouse(30, -20);
     /* A slow machine may not show them all. */
     std::map<int64, std::vector<uint8>> pictures;
     const bool made = shown.until([&] {
-        const FCairnStatistics now = shown.component.GetStatistics();
-        if (is_anchor(now) && pictures.count(now.ShownAnchor) == 0) {
-            pictures[now.ShownAnchor] = read_texture(*shown.component.Target->GameThread_GetRenderTargetResource()->GetRenderTargetTexture());
+        if (pictures.count(shown.component.GetStatistics().ShownAnchor) == 0) {
+            const FCairnStatistics now = shown.settled();
+            if (is_anchor(now)) pictures[now.ShownAnchor] = read_texture(*shown.component.Target->GameThread_GetRenderTargetResource()->GetRenderTargetTexture());
         }
         return !shown.error.IsEmpty() || pictures.size() >= 4;
     });
@@ -204,7 +215,7 @@ void capture(level& in)
     std::vector<uint8> first;
     int64 number = 0;
     const bool made = shown.until([&] {
-        const FCairnStatistics now = shown.component.GetStatistics();
+        const FCairnStatistics now = first.empty() ? shown.settled() : shown.component.GetStatistics();
         if (now.Shown == ECairnFrameSource::Anchor && first.empty()) {
             number = now.ShownAnchor;
             first = read_texture(*target.GameThread_GetRenderTargetResource()->GetRenderTargetTexture());
@@ -247,6 +258,77 @@ void capture(level& in)
     shown.component.SetPaused(false);
     expect(shown.until([&] { return shown.component.GetStatistics().Anchors > held + 2; }), "it goes on, with an edit");
     shown.component.Stop();
+}
+
+/** A game that adds the pass itself, into a texture of its own, from before there is anything to show. */
+void own_pass(level& in)
+{
+    actor shown(in);
+    shown.component.Multiplier = 1;
+    shown.component.bReadPlayerInput = false;
+    shown.component.bDrawIntoTarget = false;
+    shown.component.Start();
+    shown.component.SetKey(FKey(L"W"), true);
+    const std::shared_ptr<FRHITexture> texture = make_texture(PF_B8G8R8A8, 320, 180);
+    const bool made = shown.until([&] {
+        const TSharedPtr<FCairnStream, ESPMode::ThreadSafe> stream = shown.component.GetStream();
+        if (stream.IsValid()) {
+            ENQUEUE_RENDER_COMMAND(OwnPass)([texture, of = stream.ToSharedRef()](FRHICommandListImmediate& list) {
+                FRDGBuilder graph(list, RDG_EVENT_NAME("own"));
+                CairnAddPass(graph, RegisterExternalTexture(graph, texture.get(), L"own"), of, CairnNow());
+                graph.Execute();
+            });
+        }
+        return !shown.error.IsEmpty() || (shown.ready > 0 && is_anchor(shown.settled()));
+    });
+    expect(made && shown.error.IsEmpty() && shown.ready == 1, "a game adds the pass itself");
+    expect(shown.component.Target == nullptr, "a target that nobody asked for is not made");
+    own_rollout own(place_of_the_plugin(), SEED);
+    for (int64 i = 0; i < shown.component.GetStatistics().ShownAnchor; i++) own.step(0, 0);
+    expect(read_texture(*texture) == own.anchor(), "an anchor in a game's own texture is the library's own");
+}
+
+/** A component that goes without an end of its game, while frames of it are under way. */
+void left_behind(level& in)
+{
+    TWeakPtr<FCairnStream, ESPMode::ThreadSafe> stream;
+    {
+        actor left(in);
+        left.component.Start();
+        expect(left.until([&] { return left.component.GetStatistics().Frames > 0; }), "a world is played");
+        left.component.Target->InitAutoFormat(8, 8);
+        left.frame();
+        expect(left.component.Target->SizeX > 8, "a target that the component has made follows the world's size");
+        stream = left.component.GetStream();
+        finish_frames();
+    }
+    expect(stream.Pin().IsValid(), "a component that goes waits neither for its thread nor for the device");
+}
+
+/** The module ends while render commands hold a stream, and a component has not been told of it. */
+void end_of_the_module()
+{
+    level in;
+    actor stopped(in), playing(in);
+    playing.component.Start();
+    stopped.component.Start();
+    expect(stopped.until([&] { return stopped.component.GetStatistics().Frames > 0; }), "a world is played");
+    finish_frames();
+    TSharedPtr<FCairnStream, ESPMode::ThreadSafe> stream = stopped.component.GetStream();
+    const double end = FPlatformTime::Seconds() + PATIENCE;
+    /* This one and the component's; a third is that of a frame that is to be drawn. */
+    while (stream.GetSharedReferenceCount() < 3 && FPlatformTime::Seconds() < end) {
+        stopped.component.TickComponent(0.01f, LEVELTICK_All, nullptr);
+        Sleep(2);
+    }
+    expect(stream.GetSharedReferenceCount() >= 3, "a frame is to be drawn");
+    const TWeakPtr<FCairnStream, ESPMode::ThreadSafe> gone = stream;
+    stream.Reset();
+    stopped.component.Stop();
+    FModuleManager::Shutdown();
+    expect(!gone.Pin().IsValid(), "the module ends after all that is its own, render commands too");
+    playing.component.Stop();
+    expect(!playing.component.IsPlaying(), "a component may stop when the module has ended");
 }
 
 /** What cannot be played is told, with what to do. */
@@ -298,6 +380,9 @@ void other_renderer()
     refused.component.Start();
     expect(says(refused.error, L"Default RHI"), "a component tells it as well");
     GDynamicRHI = own;
+    FRHIGPUMask::Count = 2;
+    expect(says(in.subsystem().GetUnavailableReason(), L"-MaxGPUCount"), "several graphics cards are told with the setting");
+    FRHIGPUMask::Count = 1;
 }
 
 void input()
@@ -346,13 +431,15 @@ void play()
         expect(in.subsystem().GetRequirements().Num() > 2, "what is needed is told");
         walk(in);
         capture(in);
+        own_pass(in);
+        left_behind(in);
         refusals(in);
         /* What was stopped goes when the device has done with it. */
         actor idle(in);
         in.subsystem().Deinitialize();
         expect(idle.until([&] { return references(device) <= before; }), "nothing of the device is held when all has ended");
     }
-    FModuleManager::Shutdown();
+    end_of_the_module();
     end_renderer();
 }
 
@@ -368,23 +455,30 @@ void expect(bool fine, const char* what)
 }
 
 const std::wstring& plugin_folder() { return folder; }
+std::wstring project_folder() { return folder + L"/.."; }
 
 int main()
 {
     SetConsoleOutputCP(CP_UTF8);
     int count = 0;
     LPWSTR* words = CommandLineToArgvW(GetCommandLineW(), &count);
-    if (count != 3) {
-        std::fprintf(stderr, "host PLUGIN load|play\n");
+    if (count < 3 || count > 4) {
+        std::fprintf(stderr, "host PLUGIN load|play [LIBRARY]\n");
         return 2;
+    }
+    if (count == 4 && LoadLibraryW(words[3]) == nullptr) {
+        std::fprintf(stderr, "host: the other library cannot be loaded\n");
+        return 1;
     }
     folder = words[1];
     if (std::wstring(words[2]) == L"load") {
-        std::printf("why: %s\n", TCHAR_TO_UTF8(*FCairnRuntimeModule::Get().WhyNot()));
+        const FString& why = FCairnRuntimeModule::Get().WhyNot();
+        std::printf("why: %s\n", TCHAR_TO_UTF8(*why));
+        if (why.IsEmpty()) std::printf("its functions are those of the plugin's library: %d\n", cairn::version() == CAIRN_VERSION);
         FModuleManager::Shutdown();
         return 0;
     }
     play();
-    std::printf("%d checks, %d failed\n", checks, failures);
+    std::printf("%d checks, %d failed\n", checks.load(), failures.load());
     return failures > 0 ? 1 : 0;
 }

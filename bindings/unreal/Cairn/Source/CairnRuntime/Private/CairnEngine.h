@@ -33,7 +33,7 @@ END_SHADER_PARAMETER_STRUCT()
 
 namespace CairnEngine
 {
-	/** The only graphics card that Cairn uses where there are several in one device. */
+	/** The only graphics card that there is: with several Cairn does not start. */
 	constexpr uint32 DeviceIndex = 0;
 
 	/** The parameters of a pass that writes Target, with all that it needs besides. */

@@ -11,11 +11,25 @@ THIRD_PARTY_INCLUDES_START
 THIRD_PARTY_INCLUDES_END
 #include "Windows/HideWindowsPlatformTypes.h"
 
+namespace
+{
+	/** Whether the imports that the linker left for later will find this library by its name: of several, the one that was loaded first. */
+	bool IsFoundByName(const cairn_ld& Loaded)
+	{
+		const HMODULE Found = LoadLibraryW(L"cairn.dll");
+		if (Found != nullptr)
+		{
+			FreeLibrary(Found);
+		}
+		return Found == static_cast<HMODULE>(Loaded.library);
+	}
+}
+
 FString CairnLibraryLoader::Load()
 {
 	const FString File = FPaths::ConvertRelativePathToFull(
 		FPaths::Combine(CairnPluginFolder(), TEXT("Binaries/ThirdParty/Cairn/Win64/cairn.dll")));
-	// It stays loaded, and so the imports that the linker left for later find it by its name.
+	// It stays loaded, for the imports that find it by its name.
 	static cairn_ld Loaded;
 	char Message[1024];
 	if (cairn_ld_load(&Loaded, TCHAR_TO_UTF8(*File), Message, sizeof Message) != CAIRN_OK)
@@ -26,14 +40,12 @@ FString CairnLibraryLoader::Load()
 	FString Why;
 	if (Loaded.cairn_presenter_record_d3d12 == nullptr)
 	{
-		const uint32 Version = Loaded.cairn_version();
 		Why = FString::Printf(
-			TEXT("Cairn: %s: the library is version %u.%u.%u, and the plugin was compiled for %u.%u.%u, which must be the same for ")
-			TEXT("Direct3D 12. Put the cairn.dll of the plugin's own archive there, or compile the plugin of the library's archive"),
-			*File, Version / 1000000, Version / 1000 % 1000, Version % 1000, static_cast<uint32>(CAIRN_VERSION) / 1000000,
-			static_cast<uint32>(CAIRN_VERSION) / 1000 % 1000, static_cast<uint32>(CAIRN_VERSION) % 1000);
+			TEXT("Cairn: %s: the library is version %s, and the plugin was compiled for %s, which must be the same for Direct3D 12. ")
+			TEXT("Put the cairn.dll of the plugin's own archive there, or compile the plugin of the library's archive"),
+			*File, *CairnVersionText(Loaded.cairn_version()), *CairnVersionText(CAIRN_VERSION));
 	}
-	else if (GetModuleHandleW(L"cairn.dll") != static_cast<HMODULE>(Loaded.library))
+	else if (!IsFoundByName(Loaded))
 	{
 		Why = FString(TEXT("Cairn: the process has loaded another cairn.dll than ")) + File +
 			TEXT(". Disable the other plugin that brings one, or remove the file beside the program");
@@ -53,6 +65,11 @@ FString CairnLibraryLoader::Load()
 }
 
 #endif
+
+FString CairnVersionText(uint32 Version)
+{
+	return FString::Printf(TEXT("%u.%u.%u"), Version / 1000000, Version / 1000 % 1000, Version % 1000);
+}
 
 FString CairnPluginFolder()
 {

@@ -9,5 +9,8 @@ namespace CairnLibraryLoader
 	FString Load();
 }
 
+/** A version of the library as people write it, such as "0.1.0". */
+FString CairnVersionText(uint32 Version);
+
 /** Where the plugin's own files are. */
 FString CairnPluginFolder();

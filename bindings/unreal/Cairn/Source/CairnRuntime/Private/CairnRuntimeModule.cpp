@@ -4,6 +4,7 @@
 #include "CairnLog.h"
 #include "CairnStream.h"
 #include "Modules/ModuleManager.h"
+#include "RenderingThread.h"
 
 #include <cairn.hpp>
 
@@ -38,7 +39,8 @@ void FCairnRuntimeModule::StartupModule()
 	Why = CairnLibraryLoader::Load();
 	if (!Why.IsEmpty())
 	{
-		UE_LOG(LogCairn, Error, TEXT("%s"), *Why);
+		// Nobody has asked for a world yet: an error would end a cook, which needs none.
+		UE_LOG(LogCairn, Warning, TEXT("%s"), *Why);
 		return;
 	}
 #if CAIRN_WITH_D3D12
@@ -54,6 +56,8 @@ void FCairnRuntimeModule::ShutdownModule()
 		return;
 	}
 	FTSTicker::GetCoreTicker().RemoveTicker(Ticker);
+	// Render commands hold streams, and are code of this module.
+	FlushRenderingCommands();
 	for (const TSharedPtr<FCairnStream, ESPMode::ThreadSafe>& Stream : Retired)
 	{
 		Stream->Abandon();
@@ -67,7 +71,14 @@ void FCairnRuntimeModule::ShutdownModule()
 void FCairnRuntimeModule::Retire(TSharedPtr<FCairnStream, ESPMode::ThreadSafe> Stream)
 {
 	Stream->RequestStop();
-	Retired.Add(MoveTemp(Stream));
+	if (FCairnRuntimeModule* const Module = FModuleManager::GetModulePtr<FCairnRuntimeModule>(TEXT("CairnRuntime")))
+	{
+		Module->Retired.Add(MoveTemp(Stream));
+	}
+	else
+	{
+		Stream->Abandon();
+	}
 }
 
 bool FCairnRuntimeModule::Tick(float)

@@ -3,7 +3,6 @@
 #if CAIRN_WITH_D3D12
 
 #include "CairnEngine.h"
-#include "CairnLog.h"
 #include "CairnPass.h"
 #include "HAL/PlatformTime.h"
 #include "Misc/ScopeLock.h"
@@ -14,6 +13,13 @@ namespace
 {
 	/** The longest sleep of the thread, so that nothing that it should have heard of waits longer. */
 	constexpr uint32 LongestSleepMs = 50;
+
+	// What Blueprints see of a frame is the library's own number.
+	static_assert(static_cast<uint32>(ECairnFrameSource::Anchor) == CAIRN_FRAME_ANCHOR, "as in cairn.h");
+	static_assert(static_cast<uint32>(ECairnFrameSource::Decoded) == CAIRN_FRAME_DECODED, "as in cairn.h");
+	static_assert(static_cast<uint32>(ECairnFrameSource::Generated) == CAIRN_FRAME_GENERATED, "as in cairn.h");
+	static_assert(static_cast<uint32>(ECairnFrameSource::Extrapolated) == CAIRN_FRAME_EXTRAPOLATED, "as in cairn.h");
+	static_assert(static_cast<uint32>(ECairnFrameSource::Held) == CAIRN_FRAME_HELD, "as in cairn.h");
 
 	cairn::picture PictureOf(const FCairnPicture& From)
 	{
@@ -49,14 +55,17 @@ TSharedRef<FCairnStream, ESPMode::ThreadSafe> FCairnStream::Start(
 
 FCairnStream::~FCairnStream()
 {
+	EndThread();
+}
+
+void FCairnStream::EndThread()
+{
 	RequestStop();
 	if (Thread.IsValid())
 	{
 		Thread->WaitForCompletion();
-	}
-	if (Fence != nullptr)
-	{
-		Fence->Release();
+		// The engine's thread calls Stop once more when it goes, so it goes while all that Stop uses is there.
+		Thread.Reset();
 	}
 }
 
@@ -73,20 +82,17 @@ void FCairnStream::RequestStop()
 
 bool FCairnStream::HasEnded() const
 {
-	return bEnded && (Fence == nullptr || Fence->GetCompletedValue() >= Recorded);
+	return bEnded && (!Fence.IsValid() || Fence->GetCompletedValue() >= Recorded);
 }
 
 void FCairnStream::Abandon()
 {
-	RequestStop();
-	if (Thread.IsValid())
-	{
-		Thread->WaitForCompletion();
-	}
+	EndThread();
 	if (!HasEnded())
 	{
-		// The presenter would wait for frames that the engine may never give to the device any more.
+		// The presenter would wait for frames that the engine may never give to the device any more, and the device may yet signal.
 		(void)Presenter.release();
+		Fence->AddRef();
 	}
 }
 
@@ -112,7 +118,6 @@ void FCairnStream::Fail(const FString& Message)
 		}
 		Failure = Message;
 	}
-	UE_LOG(LogCairn, Error, TEXT("%s"), *Message);
 	RequestStop();
 }
 
@@ -159,15 +164,8 @@ cairn::result<void> FCairnStream::Prepare()
 		return Frames.why();
 	}
 	Device = *Frames;
-	cairn::result<cairn::d3d12_objects> Own = Device->d3d12();
-	if (!Own.ok())
-	{
-		return Own.why();
-	}
-	const HRESULT Fenced = Own->device->CreateFence(0, D3D12_FENCE_FLAG_NONE, IID_PPV_ARGS(&Fence));
-	Own->device->Release();
-	Own->queue->Release();
-	if (FAILED(Fenced))
+	ID3D12Device* const Engine = GetID3D12DynamicRHI()->RHIGetDevice(CairnEngine::DeviceIndex);
+	if (FAILED(Engine->CreateFence(0, D3D12_FENCE_FLAG_NONE, IID_PPV_ARGS(Fence.GetInitReference()))))
 	{
 		return cairn::error(CAIRN_ERROR_DEVICE, "ID3D12Device::CreateFence failed: the graphics device is gone. Start the game again");
 	}
@@ -326,15 +324,6 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 	{
 		return false;
 	}
-	if (Size != AskedSize)
-	{
-		const cairn::result<void> Resized = Presenter.resize(static_cast<uint32>(Size.X), static_cast<uint32>(Size.Y));
-		if (!Resized.ok())
-		{
-			Fail(UTF8_TO_TCHAR(Resized.why().what()));
-			return false;
-		}
-	}
 	const cairn::result<std::optional<cairn::frame>> Due = Presenter.query(NowNs);
 	if (!Due.ok())
 	{
@@ -354,9 +343,22 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 
 void FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing, uint64 NowNs)
 {
-	if (bStopping)
+	// Who adds the pass for itself need not know how far the thread is.
+	if (!bReady || bStopping)
 	{
 		return;
+	}
+	const D3D12_RESOURCE_DESC Shape = Texture->GetDesc();
+	const FIntPoint Size(static_cast<int32>(Shape.Width), static_cast<int32>(Shape.Height));
+	if (Size != RecordedSize)
+	{
+		const cairn::result<void> Resized = Presenter.resize(static_cast<uint32>(Size.X), static_cast<uint32>(Size.Y));
+		if (!Resized.ok())
+		{
+			Fail(UTF8_TO_TCHAR(Resized.why().what()));
+			return;
+		}
+		RecordedSize = Size;
 	}
 	const cairn::result<std::optional<cairn::frame>> Drawn = Presenter.record_d3d12(
 		*Device, NowNs, List, Texture, static_cast<uint32>(D3D12_RESOURCE_STATE_COPY_DEST),

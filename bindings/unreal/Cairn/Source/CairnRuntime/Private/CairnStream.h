@@ -9,6 +9,7 @@
 #include "HAL/Event.h"
 #include "HAL/Runnable.h"
 #include "HAL/RunnableThread.h"
+#include "Templates/RefCounting.h"
 
 #include <atomic>
 
@@ -46,7 +47,10 @@ public:
 	void RequestStop();
 	/** Whether the thread and all frames on the device have ended, so that nothing waits when the stream goes. */
 	bool HasEnded() const;
-	/** Stops the thread and waits for it; frames that may still be on the device are left to the end of the process. */
+	/**
+	 * Stops the thread and waits for it; what frames on the device may still use is left to the end of the process. For the end of the
+	 * engine, where nobody comes back to see that they have ended.
+	 */
 	void Abandon();
 
 	/** How far the world is loaded, 0 to 1. */
@@ -55,7 +59,7 @@ public:
 	FIntPoint GetSize() const;
 	/** Why it has ended by itself; empty while it has not. */
 	FString GetFailure() const;
-	/** Ends it with that message. The first one stays. */
+	/** Ends it with that message, for whoever asks for it to tell. The first one stays. */
 	void Fail(const FString& Message);
 
 	void SetPaused(bool bHold);
@@ -69,7 +73,10 @@ public:
 	bool HasDrawn() const { return bDrawn; }
 	FCairnStatistics GetStatistics() const;
 
-	/** Records the frame that is due into a list, for a target that is in COPY_DEST. Where the engine writes its lists, one call at a time. */
+	/**
+	 * Records the frame that is due into a list, at the size of a target that is in COPY_DEST; nothing before the first anchor. Where the
+	 * engine writes its lists, one call at a time.
+	 */
 	void Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing, uint64 NowNs);
 
 	virtual uint32 Run() override;
@@ -82,6 +89,7 @@ private:
 	cairn::result<void> Play();
 	cairn::result<void> Give(const cairn::anchor& Anchor);
 	bool Wait(uint64 UntilNs);
+	void EndThread();
 
 	FCairnSettings Settings;
 	const TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> Worlds;
@@ -115,8 +123,11 @@ private:
 	cairn::frame Asked;
 	FIntPoint AskedSize = FIntPoint(0, 0);
 
-	/** What the device has done of what was recorded. */
-	ID3D12Fence* Fence = nullptr;
+	/** Of where lists are written: the size that the presenter was told. */
+	FIntPoint RecordedSize = FIntPoint(0, 0);
+
+	/** What the device has done of what was recorded. Made by the thread before bReady. */
+	TRefCountPtr<ID3D12Fence> Fence;
 	std::atomic<uint64> Recorded{0};
 };
 

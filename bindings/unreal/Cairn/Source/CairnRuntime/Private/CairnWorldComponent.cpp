@@ -38,6 +38,13 @@ void UCairnWorldComponent::EndPlay(const EEndPlayReason::Type Reason)
 	Super::EndPlay(Reason);
 }
 
+void UCairnWorldComponent::BeginDestroy()
+{
+	// One that was started before its game began is not told of an end.
+	Stop();
+	Super::BeginDestroy();
+}
+
 bool UCairnWorldComponent::IsPlaying() const
 {
 	return Stream.IsValid();
@@ -47,7 +54,7 @@ void UCairnWorldComponent::Stop()
 {
 	if (Stream.IsValid())
 	{
-		FCairnRuntimeModule::Get().Retire(MoveTemp(Stream));
+		FCairnRuntimeModule::Retire(MoveTemp(Stream));
 		Stream.Reset();
 	}
 }
@@ -55,6 +62,7 @@ void UCairnWorldComponent::Stop()
 void UCairnWorldComponent::Fail(const FString& Message)
 {
 	Stop();
+	UE_LOG(LogCairn, Error, TEXT("%s"), *Message);
 	// What the event does may start the component anew.
 	OnError.Broadcast(Message);
 }
@@ -78,7 +86,8 @@ namespace
 	/** As the project has it, where it begins nowhere else. */
 	FString FullPath(const FString& Path)
 	{
-		return Path.IsEmpty() ? Path : FPaths::ConvertRelativePathToFull(FPaths::ProjectDir(), Path);
+		// The project's own path begins at the program's file.
+		return Path.IsEmpty() ? Path : FPaths::ConvertRelativePathToFull(FPaths::ConvertRelativePathToFull(FPaths::ProjectDir()), Path);
 	}
 }
 
@@ -96,7 +105,6 @@ void UCairnWorldComponent::Start()
 	const FString Why = Shared->GetUnavailableReason();
 	if (!Why.IsEmpty())
 	{
-		UE_LOG(LogCairn, Error, TEXT("%s"), *Why);
 		Fail(Why);
 		return;
 	}
@@ -115,14 +123,13 @@ void UCairnWorldComponent::Start()
 															: FullPath(SeedPicture.FilePath);
 		(void)CairnReadPicture(File, Settings.Picture, Wrong);
 	}
-	const EPixelFormat Format = Target != nullptr ? Target->GetFormat() : PF_B8G8R8A8;
+	const EPixelFormat Format = bDrawIntoTarget && Target != nullptr ? Target->GetFormat() : PF_B8G8R8A8;
 	if (Format != PF_B8G8R8A8 && Format != PF_R8G8B8A8 && Format != PF_FloatRGBA)
 	{
 		Wrong = TEXT("Cairn: Target has a format that frames do not go into. Set its Render Target Format to RTF RGBA8 SRGB, or to RTF RGBA16f");
 	}
 	if (!Wrong.IsEmpty())
 	{
-		UE_LOG(LogCairn, Error, TEXT("%s"), *Wrong);
 		Fail(Wrong);
 		return;
 	}
@@ -133,7 +140,7 @@ void UCairnWorldComponent::Start()
 	Settings.Seed = Seed;
 	Settings.Multiplier = Multiplier;
 	Settings.bLetterbox = bLetterbox;
-	Settings.bLinear = Format == PF_FloatRGBA;
+	Settings.bLinear = bDrawIntoTarget ? Format == PF_FloatRGBA : bLinearFrames;
 	Settings.FrameBudgetMs = FrameBudgetMs;
 	Settings.BudgetSchedules = BudgetSchedules;
 	bSaidReady = false;
@@ -152,10 +159,18 @@ void UCairnWorldComponent::SetPaused(bool bPaused)
 void UCairnWorldComponent::AppendRenderTarget(UTextureRenderTarget2D* Picture)
 {
 	FCairnPicture Read;
-	if (Stream.IsValid() && Picture != nullptr && ReadTarget(Picture, Read))
+	if (!Stream.IsValid())
 	{
-		Stream->Append(MoveTemp(Read));
+		return;
 	}
+	if (Picture == nullptr || !ReadTarget(Picture, Read))
+	{
+		UE_LOG(
+			LogCairn, Warning,
+			TEXT("Cairn: the picture of AppendRenderTarget cannot be read, and the world goes on without it. Draw into it before"));
+		return;
+	}
+	Stream->Append(MoveTemp(Read));
 }
 
 void UCairnWorldComponent::SetKey(FKey Key, bool bDown)
@@ -220,7 +235,12 @@ void UCairnWorldComponent::TickComponent(float DeltaTime, ELevelTick TickType, F
 	{
 		ReadPlayerInput();
 	}
-	if (Stream.IsValid() && Stream->GetSize().X > 0 && MakeTarget())
+	if (Stream.IsValid() && !bSaidReady && Stream->HasDrawn())
+	{
+		bSaidReady = true;
+		OnReady.Broadcast();
+	}
+	if (Stream.IsValid() && bDrawIntoTarget && Stream->GetSize().X > 0 && MakeTarget())
 	{
 		Draw();
 	}
@@ -247,14 +267,19 @@ void UCairnWorldComponent::ReadPlayerInput()
 	Stream->Input.AddScroll(static_cast<float>(Notches));
 }
 
-/** Whether there is a target; one is made where none was given. */
+/** Whether there is a target; one is made where none was given, and gets another size with another world. */
 bool UCairnWorldComponent::MakeTarget()
 {
-	if (Target == nullptr)
+	const FIntPoint Size = Stream->GetSize();
+	const bool bMissing = Target == nullptr;
+	if (bMissing)
 	{
-		const FIntPoint Size = Stream->GetSize();
-		Target = NewObject<UTextureRenderTarget2D>(this);
-		Target->RenderTargetFormat = RTF_RGBA8_SRGB;
+		MadeTarget = NewObject<UTextureRenderTarget2D>(this);
+		MadeTarget->RenderTargetFormat = RTF_RGBA8_SRGB;
+		Target = MadeTarget;
+	}
+	if (bMissing || (Target == MadeTarget && FIntPoint(Target->SizeX, Target->SizeY) != Size))
+	{
 		Target->InitAutoFormat(static_cast<uint32>(Size.X), static_cast<uint32>(Size.Y));
 		Target->UpdateResourceImmediate(true);
 	}
@@ -265,13 +290,8 @@ bool UCairnWorldComponent::MakeTarget()
 void UCairnWorldComponent::Draw()
 {
 	const uint64 Now = CairnNow();
-	if (!bSaidReady && Stream->HasDrawn())
-	{
-		bSaidReady = true;
-		OnReady.Broadcast();
-	}
 	FTextureRenderTargetResource* const Resource = Target->GameThread_GetRenderTargetResource();
-	if (Resource == nullptr || !Stream.IsValid() || !Stream->IsDue(Now, FIntPoint(Target->SizeX, Target->SizeY)))
+	if (Resource == nullptr || !Stream->IsDue(Now, FIntPoint(Target->SizeX, Target->SizeY)))
 	{
 		return;
 	}
@@ -294,9 +314,7 @@ void UCairnWorldComponent::Start()
 {
 	bSaidReady = false;
 	SaidProgress = -1.0f;
-	const FString Why = FCairnRuntimeModule::Get().WhyNot();
-	UE_LOG(LogCairn, Error, TEXT("%s"), *Why);
-	Fail(Why);
+	Fail(FCairnRuntimeModule::Get().WhyNot());
 }
 
 void UCairnWorldComponent::SetPaused(bool) {}

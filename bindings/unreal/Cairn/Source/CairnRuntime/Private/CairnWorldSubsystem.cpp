@@ -1,5 +1,6 @@
 #include "CairnWorldSubsystem.h"
 
+#include "CairnLibraryLoader.h"
 #include "CairnRuntimeModule.h"
 #include "CairnWorlds.h"
 
@@ -24,10 +25,12 @@ bool UCairnWorldSubsystem::IsAvailable() const
 FString UCairnWorldSubsystem::GetUnavailableReason() const
 {
 	FString Why = FCairnRuntimeModule::Get().WhyNot();
+#if CAIRN_WITH_D3D12
 	if (Why.IsEmpty())
 	{
-		(void)FCairnWorlds::IsPossible(Why);
+		Why = FCairnWorlds::WhyImpossible();
 	}
+#endif
 	return Why;
 }
 
@@ -59,8 +62,7 @@ FString UCairnWorldSubsystem::GetLibraryVersion() const
 #if CAIRN_WITH_D3D12
 	if (FCairnRuntimeModule::Get().WhyNot().IsEmpty())
 	{
-		const uint32 Version = cairn::version();
-		return FString::Printf(TEXT("%u.%u.%u"), Version / 1000000, Version / 1000 % 1000, Version % 1000);
+		return CairnVersionText(cairn::version());
 	}
 #endif
 	return FString();

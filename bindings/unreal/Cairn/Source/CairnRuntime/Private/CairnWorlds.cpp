@@ -2,23 +2,28 @@
 
 #include "DynamicRHI.h"
 #include "Misc/ScopeLock.h"
+#include "MultiGPU.h"
 #include "RHI.h"
 
 #if CAIRN_WITH_D3D12
 
 #include "CairnEngine.h"
 
-bool FCairnWorlds::IsPossible(FString& OutWhy)
+FString FCairnWorlds::WhyImpossible()
 {
-	if (GDynamicRHI != nullptr && RHIGetInterfaceType() == ERHIInterfaceType::D3D12)
+	if (GDynamicRHI == nullptr || RHIGetInterfaceType() != ERHIInterfaceType::D3D12)
 	{
-		return true;
+		return FString::Printf(
+			TEXT("Cairn: frames are made by Direct3D 12, and the engine runs on %s. Set Project Settings > Platforms > Windows > Default ")
+			TEXT("RHI to DirectX 12 and start the editor again, or start the game with -d3d12"),
+			GDynamicRHI != nullptr ? GDynamicRHI->GetName() : TEXT("nothing"));
 	}
-	OutWhy = FString::Printf(
-		TEXT("Cairn: frames are made by Direct3D 12, and the engine runs on %s. Set Project Settings > Platforms > Windows > Default RHI ")
-		TEXT("to DirectX 12 and start the editor again, or start the game with -d3d12"),
-		GDynamicRHI != nullptr ? GDynamicRHI->GetName() : TEXT("nothing"));
-	return false;
+	// The engine signals no fence of others' then.
+	if (FRHIGPUMask::All().GetNumActive() > 1)
+	{
+		return TEXT("Cairn: the engine renders on several graphics cards, and Cairn on one only. Start the game without -MaxGPUCount");
+	}
+	return FString();
 }
 
 cairn::result<FCairnDevice> FCairnWorlds::Frames()
@@ -57,7 +62,9 @@ cairn::result<FCairnDevice> FCairnWorlds::Maker(ECairnAnchors Anchors, int32 Thr
 cairn::result<FCairnWorld> FCairnWorlds::Load(
 	const FString& File, const FString& OperatingPoint, ECairnAnchors Anchors, int32 Threads, TFunctionRef<bool(float)> Progress)
 {
-	const FString Name = FString::Printf(TEXT("%d|%d|%s|%s"), static_cast<int32>(Anchors), Threads, *OperatingPoint, *File);
+	// Threads are the processor's: on the graphics device the world is the same with any.
+	const FString Name = FString::Printf(
+		TEXT("%d|%d|%s|%s"), static_cast<int32>(Anchors), Anchors == ECairnAnchors::Processor ? Threads : 0, *OperatingPoint, *File);
 	TSharedPtr<FLoaded, ESPMode::ThreadSafe> Loaded;
 	{
 		const FScopeLock Locked(&Lock);
@@ -104,14 +111,6 @@ cairn::result<FCairnWorld> FCairnWorlds::Load(
 	World = MakeShared<cairn::world, ESPMode::ThreadSafe>(MoveTemp(*Made));
 	Loaded->World = World;
 	return World;
-}
-
-#else
-
-bool FCairnWorlds::IsPossible(FString& OutWhy)
-{
-	OutWhy = TEXT("Cairn: frames are made by Direct3D 12, and this platform has none. Run the game on 64-bit Windows");
-	return false;
 }
 
 #endif

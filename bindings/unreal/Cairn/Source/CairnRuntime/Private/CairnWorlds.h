@@ -16,10 +16,10 @@ using FCairnWorld = TSharedPtr<cairn::world, ESPMode::ThreadSafe>;
 class FCairnWorlds
 {
 public:
-	/** Whether the engine runs on Direct3D 12; else why not, with the setting to change. */
-	static bool IsPossible(FString& OutWhy);
-
 #if CAIRN_WITH_D3D12
+	/** Why the engine's graphics device is none for Cairn, with the setting to change; empty where it is one. */
+	static FString WhyImpossible();
+
 	/** The device that frames are made on. */
 	cairn::result<FCairnDevice> Frames();
 

@@ -19,8 +19,11 @@ public:
 	/** Why the library cannot be used, with what to do; empty where it can. */
 	const FString& WhyNot() const { return Why; }
 
-	/** Keeps a stream that was told to stop until its thread and its frames have ended. Game thread. */
-	void Retire(TSharedPtr<FCairnStream, ESPMode::ThreadSafe> Stream);
+	/**
+	 * Stops a stream, and keeps it until its thread and its frames have ended. Does not wait, but where the engine ends and the module is
+	 * gone. Game thread.
+	 */
+	static void Retire(TSharedPtr<FCairnStream, ESPMode::ThreadSafe> Stream);
 
 private:
 	bool Tick(float Seconds);

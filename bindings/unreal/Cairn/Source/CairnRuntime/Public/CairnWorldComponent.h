@@ -55,6 +55,14 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames")
 	TObjectPtr<UTextureRenderTarget2D> Target;
 
+	/** Off for a game that draws by CairnAddPass, into a texture of its own: then there is no Target. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames")
+	bool bDrawIntoTarget = true;
+
+	/** Frames are linear light, for a texture of RGBA16F that CairnAddPass is given. A Target says so by its format. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (EditCondition = "!bDrawIntoTarget"))
+	bool bLinearFrames = false;
+
 	/** Frames to an anchor: 1, 2, 3, 4 or 6. With 1 none is generated. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (ClampMin = "1", ClampMax = "6"))
 	int32 Multiplier = 4;
@@ -140,6 +148,7 @@ public:
 
 	virtual void BeginPlay() override;
 	virtual void EndPlay(const EEndPlayReason::Type Reason) override;
+	virtual void BeginDestroy() override;
 	virtual void TickComponent(float DeltaTime, ELevelTick TickType, FActorComponentTickFunction* ThisTickFunction) override;
 
 private:
@@ -149,6 +158,10 @@ private:
 	void Draw();
 
 	TSharedPtr<FCairnStream, ESPMode::ThreadSafe> Stream;
+	/** The target that the component has made, which follows the world's size. */
+	UPROPERTY(Transient)
+	TObjectPtr<UTextureRenderTarget2D> MadeTarget;
+
 	bool bSaidReady = false;
 	float SaidProgress = -1.0f;
 };

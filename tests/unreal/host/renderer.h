@@ -1,0 +1,132 @@
+/* The host's device and its threads, as its graph and its render targets use them. */
+#pragma once
+
+#include "host.h"
+
+#include <deque>
+
+#include <windows.h>
+
+/** Whose thread code runs on. */
+enum class place { game, render, lists };
+place where_this_runs();
+
+template <class T> struct released {
+    T* of = nullptr;
+    ~released() { if (of != nullptr) of->Release(); }
+    T* operator->() const { return of; }
+};
+
+/** Ends the program where the system refuses what it always gives. */
+void must(HRESULT result, const char* what);
+
+/** A thread of the engine's, which does what it is given, in order. */
+class engine_thread {
+public:
+    explicit engine_thread(place where) : where_(where), thread_(CreateThread(nullptr, 0, run, this, 0, nullptr)) {}
+    /** Once all is done. */
+    ~engine_thread();
+    engine_thread(const engine_thread&) = delete;
+    /** Its number, to be waited for. */
+    uint64 give(std::function<void()> what);
+    void wait(uint64 number);
+
+private:
+    static DWORD WINAPI run(void* self);
+
+    const place where_;
+    SRWLOCK lock_ = SRWLOCK_INIT;
+    CONDITION_VARIABLE changed_ = CONDITION_VARIABLE_INIT;
+    std::deque<std::function<void()>> left_;
+    uint64 given_ = 0, done_ = 0;
+    const HANDLE thread_;
+};
+
+class renderer final : public ID3D12DynamicRHI {
+public:
+    renderer();
+
+    /* What the plugin calls. */
+    const TCHAR* GetName() override { return L"D3D12"; }
+    ID3D12CommandQueue* RHIGetCommandQueue() const override { return queue_.of; }
+    ID3D12Device* RHIGetDevice(uint32 index) const override;
+    ID3D12Resource* RHIGetResource(FRHITexture* texture) const override;
+#if UE_VERSION_OLDER_THAN(5, 5, 0)
+    ID3D12GraphicsCommandList* RHIGetGraphicsCommandList(uint32) const override { return hand_out(); }
+    void RHIFinishExternalComputeWork(uint32, ID3D12GraphicsCommandList* list) override { take_back(list); }
+#else
+    ID3D12GraphicsCommandList* RHIGetGraphicsCommandList(FRHICommandListBase& executing, uint32) const override
+    {
+        is_written(executing);
+        return hand_out();
+    }
+    void RHIFinishExternalComputeWork(FRHICommandListBase& executing, uint32, ID3D12GraphicsCommandList* list) override
+    {
+        is_written(executing);
+        take_back(list);
+    }
+#endif
+#if UE_VERSION_OLDER_THAN(5, 6, 0)
+    void RHITransitionResource(FRHICommandList& executing, FRHITexture* texture, D3D12_RESOURCE_STATES state, uint32) override;
+#else
+    void RHIFlushResourceBarriers(FRHICommandListBase& executing, uint32) override;
+    void RHIUpdateResourceResidency(FRHICommandListBase& executing, uint32, FRHIResource* resource) override;
+#endif
+    void RHISignalManualFence(FRHICommandList& executing, ID3D12Fence* fence, uint64 value) override;
+
+    /* What the engine does, on the thread that writes lists or while that rests. */
+    void transition(FRHITexture& texture, D3D12_RESOURCE_STATES state);
+    void flush();
+    void copy(FRHITexture& from, FRHITexture& to);
+    /** Keeps what this frame's list names until the device has done with it. */
+    void keep(std::shared_ptr<void> what) { kept_.emplace_back(frame_, std::move(what)); }
+    ID3D12Device* device() const { return device_.of; }
+    ID3D12GraphicsCommandList* list() const { return list_.of; }
+    /** Barriers came into its list, whoever wrote them. */
+    void barriers_came(UINT count, const D3D12_RESOURCE_BARRIER* all);
+    bool heard_barriers() const { return heard_; }
+
+    /* What the game does. */
+    void render(std::function<void(FRHICommandListImmediate&)> what);
+    void frame();
+    /** Waits until the other threads rest. */
+    void settle();
+    void finish();
+
+private:
+    static constexpr uint64 COUNT = 3;
+
+    void is_written(const FRHICommandListBase& executing) const;
+    ID3D12GraphicsCommandList* hand_out() const;
+    void take_back(ID3D12GraphicsCommandList* list);
+    void submit();
+    void wait(uint64 value);
+
+    released<ID3D12Device> device_;
+    released<ID3D12CommandQueue> queue_;
+    released<ID3D12CommandAllocator> allocators_[COUNT];
+    released<ID3D12GraphicsCommandList> list_;
+    released<ID3D12Fence> fence_;
+    HANDLE done_;
+
+    /* Of the thread that writes lists. */
+    uint64 frame_ = COUNT;
+    std::vector<D3D12_RESOURCE_BARRIER> barriers_;
+    std::vector<std::pair<ID3D12Fence*, uint64>> signals_;
+    std::deque<std::pair<uint64, std::shared_ptr<void>>> kept_;
+    const FRHICommandListBase* executing_ = nullptr;
+    mutable int lent_ = 0;
+    mutable FRHITexture* named_ = nullptr;
+    bool heard_ = false;
+
+    /* Of the render thread, and of the game's. */
+    FRHICommandListImmediate filled_;
+    uint64 written_ = 0, filled_frame_ = 0;
+
+    /* These end first, and the one that gives to the other before it. */
+    engine_thread lists_{place::lists};
+    engine_thread render_{place::render};
+};
+
+/** The one that runs. */
+extern renderer* engine;
