@@ -1,5 +1,5 @@
-//! `bindings/unreal`: Clang takes the plugin for each version of the engine, by declarations of its public interface; its rules apply; and a
-//! small engine in the lab runs it on a Direct3D 12 device.
+//! `bindings/unreal`: Clang takes the plugin, and the code of its pages, for each version of the engine, by declarations of its public
+//! interface; its rules apply; and a small engine in the lab runs it on a Direct3D 12 device.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,8 @@ use provision::{Console, tools};
 
 use super::Context;
 use super::abi::STRICT;
+use super::blocks;
+use super::csharp;
 use super::host;
 use super::lab;
 use super::tally::{Skip, Tally};
@@ -23,16 +25,18 @@ const ENGINE: &str = "tests/unreal/engine";
 const HOST: &str = "tests/unreal/host";
 const HEADERS: &str = "tests/unreal/headers.txt";
 const BUILD_TOOL: &str = "tests/unreal/BuildTool.cs";
-const STAND_IN: &str = "tests/host/stand_in.c";
 
 /// The second number of each version of Unreal Engine 5 that the plugin is for.
 const VERSIONS: [u32; 6] = [1, 2, 3, 4, 5, 6];
 
 /// Those that the small engine is built as: one of each way that lists are had and barriers written down.
-const PLAYED: [u32; 2] = [4, 6];
+const PLAYED: [u32; 3] = [4, 5, 6];
 
 /// Where the plugin is put together: with a space and a letter that is not Latin.
 const FOLDER: &str = "a folder Ж";
+
+/// Whose pages are for the plugin.
+const PAGES: &str = "bindings/unreal/";
 
 /// The library in the plugin.
 const LIBRARY: &str = "Binaries/ThirdParty/Cairn/Win64/cairn.dll";
@@ -116,6 +120,27 @@ impl Place<'_> {
         Ok(())
     }
 
+    /// The C++ of the pages that are for the plugin, as headers of a game's.
+    fn shown(&self, tally: &mut Tally) -> Result<Vec<PathBuf>, String> {
+        let mut headers = Vec::new();
+        for page in blocks::pages(self.context.clone)?.iter().filter(|page| page.starts_with(PAGES)) {
+            let text = self.context.clone.read(page)?;
+            for block in blocks::of(&text).iter().filter(|block| block.language == "cpp") {
+                // A header that has marks is named by what the header tool makes of it.
+                let generated = block.text.lines().find_map(|line| line.trim().strip_suffix(".generated.h\""));
+                let name = generated.and_then(|line| line.strip_prefix("#include \"")).unwrap_or_default();
+                if !name.is_empty() {
+                    self.write(&format!("generated/{name}.generated.h"), "")?;
+                }
+                let why = wrong_marks(&block.text, name);
+                tally.check(why.map(|why| format!("{page}:{}: {why}", block.line)));
+                let header = format!("#line {} \"{page}\"\n{}", block.line, block.text);
+                headers.push(self.write(&format!("shown/{}.h", headers.len()), &header)?);
+            }
+        }
+        Ok(headers)
+    }
+
     /// What a compiler of the plugin is told, whichever it is.
     fn told(&self, command: &mut Command, version: u32, d3d12: bool) {
         let root = &self.context.clone.root;
@@ -153,7 +178,8 @@ impl Place<'_> {
             (mingw.program, mingw.first, Vec::new())
         };
         let sources = self.files(&format!("{RUNTIME}/Private/"), ".cpp")?;
-        let all = self.together("plugin.cpp", &sources)?;
+        // What pages show comes first, and so includes all that it needs.
+        let all = self.together("plugin.cpp", &[self.shown(tally)?, sources.clone()].concat())?;
         let cases = VERSIONS.iter().map(|version| (*version, true, &all));
         let last = VERSIONS[VERSIONS.len() - 1];
         let alone = sources.iter().map(|source| (last, true, source));
@@ -260,6 +286,16 @@ impl Place<'_> {
             let told = ended.success && ended.output.contains(says) && ended.output.contains("cairn.dll");
             tally.check((!told).then(|| format!("a plugin whose library is {name}: {:?}", ended.output)));
         }
+        let second = self.work.join("second").join("cairn.dll");
+        self.write("second/cairn.dll", "")?;
+        fs::copy(self.work.join("other.dll"), &second).map_err(|e| format!("{}: {e}", second.display()))?;
+        let ended = log.run(in_lab(&newest)?.arg(&plugin).arg("load").arg(&second).current_dir(&self.work))?;
+        // Windows finds the one that was loaded first, which is told; Wine the last one, which is the plugin's own.
+        let told = ended.output.contains("the process has loaded another cairn.dll");
+        let right = told || ended.output.contains("its functions are those of the plugin's library: 1");
+        tally.check(
+            (!ended.success || !right).then(|| format!("a plugin beside another's library: {:?}", ended.output)),
+        );
         Ok(())
     }
 
@@ -277,33 +313,38 @@ impl Place<'_> {
     /// What may be in the library's place, and what must be said of it.
     fn others(&self, log: &mut Log) -> Result<Vec<Other>, String> {
         let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
-        let mut stand_in = |name: &str, defines: &[&str]| {
-            let library = self.work.join(format!("{name}.dll"));
+        let compile = || {
             let mut command = Command::new(&compiler.program);
+            command.args(compiler.first).arg("-DCAIRN_STATIC");
             command
-                .args(compiler.first)
-                .args(["-std=c11", "-shared", "-DCAIRN_STATIC", "-include", "cairn.h"])
-                .args(defines);
-            command.arg("-I").arg(self.context.clone.root.join("include"));
-            command.arg(self.context.clone.root.join(STAND_IN)).arg("-o").arg(&library);
-            match log.run(&mut command)?.success {
-                true => Ok(Some(library)),
-                false => Err(format!("{STAND_IN} does not compile as {name}")),
-            }
         };
-        let this = "-DSTAND_IN_ABI=CAIRN_ABI_VERSION";
-        let later = stand_in("later", &["-DSTAND_IN_ABI=CAIRN_ABI_VERSION+1"])?;
-        let older = stand_in("older", &[this, "-DSTAND_IN_VERSION=CAIRN_VERSION-1"])?;
-        let other = stand_in("other", &[])?;
+        csharp::make_stand_ins(log, &self.context.clone.root, &compile, "dll", &self.work)?;
+        let stand_in = |name: &str| Some(self.work.join(format!("{name}.dll")));
         let text = self.write("text.dll", "no library")?;
+        let processor = for_another_processor(&self.work.join("other.dll"))?;
         Ok(vec![
             ("missing", None, "the library cannot be loaded"),
             ("text", Some(text), "the library cannot be loaded"),
-            ("other", other, "this is no Cairn library"),
-            ("later", later, "cairn_abi_version is "),
-            ("older", older, "cairn_version is "),
+            ("processor", Some(processor), "it is no library of this kind of processor"),
+            ("other", stand_in("other"), "this is no Cairn library"),
+            ("later", stand_in("later"), "cairn_abi_version is "),
+            ("older", stand_in("older"), "cairn_version is "),
+            ("incomplete", stand_in("incomplete"), "the library has no "),
         ])
     }
+}
+
+/// A library as it is, for a processor of Arm's by what its header says.
+fn for_another_processor(library: &Path) -> Result<PathBuf, String> {
+    let made = library.with_file_name("processor.dll");
+    let mut bytes = fs::read(library).map_err(|e| format!("{}: {e}", library.display()))?;
+    // At 60 is where the header is, which begins with four letters and then names the processor.
+    let header = bytes.get(60..64).and_then(|at| at.try_into().ok()).map_or(0, u32::from_le_bytes) as usize;
+    match bytes.get_mut(header + 4..header + 6) {
+        Some(processor) if header > 0 => processor.copy_from_slice(&0xAA64_u16.to_le_bytes()),
+        _ => return Err(format!("{} is no library", library.display())),
+    }
+    fs::write(&made, bytes).map_err(|e| format!("{}: {e}", made.display())).map(|()| made)
 }
 
 /// A program in the lab, or on Windows itself.
