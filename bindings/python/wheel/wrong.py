@@ -85,6 +85,8 @@ def main(folder: Path, stand_ins: Path) -> None:
     if not WINDOWS:
         text = load(library("glibc", later_glibc(whole)))
         test("an older glibc", text, "needs glibc 9.9", "this system has glibc 2.", "Use a newer Linux")
+    builder = said("import cairn.build\n")
+    test("the builder without its packages", builder, "ImportError: cairn.build needs onnx, safetensors, yaml", "pip install", "PyYAML>=6.0")
     two = said(f"import ctypes\nfirst = ctypes.CDLL({copy!r})\n" + VERSION)
     test("two in one process", two, "loaded ", "RuntimeWarning", "another Cairn", "a folder Ж")
 

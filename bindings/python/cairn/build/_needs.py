@@ -1,0 +1,23 @@
+"""The packages that only the builder needs, and what is said where one is missing."""
+
+import importlib.util
+import sys
+
+# By the names they are imported by; what pip is asked for is the package's extra `build`.
+PACKAGES = {"onnx": "onnx>=1.16", "safetensors": "safetensors>=0.4.3", "yaml": "PyYAML>=6.0"}
+
+
+def require() -> None:
+    """Raises ImportError where one is missing, with what to do."""
+    missing = {name: package for name, package in PACKAGES.items() if importlib.util.find_spec(name) is None}
+    if not missing:
+        return
+    message = (
+        f"cairn.build needs {', '.join(missing)}, which {'is' if len(missing) == 1 else 'are'} not installed: no other part of cairn does, "
+        f"so that only its extra \"build\" brings them. Run: {sys.executable or 'python'} -m pip install "
+        + " ".join(f'"{package}"' for package in missing.values())
+    )
+    # Python calls itself so while it looks for the module of -m: to who typed a command a message is more than a stack.
+    if sys.argv[:1] == ["-m"]:
+        sys.exit(message)
+    raise ImportError(message, name=next(iter(missing)))

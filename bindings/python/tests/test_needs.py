@@ -1,0 +1,44 @@
+"""The builder where the packages that only it needs are missing."""
+
+import os
+import subprocess
+import sys
+import tomllib
+
+from conftest import ROOT
+
+from cairn.build import _needs
+
+PACKAGE = ROOT / "bindings" / "python"
+
+
+def without(tmp_path, missing, *arguments):
+    """Python with arguments, as if packages were not installed."""
+    hidden = "".join(f"sys.modules[{name!r}] = None\n" for name in missing)
+    (tmp_path / "sitecustomize.py").write_text(f"import sys\n{hidden}")
+    paths = os.pathsep.join([str(tmp_path), str(PACKAGE)])
+    return subprocess.run([sys.executable, *arguments], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False)
+
+
+def test_the_packages_are_those_of_the_extra():
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
+    assert list(_needs.PACKAGES.values()) == project["optional-dependencies"]["build"]
+    assert not any(package in project["dependencies"] for package in _needs.PACKAGES.values())
+
+
+def test_a_program_is_told_what_to_install(tmp_path):
+    done = without(tmp_path, ["yaml"], "-c", "from cairn.build import build_bundle")
+    last = done.stderr.strip().splitlines()[-1]
+    assert done.returncode == 1 and last.startswith("ImportError: cairn.build needs yaml, which is not installed")
+    assert last.endswith(f'Run: {sys.executable} -m pip install "PyYAML>=6.0"')
+
+
+def test_a_command_says_so_and_no_more(tmp_path):
+    done = without(tmp_path, ["onnx", "safetensors"], "-m", "cairn.build", "--help")
+    assert done.returncode == 1 and done.stdout == "" and "Traceback" not in done.stderr
+    assert done.stderr.strip().endswith('-m pip install "onnx>=1.16" "safetensors>=0.4.3"')
+
+
+def test_nothing_else_needs_them(tmp_path):
+    done = without(tmp_path, _needs.PACKAGES, "-c", "import cairn, cairn.doctor, cairn.sweep, cairn.film; print('fine')")
+    assert (done.returncode, done.stdout) == (0, "fine\n"), done.stderr
