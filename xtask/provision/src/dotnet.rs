@@ -1,18 +1,19 @@
 //! .NET: a second runtime for programs in C#.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
-use crate::python::{self, text};
-use crate::{Error, Progress, Result, cache};
+use crate::pinned::PyPi;
+use crate::{Error, Progress, Result};
 
 const WANTED: &str = ".NET, which runs C#";
 
 /// The Python package that carries it. It has no compiler.
-const PACKAGE: &str = "dotnetcore2-3.1.23";
-const REQUIREMENT: &str =
-    "dotnetcore2==3.1.23 --hash=sha256:5f076ddc39da0c685e7de20ecb91ee81185928918ec86fbeb3bffc55dd867ab5\n";
+const PACKAGE: PyPi = PyPi {
+    name: "dotnetcore2",
+    version: "3.1.23",
+    sha256: "5f076ddc39da0c685e7de20ecb91ee81185928918ec86fbeb3bffc55dd867ab5",
+};
 
 /// Below the package's folder.
 const HOST: &str = "dotnetcore2/bin/dotnet";
@@ -53,38 +54,7 @@ pub fn dotnet(progress: &dyn Progress) -> Result<DotNet> {
         let cause = format!("PyPI has no build for {os} on {architecture}");
         return Err(Error::new(WANTED, cause, "Use Linux on x86-64"));
     }
-    let found = DotNet { place: cache::cache_dir()?.join(PACKAGE) };
-    if found.place.is_dir() {
-        return Ok(found);
-    }
-    let held = cache::lock(PACKAGE, progress)?;
-    if found.place.is_dir() {
-        return Ok(found);
-    }
-    let python = python::find()?;
-    progress.start(&format!("fetching {WANTED} ({PACKAGE} from PyPI, 31 MB)"));
-    let scratch = cache::scratch(PACKAGE, &held)?;
-    let (list, root) = (scratch.join("requirements.txt"), scratch.join("root"));
-    fs::write(&list, REQUIREMENT).map_err(|e| Error::io(&list, &e))?;
-    let arguments = ["install", "--quiet", "--no-deps", "--no-compile", "--only-binary=:all:", "--require-hashes"];
-    let arguments = [&arguments[..], &["--target", text(&root)?, "-r", text(&list)?]].concat();
-    python::pip(&python, &arguments, WANTED, &scratch, progress)?;
-    let host = root.join(HOST);
-    executable(&host).map_err(|e| Error::io(&host, &e))?;
-    cache::publish(&root, &found.place)?;
-    cache::remove(&scratch)?;
-    progress.done(&format!("{WANTED}: {}", found.place.display()));
-    Ok(found)
-}
-
-/// Lets a file be run, which its package may not say.
-fn executable(file: &Path) -> std::io::Result<()> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        fs::set_permissions(file, fs::Permissions::from_mode(0o755))?;
-    }
-    fs::metadata(file).map(drop)
+    PACKAGE.files(HOST, WANTED, "31 MB", progress).map(|place| DotNet { place })
 }
 
 #[cfg(test)]
@@ -92,9 +62,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_requirement_is_the_package_with_a_sum() {
-        let (name, hash) = REQUIREMENT.trim().split_once(" --hash=sha256:").unwrap();
-        assert_eq!(name.replace("==", "-"), PACKAGE);
-        assert!(hash.len() == 64 && hash.bytes().all(|b| b.is_ascii_hexdigit()), "{hash}");
+    fn it_is_pinned() {
+        assert!(PACKAGE.is_pinned());
+        assert!(FRAMEWORK.ends_with(PACKAGE.version));
     }
 }

