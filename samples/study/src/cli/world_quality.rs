@@ -15,11 +15,12 @@ Examples:
       One place of each kind, five seconds, and a short look away; with --publish into docs/world.md.
 
   study world-quality --world miniature.cairn --out out/miniature
-      Of a world of your own: three places of each kind for fifteen seconds, looks away of 2, 4 and 8 seconds.
+      Of a world of your own: eight places of each kind for fifteen seconds, looks away of 2, 4 and 8 seconds; an hour.
 
 A rollout starts from the first true picture of a place that no world was trained on and gets the controls of the scene's own
 script. Its pictures are scored against the true ones, beside showing the first picture all the time and beside the
-autoencoder's reconstruction of it. The folder --out gets world-quality.txt, world-quality.csv, and the places it shows best and
+autoencoder's reconstruction of it. The folder --out gets world-quality.txt, world-quality.csv with
+every score, world-quality-lasting.csv with the brightness of every place second by second, and the places it shows best and
 worst as world-quality-good.png and world-quality-bad.png, truth above the world's pictures.
 
 Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
@@ -32,7 +33,7 @@ pub(super) struct WorldQualityArgs {
     /// One place of each kind, five seconds, looks away of two seconds
     #[arg(long)]
     quick: bool,
-    /// Scene seeds, of those that are held out [default: 41, with --quick, else 41,42,43]
+    /// Scene seeds, of those that are held out [default: 41, with --quick, else 41 to 48]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     seeds: Vec<u64>,
     /// Leave LPIPS out; its weights are fetched once otherwise (64 MB)

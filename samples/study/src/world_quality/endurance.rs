@@ -46,6 +46,8 @@ impl Look {
 pub(super) struct Second {
     /// 1 is as bright as in truth.
     pub(super) brightness: f64,
+    /// How bright the true second is: mean luma, 0 to 255.
+    pub(super) true_brightness: f64,
     pub(super) contrast: f64,
     pub(super) detail: f64,
 }
@@ -61,6 +63,7 @@ pub(super) fn second(walked: &Walked, end: u32, latents_per_second: u32) -> Opti
     };
     Some(Second {
         brightness: ratio(|look| look.brightness)?,
+        true_brightness: looks.iter().map(|pair| pair[1].brightness).sum::<f64>() / looks.len() as f64,
         contrast: ratio(|look| look.contrast)?,
         detail: ratio(|look| look.detail)?,
     })
@@ -130,8 +133,9 @@ mod tests {
     fn only_the_second_asked_for_counts() {
         // Four latent steps a second, three seconds, of which the last fades and turns the wrong way.
         let walked = walk([40.0, 5.0, 1.0], [50.0, 20.0, 5.0], 12);
-        assert_eq!(second(&walked, 2, 4), Some(Second { brightness: 1.0, contrast: 1.0, detail: 1.0 }));
-        assert_eq!(second(&walked, 3, 4), Some(Second { brightness: 0.8, contrast: 0.25, detail: 0.2 }));
+        let [even, fading] = [2, 3].map(|end| second(&walked, end, 4).unwrap());
+        assert_eq!(even, Second { brightness: 1.0, true_brightness: 50.0, contrast: 1.0, detail: 1.0 });
+        assert_eq!(fading, Second { brightness: 0.8, true_brightness: 50.0, contrast: 0.25, detail: 0.2 });
         assert_eq!(second(&walked, 4, 4), None);
         let [well, badly] = [2, 3].map(|end| turning(std::iter::once(&walked), end, 1, 4).unwrap());
         assert!(well > 0.999 && badly < -0.999, "{well} {badly}");

@@ -29,7 +29,10 @@ Truth above, the world below: the places where it gains most over a picture that
 PSNR in dB, SSIM and LPIPS (AlexNet) are means over the places of a kind. Turning and tilting compare the mean motion of the world's pictures, as optical flow finds it, with the
 scene's own: correlation over all latent steps, size (1 is as far as in truth) and the share of steps in the same direction. Flicker is the mean change of brightness from
 picture to picture. The table by seconds says how a rollout lasts: brightness, contrast (standard deviation) and detail (difference of neighbours) of pictures of 64 x 36, the
-mean over the second that ends there, over those of the truth; *farthest* and *least* are the worst place's. Turning is that since the line above. For the last table the eye turns away by 120 degrees, waits, and turns back; *at most* is what the
+mean over the second that ends there, over those of the truth; *farthest* and *least* are the worst place's, *±* is the standard error of the mean over the places.
+*True places* is how far the true pictures of that second differ in brightness from place to place (standard deviation): of a place that the walk has yet to come to
+nobody can know more, so that a world that keeps its brightness is off by as much in single places, and by nothing in their mean. Turning is that since the line
+above. For the last table the eye turns away by 120 degrees in the first place of each kind, waits, and turns back; *at most* is what the
 autoencoder could show of the place, *another place* what a wrong one would score.
 
 ```text

@@ -30,6 +30,13 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
+/// Mean and standard deviation (of n - 1) over places; none of fewer than two.
+fn spread(values: impl Iterator<Item = f64> + Clone) -> Option<[f64; 2]> {
+    let (mean, count) = (mean(values.clone())?, values.clone().count());
+    let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
+    (count > 1).then(|| [mean, (squares / (count - 1) as f64).sqrt()])
+}
+
 fn show(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |value| format!("{value:.digits$}"))
 }
@@ -101,7 +108,7 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
 /// How the pictures hold together, second by second.
 fn lasting(places: &[Place], latents_per_second: u32) -> String {
     let mut text = String::from(
-        "\nscene    second   brightness: mean   farthest   contrast: mean  least   detail: mean  least   turning: correlation\n",
+        "\nscene    second   brightness: mean       ±   farthest   true places   contrast: mean  least   detail: mean  least   turning: correlation\n",
     );
     for family in families(places) {
         for (n, end) in endurance::ENDS.into_iter().enumerate() {
@@ -109,6 +116,10 @@ fn lasting(places: &[Place], latents_per_second: u32) -> String {
             let seconds: Vec<Second> = walks().filter_map(|w| second(w, end, latents_per_second)).collect();
             let all = |of: fn(&Second) -> f64| seconds.iter().map(of);
             let Some(brightness) = mean(all(|s| s.brightness - 1.0)) else { continue };
+            // How sure the mean is, and what could be known of it: true places of a kind are not equally bright.
+            let error = spread(all(|s| s.brightness)).map(|[_, sd]| sd / (seconds.len() as f64).sqrt());
+            let places = spread(all(|s| s.true_brightness)).map(|[mean, sd]| sd / mean);
+            let percent = |value: Option<f64>| show(value.map(|v| 100.0 * v), 1);
             let farthest = all(|s| s.brightness - 1.0).max_by(|a, b| a.abs().total_cmp(&b.abs()));
             let least = |of| all(of).min_by(f64::total_cmp);
             // From the second before on: one second alone may have no turn in it.
@@ -116,10 +127,12 @@ fn lasting(places: &[Place], latents_per_second: u32) -> String {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
-                "{:8} {end:>6} {:>16.1} % {:>8} % {:>16} {:>6} {:>14} {:>6} {:>22}",
+                "{:8} {end:>6} {:>16.1} % {:>5} % {:>8} % {:>11} % {:>16} {:>6} {:>14} {:>6} {:>22}",
                 family.name(),
                 100.0 * brightness,
-                show(farthest.map(|d| 100.0 * d), 1),
+                percent(error),
+                percent(farthest),
+                percent(places),
                 show(mean(all(|s| s.contrast)), 2),
                 show(least(|s: &Second| s.contrast), 2),
                 show(mean(all(|s| s.detail)), 2),
@@ -228,6 +241,21 @@ pub(super) fn csv(places: &[Place]) -> String {
     text
 }
 
+/// A line for each place and second: brightness, contrast and detail over the truth's, and how bright the truth is.
+pub(super) fn lasting_csv(places: &[Place], latents_per_second: u32) -> String {
+    let mut text = String::from("scene,seed,second,brightness,contrast,detail,true_luma\n");
+    for Place { family, scene, walked, .. } in places {
+        for end in endurance::ENDS {
+            let Some(s) = second(walked, end, latents_per_second) else { continue };
+            let Second { brightness, true_brightness, contrast, detail } = s;
+            // Writing to a string cannot fail.
+            let _ =
+                writeln!(text, "{family},{scene},{end},{brightness:.4},{contrast:.4},{detail:.4},{true_brightness:.2}");
+        }
+    }
+    text
+}
+
 /// Places on a sheet of the best or of the worst.
 const SHOWN: usize = 4;
 const TILE: (u32, u32) = (240, 135);
@@ -269,4 +297,42 @@ pub(super) fn sheet(places: &[&Place]) -> Result<Picture> {
         }
     }
     Ok(sheet)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world_quality::endurance::Look;
+
+    /// Two places whose pictures are so bright, beside true ones.
+    fn places(brightness: [[f64; 2]; 2]) -> Vec<Place> {
+        let walked = |brightness: [f64; 2]| Walked {
+            horizons: Vec::new(),
+            responses: Vec::new(),
+            looks: vec![brightness.map(|brightness| Look { brightness, contrast: 20.0, detail: 5.0 }); 16],
+        };
+        let place = |(scene, brightness)| Place {
+            family: Family::Snow,
+            scene,
+            walked: walked(brightness),
+            few_steps: walked(brightness),
+            remembered: Vec::new(),
+        };
+        (41..).zip(brightness).map(place).collect()
+    }
+
+    #[test]
+    fn a_mean_has_its_error_and_what_the_truth_differs_by() {
+        let places = places([[110.0, 100.0], [135.0, 150.0]]);
+        // 10 % too bright and 10 % too dark: 0 % on average, give or take 14.1 % / sqrt 2; the truth differs by 35.4 of 125.
+        let text = lasting(&places, 15);
+        let row: Vec<&str> = text.lines().nth(2).unwrap().split_whitespace().collect();
+        assert_eq!(row[..10], ["snow", "1", "0.0", "%", "10.0", "%", "10.0", "%", "28.3", "%"], "{text}");
+        // Of one place nobody knows how far another would be.
+        let alone = lasting(&places[..1], 15);
+        let row: Vec<&str> = alone.lines().nth(2).unwrap().split_whitespace().collect();
+        assert_eq!(row[..10], ["snow", "1", "10.0", "%", "-", "%", "10.0", "%", "-", "%"], "{alone}");
+        let csv = lasting_csv(&places, 15);
+        assert!(csv.contains("\nsnow,42,1,0.9000,1.0000,1.0000,150.00\n"), "{csv}");
+    }
 }
