@@ -15,12 +15,15 @@ from oracle.history import Step, Test
 from oracle.weights import Weights
 
 
-def relative(actual: np.ndarray, expected: np.ndarray) -> float:
-    """Relative L2 distance of `actual` from `expected`; infinite where a number is not finite."""
+def relative(actual: np.ndarray, expected: np.ndarray, beside: np.ndarray | None = None) -> float:
+    """L2 distance of `actual` from `expected`, relative to that of `expected` or, where it is larger, of `beside`; infinite
+    where a number is not finite.
+    """
     assert actual.shape == expected.shape, f"{actual.shape} is not {expected.shape}"
     if not np.isfinite(actual).all():
         return float("inf")
-    return float(np.linalg.norm(actual.astype(np.float64) - expected) / np.linalg.norm(expected))
+    size = max(np.linalg.norm(of.astype(np.float64)) for of in (expected, beside) if of is not None)
+    return float(np.linalg.norm(actual.astype(np.float64) - expected) / size)
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,10 @@ class Trace:
         _, kept, tests = self.batch
         for row, test in enumerate(tests, start=len(kept)):
             prefix = f"{test.latent}.{test.index}"
-            yield Deviation("v", test.latent, test.index, relative(self[f"{prefix}.v"], self.expected.v[row]))
+            # What rounding to 11 bits leaves of a difference is as large as with what was subtracted.
+            beside = self[f"{prefix}.x"] if self.record["precision"] == "f16" else None
+            distance = relative(self[f"{prefix}.v"], self.expected.v[row], beside)
+            yield Deviation("v", test.latent, test.index, distance)
             for layer in range(self.geometry.layers):
                 for place, slabs in (("k", self.expected.keys), ("value", self.expected.values)):
                     actual = self[f"{prefix}.{place}.{layer}"][0]
