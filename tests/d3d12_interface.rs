@@ -12,7 +12,7 @@ use cairn::abi::d3d12::{
 use cairn::abi::device::{CAIRN_DEVICE_D3D12, cairn_device_destroy, cairn_device_get_info, cairn_device_info};
 use cairn::abi::images::cairn_picture;
 use cairn::abi::requirements::{cairn_adapter, cairn_adapters};
-use cairn::abi::results::{CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK, cairn_result};
+use cairn::abi::results::{CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK};
 use cairn::abi::rollout::{
     cairn_rollout_append, cairn_rollout_create, cairn_rollout_destroy, cairn_rollout_get_anchor,
 };
@@ -27,15 +27,10 @@ use common::bundle_path;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "d3d12/handles.rs"]
+mod handles;
 use engine::{comes_back, references};
-
-/// A struct that the library fills, as a host prepares it.
-fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
-    // SAFETY: structs of the interface are plain data, for which zero is a value.
-    let mut made: T = unsafe { std::mem::zeroed() };
-    *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
-    made
-}
+use handles::{made, prepared};
 
 #[test]
 fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
@@ -80,14 +75,6 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
     comes_back(|| [references(d3d12), references(queue), references(compute)], before);
-}
-
-/// A handle that a call of the interface makes.
-fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> *mut T {
-    let mut handle = null_mut();
-    assert_eq!(make(&mut handle), CAIRN_OK);
-    assert!(!handle.is_null());
-    handle
 }
 
 #[test]

@@ -16,6 +16,8 @@ mod engine;
 use engine::{Engine, comes_back, engine, references};
 #[path = "d3d12/faults.rs"]
 mod faults;
+#[path = "d3d12/tables.rs"]
+mod tables;
 
 /// References to the engine's objects.
 fn held(engine: &Engine) -> [u32; 3] {

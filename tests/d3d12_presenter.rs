@@ -26,30 +26,18 @@ mod common;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "d3d12/handles.rs"]
+mod handles;
 #[path = "d3d12/textures.rs"]
 mod textures;
 use engine::Engine;
+use handles::{made, prepared};
 use textures::{Recording, Wanted};
 
 /// Frames' size; a row is no whole number of what copies align to.
 const SIZE: (u32, u32) = (37, 23);
 /// Nanoseconds between anchors.
 const INTERVAL: u64 = 100_000_000;
-
-/// A struct of the interface as a host prepares it.
-fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
-    // SAFETY: structs of the interface are plain data, for which zero is a value.
-    let mut made: T = unsafe { std::mem::zeroed() };
-    *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
-    made
-}
-
-/// A handle that a call of the interface makes.
-fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> *mut T {
-    let mut handle = null_mut();
-    assert_eq!(make(&mut handle), CAIRN_OK);
-    handle
-}
 
 fn device(engine: &Engine, queue: &ID3D12CommandQueue) -> *mut cairn_device {
     let (device, queue) = (engine.device.as_raw().cast(), queue.as_raw().cast());

@@ -17,6 +17,8 @@ use cairn::{ErrorKind, Picture};
 mod common;
 #[path = "d3d12/stages.rs"]
 mod stages;
+#[path = "d3d12/tables.rs"]
+mod tables;
 use common::{bundle, controls, fingerprint, ort, point, seeded};
 
 fn directml(precision: Precision, profile: Option<PathBuf>) -> Arc<World> {

@@ -29,6 +29,9 @@ use half::f16;
 mod engine;
 #[path = "ffx/enlarged.rs"]
 mod enlarged;
+#[path = "d3d12/handles.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod handles;
 #[path = "ffx/in_memory.rs"]
 mod in_memory;
 #[path = "ffx/stage.rs"]
@@ -39,6 +42,7 @@ mod stage;
 mod textures;
 use engine::Engine;
 use enlarged::{LARGE, with_upscaler};
+use handles::prepared;
 use stage::{ANALYTIC, ML, Stage};
 use textures::{Recording, Wanted};
 
@@ -283,14 +287,6 @@ fn shaders_make_what_a_provider_does_not() {
         }
         assert_eq!(stage.judgement(), [""; 0]);
     }
-}
-
-/// A struct of the interface as a host prepares it.
-fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
-    // SAFETY: structs of the interface are plain data, for which zero is a value.
-    let mut made: T = unsafe { std::mem::zeroed() };
-    *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
-    made
 }
 
 /// A handle that a call of the interface makes.

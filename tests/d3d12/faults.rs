@@ -9,6 +9,8 @@ use cairn::gpu::windows::Win32::Foundation::E_OUTOFMEMORY;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::{GUID, HRESULT, Interface};
 
+use super::tables::replace;
+
 /// Calls until the fault; 0 for none.
 static LEFT: AtomicU64 = AtomicU64::new(0);
 /// Whether those after it fail as well.
@@ -58,29 +60,6 @@ fn fails() -> bool {
     left == 1
 }
 
-#[link(name = "kernel32")]
-unsafe extern "system" {
-    fn VirtualProtect(address: *mut c_void, size: usize, protection: u32, before: *mut u32) -> i32;
-}
-const READ_WRITE: u32 = 4;
-
-/// Puts `ours` into a place of a table of functions; what was there.
-fn replaced<F: Copy>(place: *const F, ours: F) -> F {
-    assert_eq!(size_of::<F>(), size_of::<usize>(), "a function");
-    let place = place.cast_mut();
-    let mut before = 0;
-    // SAFETY: the page of a live table, and a place that lives during the call.
-    assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), READ_WRITE, &mut before) } != 0, "it can be written");
-    // SAFETY: a table that the process may write now, and a function of the same type. Volatile, as the compiler takes the table of
-    // an interface for constant, and leaves out what it need not write.
-    let theirs = unsafe { place.read_volatile() };
-    // SAFETY: as above.
-    unsafe { place.write_volatile(ours) };
-    // SAFETY: as above.
-    assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), before, &mut before) } != 0, "it is as before");
-    theirs
-}
-
 /// Replaces functions of the table that devices share: each fails when it is its turn, else does what it did.
 macro_rules! faulty {
     ($($name:ident($($argument:ident: $kind:ty),*);)*) => {
@@ -104,11 +83,11 @@ macro_rules! faulty {
         /// Makes the allocations of all devices like `device` faulty, and their fences, for the rest of the process.
         pub(crate) fn install(device: &ID3D12Device) {
             let table = Interface::vtable(device);
-            $(theirs::$name.get_or_init(|| replaced(&raw const table.$name, ours::$name));)*
+            $(replace(&raw const table.$name, &theirs::$name, ours::$name);)*
             // SAFETY: a live device.
             let fence: ID3D12Fence = unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
             let table = Interface::vtable(&fence);
-            THEIR_VALUE.get_or_init(|| replaced(&raw const table.GetCompletedValue, our_value));
+            replace(&raw const table.GetCompletedValue, &THEIR_VALUE, our_value);
         }
     };
 }

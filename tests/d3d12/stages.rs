@@ -1,10 +1,12 @@
 //! What queues are told that their work is called.
 
 use std::ffi::{CStr, c_void};
-use std::sync::{Mutex, Once, OnceLock};
+use std::sync::{Mutex, OnceLock};
 
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::ID3D12CommandQueue;
 use cairn::gpu::windows::core::Interface;
+
+use super::tables::replace;
 
 /// What came, of queues by their addresses.
 struct Told {
@@ -23,38 +25,13 @@ type End = unsafe extern "system" fn(*mut c_void);
 static THEIR_BEGIN: OnceLock<Begin> = OnceLock::new();
 static THEIR_END: OnceLock<End> = OnceLock::new();
 
-#[link(name = "kernel32")]
-unsafe extern "system" {
-    fn VirtualProtect(address: *mut c_void, size: usize, protection: u32, before: *mut u32) -> i32;
-}
-const READ_WRITE: u32 = 4;
-
-/// Puts `ours` into a place of a table of functions.
-fn replace<F: Copy>(place: *const F, ours: F) {
-    assert_eq!(size_of::<F>(), size_of::<usize>(), "a function");
-    let place = place.cast_mut();
-    let mut before = 0;
-    // SAFETY: the page of a live table, and a place that lives during the call.
-    assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), READ_WRITE, &mut before) } != 0, "it can be written");
-    // SAFETY: a table that the process may write now, and a function of the same type. Volatile, as the compiler takes the table of
-    // an interface for constant, and leaves out what it need not write.
-    unsafe { place.write_volatile(ours) };
-    // SAFETY: as above.
-    assert!(unsafe { VirtualProtect(place.cast(), size_of::<F>(), before, &mut before) } != 0, "it is as before");
-}
-
 /// Listens to `queue`, which is at rest, for the rest of the process. Queues share their table of functions, and others may be in the
-/// midst of something: so their own functions are known before ours are called, and of other queues nothing is counted.
+/// midst of something: of those nothing is counted.
 pub(crate) fn listen(queue: &ID3D12CommandQueue) {
-    static REPLACED: Once = Once::new();
     TOLD.lock().expect("nobody panics here").heard.push(queue.as_raw() as usize);
     let table = Interface::vtable(queue);
-    REPLACED.call_once(|| {
-        THEIR_BEGIN.get_or_init(|| table.BeginEvent);
-        THEIR_END.get_or_init(|| table.EndEvent);
-        replace(&raw const table.BeginEvent, our_begin);
-        replace(&raw const table.EndEvent, our_end);
-    });
+    replace(&raw const table.BeginEvent, &THEIR_BEGIN, our_begin);
+    replace(&raw const table.EndEvent, &THEIR_END, our_end);
 }
 
 /// What a queue was told since this was last asked; all of it has ended.
