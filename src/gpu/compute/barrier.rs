@@ -4,8 +4,9 @@ use std::mem::ManuallyDrop;
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-/// From one state of a whole resource to another.
-pub(crate) fn transition(
+/// From one state of a whole resource to another, for a list's `ResourceBarrier`: it takes no reference, so the resource must live until
+/// then.
+pub fn transition(
     resource: &ID3D12Resource,
     before: D3D12_RESOURCE_STATES,
     after: D3D12_RESOURCE_STATES,

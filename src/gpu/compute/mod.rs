@@ -13,7 +13,7 @@ mod timing;
 mod view;
 
 pub use super::Spent;
-pub(crate) use barrier::transition;
+pub use barrier::transition;
 pub use frame::Frame;
 pub(crate) use frame::Table;
 pub use frames::{FRAMES_IN_FLIGHT, Frames};

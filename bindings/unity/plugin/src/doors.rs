@@ -176,7 +176,9 @@ pub unsafe extern "C" fn cairn_unity_view_get(
     })
 }
 
-/// Ends a view; null is allowed. Events that still name it do nothing, and one that runs is waited for.
+/// Ends a view; null is allowed. Events that still name it do nothing, and one that runs is waited for. Nothing is drawn into its
+/// texture, which keeps the last frame. What Unity's queue still uses, the texture among it, is let go of when a later view is shown
+/// or ended, and with the device.
 ///
 /// Threads: any.
 ///
@@ -190,6 +192,7 @@ pub unsafe extern "C" fn cairn_unity_view_destroy(view: *mut cairn_unity_view) -
         }
         let Some(view) = views::remove(view.addr()) else { return CAIRN_ERROR_INVALID_HANDLE };
         view.let_go();
+        plugin::drawing().into_iter().for_each(|drawing| drawing.tidy());
         CAIRN_OK
     })
 }

@@ -105,79 +105,14 @@ pub struct EventConfig {
     pub binds_render_texture: u8,
 }
 
-pub type GetObject = Option<unsafe extern "system" fn() -> *mut c_void>;
-pub type GetValue = Option<unsafe extern "system" fn() -> u64>;
-pub type Execute = Option<unsafe extern "system" fn(*mut c_void, c_int, *mut ResourceState) -> u64>;
-pub type Configure = Option<unsafe extern "system" fn(c_int, *const EventConfig)>;
+pub type GetObject = unsafe extern "system" fn() -> *mut c_void;
+pub type GetValue = unsafe extern "system" fn() -> u64;
+pub type Execute = unsafe extern "system" fn(*mut c_void, c_int, *mut ResourceState) -> u64;
+pub type Configure = unsafe extern "system" fn(c_int, *const EventConfig);
 /// Gives one byte, 0 where nothing is recorded.
-pub type Recording = Option<unsafe extern "system" fn(*mut RecordingState) -> u8>;
-pub type Request = Option<unsafe extern "system" fn(*mut c_void, c_int)>;
-pub type Notify = Option<unsafe extern "system" fn(*mut c_void, c_int, u8)>;
-
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-pub struct Direct3d12V5 {
-    pub get_device: GetObject,
-    pub get_frame_fence: GetObject,
-    pub get_next_frame_fence_value: GetValue,
-    pub execute_command_list: Execute,
-    pub set_physical_video_memory_control_values: Unused,
-    pub get_command_queue: GetObject,
-    pub texture_from_render_buffer: Unused,
-}
-
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-pub struct Direct3d12V6 {
-    pub get_device: GetObject,
-    pub get_frame_fence: GetObject,
-    pub get_next_frame_fence_value: GetValue,
-    pub execute_command_list: Execute,
-    pub set_physical_video_memory_control_values: Unused,
-    pub get_command_queue: GetObject,
-    pub texture_from_render_buffer: Unused,
-    pub texture_from_native_texture: Unused,
-    pub configure_event: Configure,
-    pub command_recording_state: Recording,
-}
-
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-pub struct Direct3d12V7 {
-    pub get_device: GetObject,
-    pub get_swap_chain: Unused,
-    pub get_sync_interval: Unused,
-    pub get_present_flags: Unused,
-    pub get_frame_fence: GetObject,
-    pub get_next_frame_fence_value: GetValue,
-    pub execute_command_list: Execute,
-    pub set_physical_video_memory_control_values: Unused,
-    pub get_command_queue: GetObject,
-    pub texture_from_render_buffer: Unused,
-    pub texture_from_native_texture: Unused,
-    pub configure_event: Configure,
-    pub command_recording_state: Recording,
-}
-
-#[derive(Debug, Clone, Copy)]
-#[repr(C)]
-pub struct Direct3d12V8 {
-    pub get_device: GetObject,
-    pub get_swap_chain: Unused,
-    pub get_sync_interval: Unused,
-    pub get_present_flags: Unused,
-    pub get_frame_fence: GetObject,
-    pub get_next_frame_fence_value: GetValue,
-    pub execute_command_list: Execute,
-    pub set_physical_video_memory_control_values: Unused,
-    pub get_command_queue: GetObject,
-    pub texture_from_render_buffer: Unused,
-    pub texture_from_native_texture: Unused,
-    pub configure_event: Configure,
-    pub command_recording_state: Recording,
-    pub request_resource_state: Request,
-    pub notify_resource_state: Notify,
-}
+pub type Recording = unsafe extern "system" fn(*mut RecordingState) -> u8;
+pub type Request = unsafe extern "system" fn(*mut c_void, c_int);
+pub type Notify = unsafe extern "system" fn(*mut c_void, c_int, u8);
 
 /// A version's place in the registry.
 pub trait Version {
@@ -185,75 +120,127 @@ pub trait Version {
     const GUID: Guid;
 }
 
-impl Version for Direct3d12V5 {
-    const NUMBER: u32 = 5;
-    const GUID: Guid = Guid::new(0xF5C8_D8A3_7D37_BC42, 0xB02D_FE93_B506_4A27);
-}
-
-impl Version for Direct3d12V6 {
-    const NUMBER: u32 = 6;
-    const GUID: Guid = Guid::new(0xA396_DCE5_8CAC_4D78, 0xAFDD_9B28_1F20_B840);
-}
-
-impl Version for Direct3d12V7 {
-    const NUMBER: u32 = 7;
-    const GUID: Guid = Guid::new(0x4624_B0DA_41B6_4AAC, 0x915A_ABCB_9BC3_F0D3);
-}
-
-impl Version for Direct3d12V8 {
-    const NUMBER: u32 = 8;
-    const GUID: Guid = Guid::new(0x9D30_3045_D00D_4CFD, 0x8FEB_B429_68B4_23B6);
-}
-
 /// What is used of the best version that Unity has; `None` for what that version lacks.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
 pub(crate) struct Direct3d12 {
     pub(crate) version: u32,
-    pub(crate) get_device: GetObject,
-    pub(crate) get_frame_fence: GetObject,
-    pub(crate) get_next_frame_fence_value: GetValue,
-    pub(crate) execute_command_list: Execute,
-    pub(crate) get_command_queue: GetObject,
-    pub(crate) configure_event: Configure,
-    pub(crate) command_recording_state: Recording,
-    pub(crate) request_resource_state: Request,
-    pub(crate) notify_resource_state: Notify,
+    pub(crate) get_device: Option<GetObject>,
+    pub(crate) get_frame_fence: Option<GetObject>,
+    pub(crate) get_next_frame_fence_value: Option<GetValue>,
+    pub(crate) execute_command_list: Option<Execute>,
+    pub(crate) get_command_queue: Option<GetObject>,
+    pub(crate) configure_event: Option<Configure>,
+    pub(crate) command_recording_state: Option<Recording>,
+    pub(crate) request_resource_state: Option<Request>,
+    pub(crate) notify_resource_state: Option<Notify>,
+}
+
+/// The type of a function that is used, or what keeps the place of one that is not.
+macro_rules! function {
+    () => {
+        Unused
+    };
+    ($used:ident) => {
+        Option<$used>
+    };
+}
+
+/// Declares versions of the interface by their functions, in Unity's order: those that are used with their types, and the rest.
+macro_rules! versions {
+    ($($table:ident: $number:literal, $high:literal, $low:literal { $($function:ident $(: $used:ident)?),* $(,)? })*) => {$(
+        #[derive(Debug, Clone, Copy)]
+        #[repr(C)]
+        pub struct $table {
+            $(pub $function: function!($($used)?),)*
+        }
+
+        impl Version for $table {
+            const NUMBER: u32 = $number;
+            const GUID: Guid = Guid::new($high, $low);
+        }
+
+        impl From<$table> for Direct3d12 {
+            fn from(table: $table) -> Self {
+                let mut found = Self { version: $table::NUMBER, ..Self::default() };
+                $($(found.$function = { let used: Option<$used> = table.$function; used };)?)*
+                found
+            }
+        }
+    )*};
+}
+
+versions! {
+    Direct3d12V5: 5, 0xF5C8_D8A3_7D37_BC42, 0xB02D_FE93_B506_4A27 {
+        get_device: GetObject,
+        get_frame_fence: GetObject,
+        get_next_frame_fence_value: GetValue,
+        execute_command_list: Execute,
+        set_physical_video_memory_control_values,
+        get_command_queue: GetObject,
+        texture_from_render_buffer,
+    }
+    Direct3d12V6: 6, 0xA396_DCE5_8CAC_4D78, 0xAFDD_9B28_1F20_B840 {
+        get_device: GetObject,
+        get_frame_fence: GetObject,
+        get_next_frame_fence_value: GetValue,
+        execute_command_list: Execute,
+        set_physical_video_memory_control_values,
+        get_command_queue: GetObject,
+        texture_from_render_buffer,
+        texture_from_native_texture,
+        configure_event: Configure,
+        command_recording_state: Recording,
+    }
+    Direct3d12V7: 7, 0x4624_B0DA_41B6_4AAC, 0x915A_ABCB_9BC3_F0D3 {
+        get_device: GetObject,
+        get_swap_chain,
+        get_sync_interval,
+        get_present_flags,
+        get_frame_fence: GetObject,
+        get_next_frame_fence_value: GetValue,
+        execute_command_list: Execute,
+        set_physical_video_memory_control_values,
+        get_command_queue: GetObject,
+        texture_from_render_buffer,
+        texture_from_native_texture,
+        configure_event: Configure,
+        command_recording_state: Recording,
+    }
+    Direct3d12V8: 8, 0x9D30_3045_D00D_4CFD, 0x8FEB_B429_68B4_23B6 {
+        get_device: GetObject,
+        get_swap_chain,
+        get_sync_interval,
+        get_present_flags,
+        get_frame_fence: GetObject,
+        get_next_frame_fence_value: GetValue,
+        execute_command_list: Execute,
+        set_physical_video_memory_control_values,
+        get_command_queue: GetObject,
+        texture_from_render_buffer,
+        texture_from_native_texture,
+        configure_event: Configure,
+        command_recording_state: Recording,
+        request_resource_state: Request,
+        notify_resource_state: Notify,
+    }
 }
 
 impl Direct3d12 {
-    /// The functions of a table; those of the list, which later versions have, where they are named.
-    fn of_table(table: &Direct3d12V5, version: u32) -> Self {
-        Self {
-            version,
-            get_device: table.get_device,
-            get_frame_fence: table.get_frame_fence,
-            get_next_frame_fence_value: table.get_next_frame_fence_value,
-            execute_command_list: table.execute_command_list,
-            get_command_queue: table.get_command_queue,
-            configure_event: None,
-            command_recording_state: None,
-            request_resource_state: None,
-            notify_resource_state: None,
-        }
-    }
-
     /// The best version in the registry.
     ///
     /// # Safety
     /// The registry is Unity's, whose tables live as long as it does.
     pub(crate) unsafe fn find(registry: &Interfaces) -> Option<Self> {
-        // SAFETY: the caller's promise, for each of them.
-        let (v8, v7, v6, v5) = unsafe {
-            (
-                table::<Direct3d12V8>(registry, Direct3d12V8::GUID),
-                table::<Direct3d12V7>(registry, Direct3d12V7::GUID),
-                table::<Direct3d12V6>(registry, Direct3d12V6::GUID),
-                table::<Direct3d12V5>(registry, Direct3d12V5::GUID),
-            )
-        };
-        let found = v8.map(Self::from).or(v7.map(Self::from)).or(v6.map(Self::from)).or(v5.map(Self::from));
-        found.filter(Self::is_whole)
+        // SAFETY: the caller's promise.
+        let v8 = unsafe { version::<Direct3d12V8>(registry) };
+        // SAFETY: as above.
+        let v7 = || unsafe { version::<Direct3d12V7>(registry) };
+        // SAFETY: as above.
+        let v6 = || unsafe { version::<Direct3d12V6>(registry) };
+        // SAFETY: as above.
+        let v5 = || unsafe { version::<Direct3d12V5>(registry) };
+        v8.or_else(v7).or_else(v6).or_else(v5).filter(Self::is_whole)
     }
 
     /// Whether it has what every version has.
@@ -266,57 +253,13 @@ impl Direct3d12 {
     }
 }
 
-impl From<Direct3d12V5> for Direct3d12 {
-    fn from(table: Direct3d12V5) -> Self {
-        Self::of_table(&table, Direct3d12V5::NUMBER)
-    }
-}
-
-/// A later table's functions in the order of the earliest.
-macro_rules! earliest {
-    ($table:expr) => {
-        Direct3d12V5 {
-            get_device: $table.get_device,
-            get_frame_fence: $table.get_frame_fence,
-            get_next_frame_fence_value: $table.get_next_frame_fence_value,
-            execute_command_list: $table.execute_command_list,
-            set_physical_video_memory_control_values: $table.set_physical_video_memory_control_values,
-            get_command_queue: $table.get_command_queue,
-            texture_from_render_buffer: $table.texture_from_render_buffer,
-        }
-    };
-}
-
-impl From<Direct3d12V6> for Direct3d12 {
-    fn from(table: Direct3d12V6) -> Self {
-        Self {
-            configure_event: table.configure_event,
-            command_recording_state: table.command_recording_state,
-            ..Self::of_table(&earliest!(table), Direct3d12V6::NUMBER)
-        }
-    }
-}
-
-impl From<Direct3d12V7> for Direct3d12 {
-    fn from(table: Direct3d12V7) -> Self {
-        Self {
-            configure_event: table.configure_event,
-            command_recording_state: table.command_recording_state,
-            ..Self::of_table(&earliest!(table), Direct3d12V7::NUMBER)
-        }
-    }
-}
-
-impl From<Direct3d12V8> for Direct3d12 {
-    fn from(table: Direct3d12V8) -> Self {
-        Self {
-            configure_event: table.configure_event,
-            command_recording_state: table.command_recording_state,
-            request_resource_state: table.request_resource_state,
-            notify_resource_state: table.notify_resource_state,
-            ..Self::of_table(&earliest!(table), Direct3d12V8::NUMBER)
-        }
-    }
+/// What is used of a version, where the registry has it.
+///
+/// # Safety
+/// As for [`Direct3d12::find`].
+unsafe fn version<T: Version + Copy + Into<Direct3d12>>(registry: &Interfaces) -> Option<Direct3d12> {
+    // SAFETY: the caller's promise; a version's table has its number.
+    unsafe { table::<T>(registry, T::GUID) }.map(T::into)
 }
 
 /// A copy of a table of the registry's.

@@ -50,6 +50,10 @@ impl Drawing {
         match *self {}
     }
 
+    pub(crate) fn tidy(&self) {
+        match *self {}
+    }
+
     pub(crate) fn finish(&self) {
         match *self {}
     }

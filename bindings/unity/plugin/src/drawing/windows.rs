@@ -6,7 +6,7 @@
 //! `ExecuteCommandList` takes with a list of ours.
 
 use std::ffi::c_void;
-use std::mem::ManuallyDrop;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cairn::abi::d3d12::cairn_presenter_submit_d3d12;
@@ -14,6 +14,7 @@ use cairn::abi::presenter::cairn_presenter;
 use cairn::abi::results::{
     CAIRN_ERROR_DEVICE, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_NOT_READY, CAIRN_OK, cairn_last_error,
 };
+use cairn::gpu::compute::transition;
 use cairn::gpu::windows::Win32::Foundation::HMODULE;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
@@ -24,14 +25,14 @@ use cairn::gpu::windows::Win32::System::LibraryLoader::{
 use cairn::gpu::windows::core::{IUnknown, Interface, PCWSTR};
 use parking_lot::Mutex;
 
-use crate::interfaces::{Direct3d12, RecordingState, ResourceState};
+use crate::interfaces::{Direct3d12, Notify, Recording, RecordingState, Request, ResourceState};
 use crate::views::{Ended, View, no_frame};
 
-/// How long is waited for work before what it uses is freed. What is not done then is never freed.
+/// How long is waited for work before what it uses is freed with the device. What is not done then is never freed.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Lists of ours that may be with Unity at a time; Unity has two or three frames under way.
-const LISTS: usize = 16;
+/// Lists of ours that may be with Unity at a time: Unity has two or three frames under way, each with a list for every view.
+const LISTS: usize = 256;
 
 /// What there is to draw with.
 pub(crate) struct Drawing {
@@ -39,7 +40,7 @@ pub(crate) struct Drawing {
     device: ID3D12Device,
     queue: ID3D12CommandQueue,
     frame_fence: ID3D12Fence,
-    kept: Mutex<Kept>,
+    kept: Arc<Mutex<Kept>>,
 }
 
 // SAFETY: the functions are Unity's, called on the threads that its events run on; objects of Direct3D 12 are free-threaded.
@@ -47,19 +48,63 @@ unsafe impl Send for Drawing {}
 // SAFETY: as above.
 unsafe impl Sync for Drawing {}
 
-/// What Unity's lists still use.
+/// What Unity's queue still uses. It is let go of by a later event or view; in the end it is waited for.
 #[derive(Default)]
 struct Kept {
-    textures: Vec<(u64, [ID3D12Resource; 2])>,
+    textures: Vec<(Moment, ID3D12Resource)>,
     lists: Vec<List>,
+}
+
+impl Kept {
+    /// Lets go of what is done with.
+    fn tidy(&mut self) {
+        self.textures.retain(|(until, _)| !until.is_reached());
+    }
+}
+
+impl Drop for Kept {
+    fn drop(&mut self) {
+        let end = Instant::now() + PATIENCE;
+        for (until, texture) in self.textures.drain(..) {
+            if !until.comes_before(end) {
+                std::mem::forget(texture);
+            }
+        }
+        for list in self.lists.drain(..) {
+            if !list.until.comes_before(end) {
+                std::mem::forget(list);
+            }
+        }
+    }
+}
+
+/// When a fence has a value; that of a removed device has every value.
+struct Moment(ID3D12Fence, u64);
+
+impl Moment {
+    fn is_reached(&self) -> bool {
+        // SAFETY: a live fence.
+        unsafe { self.0.GetCompletedValue() >= self.1 }
+    }
+
+    /// Waits for it, but no longer than that; whether it came.
+    fn comes_before(&self, end: Instant) -> bool {
+        while !self.is_reached() {
+            if Instant::now() >= end {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        true
+    }
 }
 
 /// A list of ours, for versions whose texture states only go with one.
 struct List {
     allocator: ID3D12CommandAllocator,
     list: ID3D12GraphicsCommandList,
-    /// Of Unity's frame fence: it has run then.
-    value: u64,
+    /// It has run then.
+    until: Moment,
 }
 
 /// A texture of Unity's, with a reference.
@@ -78,64 +123,74 @@ impl Target {
 
 /// What a frame is made in.
 #[derive(Default)]
-pub(crate) struct Canvas {
-    texture: Option<ID3D12Resource>,
-    /// When the last frame in it is whole.
-    written: Option<(ID3D12Fence, u64)>,
+pub(crate) struct Canvas(Option<Made>);
+
+struct Made {
+    texture: ID3D12Resource,
+    /// When the last frame in it is whole; none before the first.
+    written: Option<Moment>,
+    kept: Arc<Mutex<Kept>>,
+}
+
+impl Drop for Made {
+    /// What writes it may run for a while. What reads it is kept with what it is copied into.
+    fn drop(&mut self) {
+        if let Some(until) = self.written.take() {
+            self.kept.lock().textures.push((until, self.texture.clone()));
+        }
+    }
 }
 
 impl Canvas {
-    /// Frees the texture, behind what writes it. What reads it is kept with the list that does.
+    /// Lets go of the texture.
     pub(crate) fn let_go(&mut self) {
-        let texture = self.texture.take();
-        if let Some((fence, value)) = self.written.take()
-            && !reached(&fence, value, PATIENCE)
-        {
-            std::mem::forget(texture);
-        }
+        self.0 = None;
+    }
+
+    /// The texture with a frame in it, where it is like that of Unity's.
+    fn shown_in(&self, target: &ID3D12Resource) -> Option<&ID3D12Resource> {
+        // SAFETY: a live texture.
+        let wanted = unsafe { target.GetDesc() };
+        let made = self.0.as_ref()?;
+        (made.written.is_some() && is_like(&made.texture, &wanted)).then_some(&made.texture)
     }
 
     /// A texture as Unity's is, but for what may be done with it.
-    fn fit(&mut self, device: &ID3D12Device, target: &ID3D12Resource) -> Result<ID3D12Resource, String> {
+    fn fit(&mut self, drawing: &Drawing, target: &ID3D12Resource) -> Result<&mut Made, String> {
         // SAFETY: a live texture.
         let wanted = unsafe { target.GetDesc() };
-        if let Some(texture) = &self.texture
-            && is_like(texture, &wanted)
-        {
-            return Ok(texture.clone());
+        if !self.0.as_ref().is_some_and(|made| is_like(&made.texture, &wanted)) {
+            if let Some(why) = refused(&wanted) {
+                return Err(why);
+            }
+            let texture = texture_like(&wanted, &drawing.device)?;
+            self.0 = Some(Made { texture, written: None, kept: drawing.kept.clone() });
         }
-        if let Some(why) = refused(&wanted) {
-            return Err(why);
-        }
-        self.let_go();
-        let desc = D3D12_RESOURCE_DESC {
-            Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
-            Width: wanted.Width,
-            Height: wanted.Height,
-            DepthOrArraySize: 1,
-            MipLevels: 1,
-            Format: wanted.Format,
-            SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
-            ..Default::default()
-        };
-        let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
-        let mut made: Option<ID3D12Resource> = None;
-        // SAFETY: a live device; descriptions and place live during the call.
-        let result = unsafe {
-            let rest = D3D12_RESOURCE_STATE_COMMON;
-            device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, rest, None, &mut made)
-        };
-        let why = result.err().map_or_else(String::new, |e| format!(": {e}"));
-        let made = made.ok_or_else(|| format!("ID3D12Device::CreateCommittedResource made no texture{why}"))?;
-        self.texture = Some(made.clone());
-        Ok(made)
+        self.0.as_mut().ok_or_else(|| "the texture is gone".to_owned())
     }
 }
 
-impl Drop for Canvas {
-    fn drop(&mut self) {
-        self.let_go();
-    }
+/// A texture of a size and format, which rests in COMMON.
+fn texture_like(wanted: &D3D12_RESOURCE_DESC, device: &ID3D12Device) -> Result<ID3D12Resource, String> {
+    let desc = D3D12_RESOURCE_DESC {
+        Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
+        Width: wanted.Width,
+        Height: wanted.Height,
+        DepthOrArraySize: 1,
+        MipLevels: 1,
+        Format: wanted.Format,
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        ..Default::default()
+    };
+    let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
+    let mut made: Option<ID3D12Resource> = None;
+    // SAFETY: a live device; descriptions and place live during the call.
+    let result = unsafe {
+        let rest = D3D12_RESOURCE_STATE_COMMON;
+        device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, rest, None, &mut made)
+    };
+    let why = result.err().map_or_else(String::new, |e| format!(": {e}"));
+    made.ok_or_else(|| format!("ID3D12Device::CreateCommittedResource made no texture{why}"))
 }
 
 /// Whether a texture is of the size and format of another.
@@ -159,21 +214,6 @@ fn refused(wanted: &D3D12_RESOURCE_DESC) -> Option<String> {
     Some(format!("texture: {what}"))
 }
 
-/// Whether a fence comes to a value in time; that of a removed device has every value.
-fn reached(fence: &ID3D12Fence, value: u64, patience: Duration) -> bool {
-    let end = Instant::now() + patience;
-    loop {
-        // SAFETY: a live fence.
-        if unsafe { fence.GetCompletedValue() } >= value {
-            return true;
-        }
-        if Instant::now() >= end {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
-
 impl Drawing {
     pub(crate) fn new(api: Direct3d12) -> Result<Self, String> {
         let missing = |what: &str| format!("Unity's IUnityGraphicsD3D12v{} gives no {what}", api.version);
@@ -185,7 +225,7 @@ impl Drawing {
             device: device.and_then(|found| found.cast().ok()).ok_or_else(|| missing("device"))?,
             queue: queue.and_then(|found| found.cast().ok()).ok_or_else(|| missing("command queue"))?,
             frame_fence: fence.and_then(|found| found.cast().ok()).ok_or_else(|| missing("frame fence"))?,
-            kept: Mutex::default(),
+            kept: Arc::default(),
         })
     }
 
@@ -200,17 +240,19 @@ impl Drawing {
 
     /// Has the frame that is due written into the view's canvas, on Unity's queue.
     pub(crate) fn make(&self, view: &View) -> Ended {
-        let Some((now, Target(target))) = view.wanted() else { return Ended::Nothing };
+        // What is wanted is read behind the lock, by which whoever ends the view waits for this.
         let mut canvas = view.canvas.lock();
-        let texture = match canvas.fit(&self.device, &target) {
-            Ok(texture) => texture,
+        let Some((now, Target(target))) = view.wanted() else { return Ended::Nothing };
+        self.tidy();
+        let made = match canvas.fit(self, &target) {
+            Ok(made) => made,
             Err(why) => return Ended::Failed(CAIRN_ERROR_INVALID_ARGUMENT, why),
         };
         let (mut frame, mut fence, mut value) = (no_frame(), std::ptr::null_mut(), 0);
         let rest = D3D12_RESOURCE_STATE_COMMON.0.cast_unsigned();
         let presenter = std::ptr::without_provenance_mut::<cairn_presenter>(view.presenter);
         let device = std::ptr::without_provenance(view.device);
-        let texture = texture.as_raw().cast();
+        let texture = made.texture.as_raw().cast();
         // SAFETY: handles are looked up; a live texture in its state; places for what is made.
         let result = unsafe {
             cairn_presenter_submit_d3d12(
@@ -220,7 +262,7 @@ impl Drawing {
         match result {
             CAIRN_OK => {
                 // SAFETY: the reference that the call gave, used once.
-                canvas.written = Some((unsafe { ID3D12Fence::from_raw(fence.cast()) }, value));
+                made.written = Some(Moment(unsafe { ID3D12Fence::from_raw(fence.cast()) }, value));
                 Ended::Made(frame)
             }
             CAIRN_NOT_READY => Ended::Nothing,
@@ -230,63 +272,65 @@ impl Drawing {
 
     /// Copies the canvas into Unity's texture, in the order of Unity's own lists.
     pub(crate) fn show(&self, view: &View) -> Ended {
-        let Some((_, Target(target))) = view.wanted() else { return Ended::Nothing };
+        // As in `make`.
         let canvas = view.canvas.lock();
-        let Some(texture) = canvas.texture.as_ref().filter(|_| canvas.written.is_some()) else { return Ended::Nothing };
-        // SAFETY: a live texture.
-        if !is_like(texture, &unsafe { target.GetDesc() }) {
-            // Another one was told between the events; the next frame is made for it.
-            return Ended::Nothing;
-        }
+        let Some((_, Target(target))) = view.wanted() else { return Ended::Nothing };
+        // Another one may have been told between the events; the next frame is made for it.
+        let Some(texture) = canvas.shown_in(&target) else { return Ended::Nothing };
         let mut kept = self.kept.lock();
-        self.tidy(&mut kept);
-        let done =
-            match (self.api.command_recording_state, self.api.request_resource_state, self.api.notify_resource_state) {
-                (Some(recording), Some(request), Some(notify)) => {
-                    let mut state = RecordingState { list: std::ptr::null_mut() };
-                    // SAFETY: a function of Unity's, called on the thread it says; the place lives during the call.
-                    let records = unsafe { recording(&mut state) } != 0;
-                    // SAFETY: what is not null is Unity's list, which is alive and open during the event.
-                    match unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.filter(|_| records) {
-                    Some(list) => {
-                        let to = D3D12_RESOURCE_STATE_COPY_DEST.0;
-                        // SAFETY: a live texture of Unity's.
-                        unsafe { request(target.as_raw(), to) };
-                        copy(list, texture, &target);
-                        // SAFETY: as above.
-                        unsafe { notify(target.as_raw(), to, 0) };
-                        self.next_value()
-                    }
-                    None => Err(
-                        "Unity records no list where the frame is to be shown: issue the events outside of another one"
-                            .to_owned(),
-                    ),
-                }
-                }
-                _ => self.execute(&mut kept, texture, &target),
-            };
+        kept.tidy();
+        let Direct3d12 { command_recording_state, request_resource_state, notify_resource_state, .. } = self.api;
+        let done = match (command_recording_state, request_resource_state.zip(notify_resource_state)) {
+            (Some(recording), Some(states)) => self.record(recording, states, texture, &target),
+            _ => self.execute(&mut kept.lists, texture, &target),
+        };
         match done {
             Ok(value) => {
-                kept.textures.push((value, [texture.clone(), target]));
+                let until = || Moment(self.frame_fence.clone(), value);
+                kept.textures.extend([(until(), texture.clone()), (until(), target)]);
                 Ended::Shown
             }
             Err(why) => Ended::Failed(CAIRN_ERROR_DEVICE, why),
         }
     }
 
-    /// The copy in a list of ours, which Unity executes between its own.
-    fn execute(&self, kept: &mut Kept, from: &ID3D12Resource, target: &ID3D12Resource) -> Result<u64, String> {
-        // SAFETY: a live fence.
-        let done = unsafe { self.frame_fence.GetCompletedValue() };
-        let place = match kept.lists.iter().position(|list| list.value <= done) {
+    /// The copy in the list that Unity records; when it has run, by the frame fence.
+    fn record(
+        &self,
+        recording: Recording,
+        (request, notify): (Request, Notify),
+        from: &ID3D12Resource,
+        target: &ID3D12Resource,
+    ) -> Result<u64, String> {
+        const NO_LIST: &str =
+            "Unity records no list where the frame is to be shown: issue the events outside of another one";
+        let mut state = RecordingState { list: std::ptr::null_mut() };
+        // SAFETY: a function of Unity's, called on the thread it says; the place lives during the call.
+        if unsafe { recording(&mut state) } == 0 {
+            return Err(NO_LIST.to_owned());
+        }
+        // SAFETY: what is not null is Unity's list, which is alive and open during the event.
+        let list = unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.ok_or(NO_LIST)?;
+        let to = D3D12_RESOURCE_STATE_COPY_DEST.0;
+        // SAFETY: a live texture of Unity's.
+        unsafe { request(target.as_raw(), to) };
+        copy(list, from, target);
+        // SAFETY: as above.
+        unsafe { notify(target.as_raw(), to, 0) };
+        self.next_value()
+    }
+
+    /// The copy in a list of ours, which Unity executes between its own; when it has run, by the frame fence.
+    fn execute(&self, lists: &mut Vec<List>, from: &ID3D12Resource, target: &ID3D12Resource) -> Result<u64, String> {
+        let place = match lists.iter().position(|list| list.until.is_reached()) {
             Some(place) => place,
-            None if kept.lists.len() < LISTS => {
-                kept.lists.push(List::new(&self.device)?);
-                kept.lists.len() - 1
+            None if lists.len() < LISTS => {
+                lists.push(List::new(&self.device, &self.frame_fence)?);
+                lists.len() - 1
             }
             None => return Err(format!("{LISTS} lists wait for Unity, which does not come to the end of its frames")),
         };
-        let List { allocator, list, value } = &mut kept.lists[place];
+        let List { allocator, list, until } = &mut lists[place];
         let failed = |call: &str, e: &dyn std::fmt::Display| format!("{call}: {e}");
         // SAFETY: the list that used it has run.
         unsafe { allocator.Reset() }.map_err(|e| failed("ID3D12CommandAllocator::Reset", &e))?;
@@ -299,8 +343,8 @@ impl Drawing {
         let mut states = ResourceState { resource: target.as_raw(), expected: state, current: state };
         let Some(execute) = self.api.execute_command_list else { return Err("no ExecuteCommandList".to_owned()) };
         // SAFETY: a function of Unity's; a closed direct list, and as many states as is said, which live during the call.
-        *value = unsafe { execute(list.as_raw(), 1, &mut states) };
-        Ok(*value)
+        until.1 = unsafe { execute(list.as_raw(), 1, &mut states) };
+        Ok(until.1)
     }
 
     /// What the frame fence has once the current frame is done.
@@ -311,27 +355,14 @@ impl Drawing {
     }
 
     /// Lets go of what has run.
-    fn tidy(&self, kept: &mut Kept) {
-        // SAFETY: a live fence.
-        let done = unsafe { self.frame_fence.GetCompletedValue() };
-        kept.textures.retain(|(value, _)| *value > done);
+    pub(crate) fn tidy(&self) {
+        self.kept.lock().tidy();
     }
 
-    /// Waits until Unity's queue is done with what is ours. What never comes to its end is not freed.
+    /// Waits until Unity's queue is done with what is ours.
     pub(crate) fn finish(&self) {
-        let mut kept = self.kept.lock();
-        let textures = kept.textures.iter().map(|(value, _)| *value);
-        let last = textures.chain(kept.lists.iter().map(|list| list.value)).max().unwrap_or(0);
-        let left = std::mem::take(&mut *kept);
-        if !reached(&self.frame_fence, last, PATIENCE) {
-            std::mem::forget(left);
-        }
-    }
-}
-
-impl Drop for Drawing {
-    fn drop(&mut self) {
-        self.finish();
+        let kept = std::mem::take(&mut *self.kept.lock());
+        drop(kept);
     }
 }
 
@@ -347,7 +378,8 @@ impl Target {
 }
 
 impl List {
-    fn new(device: &ID3D12Device) -> Result<Self, String> {
+    /// A closed one that has nothing to run.
+    fn new(device: &ID3D12Device, fence: &ID3D12Fence) -> Result<Self, String> {
         let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
         // SAFETY: a live device.
         let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
@@ -357,7 +389,7 @@ impl List {
             .map_err(|e| format!("ID3D12Device::CreateCommandList: {e}"))?;
         // SAFETY: an open list, in which nothing is.
         unsafe { list.Close() }.map_err(|e| format!("ID3D12GraphicsCommandList::Close: {e}"))?;
-        Ok(Self { allocator, list, value: 0 })
+        Ok(Self { allocator, list, until: Moment(fence.clone(), 0) })
     }
 }
 
@@ -369,26 +401,6 @@ fn copy(list: &ID3D12GraphicsCommandList, from: &ID3D12Resource, to: &ID3D12Reso
         list.ResourceBarrier(&[transition(from, rest, read)]);
         list.CopyResource(to, from);
         list.ResourceBarrier(&[transition(from, read, rest)]);
-    }
-}
-
-fn transition(
-    resource: &ID3D12Resource,
-    before: D3D12_RESOURCE_STATES,
-    after: D3D12_RESOURCE_STATES,
-) -> D3D12_RESOURCE_BARRIER {
-    // SAFETY: the same pointer, which is only read; what is never dropped releases no reference.
-    let borrowed: ManuallyDrop<Option<ID3D12Resource>> = unsafe { std::mem::transmute_copy(resource) };
-    let transition = D3D12_RESOURCE_TRANSITION_BARRIER {
-        pResource: borrowed,
-        Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
-        StateBefore: before,
-        StateAfter: after,
-    };
-    D3D12_RESOURCE_BARRIER {
-        Type: D3D12_RESOURCE_BARRIER_TYPE_TRANSITION,
-        Anonymous: D3D12_RESOURCE_BARRIER_0 { Transition: ManuallyDrop::new(transition) },
-        ..Default::default()
     }
 }
 
