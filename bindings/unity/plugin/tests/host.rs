@@ -19,12 +19,21 @@ use cairn_unity::*;
 #[path = "../../../../tests/d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "../../../../tests/d3d12/handles.rs"]
+mod handles;
+#[path = "host/lists.rs"]
+mod lists;
+#[path = "host/strictness.rs"]
+mod strictness;
+#[path = "../../../../tests/d3d12/tables.rs"]
+mod tables;
 #[path = "../../../../tests/d3d12/textures.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod textures;
 #[path = "host/unity.rs"]
 mod unity;
 
+use handles::{made, prepared};
 use textures::Wanted;
 use unity::Running;
 
@@ -34,21 +43,6 @@ const SIZE: (u32, u32) = (37, 23);
 const INTERVAL: u64 = 100_000_000;
 /// Where Unity leaves a texture that a shader has read.
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
-
-/// A struct of the interface as a host prepares it.
-fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
-    // SAFETY: structs of the interface are plain data, for which zero is a value.
-    let mut made: T = unsafe { std::mem::zeroed() };
-    *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
-    made
-}
-
-/// A handle that a call makes.
-fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> *mut T {
-    let mut handle = null_mut();
-    assert_eq!(make(&mut handle), CAIRN_OK);
-    handle
-}
 
 /// A presenter of two anchors, four frames to an anchor.
 fn presenter() -> *mut cairn_presenter {
@@ -150,9 +144,13 @@ impl Scene {
 
 /// A texture as a RenderTexture of Unity's is.
 fn texture(unity: &Running, size: (u32, u32), levels: u16) -> ID3D12Resource {
+    texture_of(unity, size, levels, DXGI_FORMAT_R8G8B8A8_TYPELESS)
+}
+
+fn texture_of(unity: &Running, size: (u32, u32), levels: u16, format: DXGI_FORMAT) -> ID3D12Resource {
     let wanted = Wanted {
         size,
-        format: DXGI_FORMAT_R8G8B8A8_TYPELESS,
+        format,
         flags: D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET,
         state: READ,
         levels,
@@ -323,5 +321,81 @@ fn devices_come_and_go_and_nothing_of_them_is_kept() {
         unity.unload();
         engine::comes_back(count, before);
         assert_eq!(unity.wrong(), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn frames_are_shown_where_the_submission_thread_is_behind() {
+    for version in [6, 8] {
+        let unity = Running::start(version);
+        unity.load();
+        unity.lag();
+        let scene = Scene::new();
+        let target = texture(&unity, SIZE, 1);
+        for frame in 0..4 {
+            let now = INTERVAL * (4 + frame) / 4;
+            assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
+            scene.show(&unity);
+            // Where the first is to be shown nothing was made; later lists run behind what is made for them.
+            let (result, shown, _, message) = scene.get();
+            assert_eq!((result, shown), (CAIRN_OK, frame), "v{version}: {message}");
+            if frame > 0 {
+                assert!(alike(&pixels(&unity, &target), &drawn(scene.presenter, now)), "v{version}: frame {frame}");
+            }
+        }
+        assert_eq!(unity.wrong(), [""; 0], "v{version}");
+        scene.end();
+    }
+}
+
+#[test]
+fn what_the_queue_uses_is_kept_and_then_let_go_of() {
+    for version in [5, 8] {
+        let unity = Running::start(version);
+        let (device, queue) = (unity.device(), unity.queue());
+        let targets = [DXGI_FORMAT_R8G8B8A8_TYPELESS, DXGI_FORMAT_B8G8R8A8_TYPELESS]
+            .map(|format| texture_of(&unity, SIZE, 1, format));
+        let count = || {
+            let [one, other] = &targets;
+            [
+                engine::references(&device),
+                engine::references(&queue),
+                engine::references(one),
+                engine::references(other),
+            ]
+        };
+        let before = count();
+        unity.load();
+        let scene = Scene::new();
+        assert_eq!(scene.set(INTERVAL, Some(&targets[0])), CAIRN_OK);
+        scene.show(&unity);
+        unity.settle();
+        // One frame is under way in each texture, and with the second the first has none any more.
+        let gate = unity.hold();
+        for (place, target) in (5..).zip(&targets) {
+            assert_eq!(scene.set(INTERVAL * place / 4, Some(target)), CAIRN_OK);
+            scene.show(&unity);
+        }
+        assert_eq!((scene.get().0, scene.get().1), (CAIRN_OK, 3), "v{version}: {}", scene.get().3);
+        // SAFETY: a live handle.
+        assert_eq!(unsafe { cairn_unity_view_destroy(scene.view) }, CAIRN_OK);
+        assert_eq!((unity.freed(), unity.wrong()), (0, Vec::new()), "v{version}");
+        drop(gate);
+        unity.settle();
+        // Another view that ends finds that they have run.
+        // SAFETY: live handles, and a place for the view.
+        unsafe {
+            let other = made(|to| cairn_unity_view_create(scene.device, scene.presenter, to));
+            assert_eq!(cairn_unity_view_destroy(other), CAIRN_OK);
+        }
+        engine::comes_back(|| [count()[2], count()[3]], [before[2], before[3]]);
+        // The presenter holds what its frames were made in, and goes behind them.
+        // SAFETY: live handles.
+        let ended = unsafe { [cairn_presenter_destroy(scene.presenter), cairn_device_destroy(scene.device)] };
+        assert_eq!(ended, [CAIRN_OK; 2]);
+        unity.settle();
+        unity.unload();
+        engine::comes_back(count, before);
+        assert_eq!((unity.freed(), unity.wrong()), (2, Vec::new()), "v{version}");
     }
 }

@@ -1,24 +1,78 @@
-//! A Unity of our own over a real device: the registry, one version of the interface of Direct3D 12, and a frame loop that is as
-//! strict as the interface allows. What the plugin does against the rules is kept, and a test looks at it.
+//! A Unity of our own over a real device: the registry, one version of the interface of Direct3D 12, and a frame loop with a render
+//! and a submission thread. It is as strict as the interface allows: what the plugin does against the rules, where it is called or in
+//! what it records, is kept, and a test looks at it.
 
-use std::collections::BTreeMap;
+use std::cell::Cell;
+use std::collections::{BTreeMap, VecDeque};
 use std::ffi::{c_int, c_void};
 use std::ptr::null;
 use std::sync::Mutex;
 
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
+use cairn_unity::interfaces::Guid;
 use cairn_unity::{UnityPluginLoad, UnityPluginUnload};
 
 use super::engine::{self, Engine};
+use super::lists;
 use super::textures::Recording;
 
 /// The first number of the plugin's events.
 const FIRST: c_int = 4711;
+const RESERVED: c_int = 2;
 
 /// There is one Unity in a process, whose functions have no object.
 static UNITY: Mutex<Option<Unity>> = Mutex::new(None);
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+
+/// Where the plugin is called.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// By the game, whose threads may not call Unity's functions.
+    Game,
+    /// While Unity loads it, or its device comes or goes.
+    Starting,
+    /// In an event on the render thread, where Unity records.
+    Recording,
+    /// In an event on the submission thread, where the queue may be used.
+    Submitting,
+    /// In an event on the render thread that nobody has configured.
+    Unconfigured,
+}
+
+/// Events, wherever they run.
+const EVENTS: [Place; 3] = [Place::Recording, Place::Submitting, Place::Unconfigured];
+/// Whoever Unity calls.
+const CALLED: [Place; 4] = [Place::Starting, Place::Recording, Place::Submitting, Place::Unconfigured];
+
+thread_local! {
+    static PLACE: Cell<Place> = const { Cell::new(Place::Game) };
+}
+
+/// Does `work` as if Unity called it.
+fn at<T>(place: Place, work: impl FnOnce() -> T) -> T {
+    let before = PLACE.replace(place);
+    let done = work();
+    PLACE.set(before);
+    done
+}
+
+/// Does `work` on a thread of Unity's.
+fn on_thread(place: Place, work: impl FnOnce() + Send) {
+    std::thread::scope(|scope| {
+        if let Err(panic) = scope.spawn(|| at(place, work)).join() {
+            std::panic::resume_unwind(panic);
+        }
+    });
+}
+
+/// What the submission thread does, in this order.
+enum Job {
+    /// Gives a closed list to the queue.
+    List(ID3D12CommandList),
+    /// Calls the plugin, with an event's number and data.
+    Event(c_int, usize),
+}
 
 struct Unity {
     engine: Engine,
@@ -28,15 +82,15 @@ struct Unity {
     next: u64,
     /// What is recorded at the moment.
     open: Option<Recording>,
-    /// Closed lists that the queue has not been given.
-    pending: Vec<ID3D12CommandList>,
+    pending: VecDeque<Job>,
+    /// Whether the submission thread comes to its work at the end of a frame only.
+    lags: bool,
     /// What lists that are under way need.
     alive: Vec<Recording>,
+    textures: Vec<ID3D12Resource>,
+    /// What Unity takes its textures' states for.
     states: BTreeMap<usize, D3D12_RESOURCE_STATES>,
     configured: BTreeMap<c_int, [u32; 3]>,
-    /// The queue access of the event that runs; none outside of events, and for those that nobody configured.
-    access: Option<u32>,
-    in_event: bool,
     device_event: Option<unsafe extern "system" fn(c_int)>,
     calls: BTreeMap<&'static str, u32>,
     wrong: Vec<String>,
@@ -48,8 +102,33 @@ fn with<T>(work: impl FnOnce(&mut Unity) -> T) -> T {
 }
 
 impl Unity {
-    fn called(&mut self, name: &'static str) {
+    /// A function was called, which may be called in these places.
+    fn called(&mut self, name: &'static str, places: &[Place]) {
         *self.calls.entry(name).or_default() += 1;
+        let place = PLACE.get();
+        if !places.contains(&place) {
+            self.wrong.push(format!("{name} is called where it must not be: {place:?}"));
+        }
+    }
+
+    /// A texture that the plugin names, where it is Unity's.
+    fn own(&mut self, resource: *mut c_void, name: &str) -> Option<ID3D12Resource> {
+        // SAFETY: null or a live texture.
+        let texture = unsafe { ID3D12Resource::from_raw_borrowed(&resource) }.cloned();
+        if texture.is_none() || !self.states.contains_key(&resource.addr()) {
+            self.wrong.push(format!("{name} is called with a texture that is not Unity's"));
+            return None;
+        }
+        texture
+    }
+
+    /// The list that Unity records into.
+    fn list(&mut self) -> &Recording {
+        self.open.get_or_insert_with(|| {
+            let made = Recording::on(&self.engine.device, &self.engine.direct);
+            lists::is_new(made.list());
+            made
+        })
     }
 
     fn state_of(&self, resource: &ID3D12Resource) -> D3D12_RESOURCE_STATES {
@@ -59,8 +138,7 @@ impl Unity {
     /// Brings a texture of ours into a state, in the list that is open.
     fn bring(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         let before = self.state_of(resource);
-        let list = self.open.get_or_insert_with(|| Recording::on(&self.engine.device, &self.engine.direct));
-        list.barrier(resource, before, state);
+        self.list().barrier(resource, before, state);
         self.states.insert(resource.as_raw().addr(), state);
     }
 
@@ -69,47 +147,56 @@ impl Unity {
         let Some(open) = self.open.take() else { return };
         // SAFETY: an open list.
         unsafe { open.list().Close() }.expect("a list that can be closed");
-        self.pending.push(open.list().cast().expect("a command list"));
+        self.pending.push_back(Job::List(open.list().cast().expect("a command list")));
         self.alive.push(open);
     }
+}
 
-    /// Gives the queue everything that waits for it.
-    fn flush(&mut self) {
-        self.close();
-        for list in self.pending.drain(..) {
-            // SAFETY: a closed list, which is kept until it has run.
-            unsafe { self.engine.direct.ExecuteCommandLists(&[Some(list)]) };
+/// Has the submission thread do what waits for it.
+fn submit() {
+    while let Some(job) = with(|unity| unity.pending.pop_front()) {
+        match job {
+            Job::List(list) => with(|unity| {
+                lists::given(&list, unity.next);
+                // SAFETY: a closed list, which is kept until it has run.
+                unsafe { unity.engine.direct.ExecuteCommandLists(&[Some(list)]) };
+            }),
+            Job::Event(number, data) => on_thread(Place::Submitting, || run(number, data)),
         }
     }
 }
 
+/// Calls the plugin for an event, where this thread is.
+fn run(number: c_int, data: usize) {
+    let event = cairn_unity::cairn_unity_get_event_function();
+    // SAFETY: any number and any data are allowed.
+    unsafe { event(number, std::ptr::without_provenance_mut(data)) };
+}
+
 unsafe extern "system" fn get_device() -> *mut c_void {
     with(|unity| {
-        unity.called("GetDevice");
+        unity.called("GetDevice", &CALLED);
         unity.engine.device.as_raw()
     })
 }
 
 unsafe extern "system" fn get_frame_fence() -> *mut c_void {
     with(|unity| {
-        unity.called("GetFrameFence");
+        unity.called("GetFrameFence", &CALLED);
         unity.fence.as_raw()
     })
 }
 
 unsafe extern "system" fn get_next_frame_fence_value() -> u64 {
     with(|unity| {
-        unity.called("GetNextFrameFenceValue");
+        unity.called("GetNextFrameFenceValue", &EVENTS);
         unity.next
     })
 }
 
 unsafe extern "system" fn get_command_queue() -> *mut c_void {
     with(|unity| {
-        unity.called("GetCommandQueue");
-        if unity.in_event && unity.access == Some(0) {
-            unity.wrong.push("the queue is asked for where it is to be left alone".to_owned());
-        }
+        unity.called("GetCommandQueue", &[Place::Starting, Place::Submitting, Place::Unconfigured]);
         unity.engine.direct.as_raw()
     })
 }
@@ -124,14 +211,14 @@ struct States {
 
 unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, states: *const States) -> u64 {
     with(|unity| {
-        unity.called("ExecuteCommandList");
+        unity.called("ExecuteCommandList", &[Place::Recording, Place::Unconfigured]);
+        let mut after = Vec::new();
         for place in 0..count {
             // SAFETY: as many as is said.
             let told = unsafe { &*states.add(place as usize) };
-            // SAFETY: a live texture.
-            let texture = unsafe { ID3D12Resource::from_raw_borrowed(&told.resource) }.expect("a texture").clone();
+            let Some(texture) = unity.own(told.resource, "ExecuteCommandList") else { continue };
             unity.bring(&texture, D3D12_RESOURCE_STATES(told.expected));
-            unity.states.insert(texture.as_raw().addr(), D3D12_RESOURCE_STATES(told.current));
+            after.push((told.resource.addr(), D3D12_RESOURCE_STATES(told.current)));
         }
         unity.close();
         // SAFETY: a live list.
@@ -139,19 +226,21 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
         // SAFETY: as above.
         let kind = unsafe { list.GetType() };
         if kind != D3D12_COMMAND_LIST_TYPE_DIRECT {
-            unity.wrong.push("a list that is not direct".to_owned());
+            unity.wrong.push("ExecuteCommandList is called with a list that is not direct".to_owned());
         }
+        lists::handed_over(list, unity.next);
         // It runs when the frame ends, and not now.
-        unity.pending.push(list.cast().expect("a command list"));
+        unity.pending.push_back(Job::List(list.cast().expect("a command list")));
+        unity.states.extend(after);
         unity.next
     })
 }
 
 unsafe extern "system" fn configure_event(event: c_int, config: *const [u32; 3]) {
     with(|unity| {
-        unity.called("ConfigureEvent");
-        if unity.in_event {
-            unity.wrong.push("an event is configured within one".to_owned());
+        unity.called("ConfigureEvent", &[Place::Starting]);
+        if !(FIRST..FIRST + RESERVED).contains(&event) {
+            unity.wrong.push("ConfigureEvent is called with an event that is not the plugin's".to_owned());
         }
         // SAFETY: a struct of three words, the last a byte and what fills it up.
         let [access, flags, binds] = unsafe { config.read() };
@@ -161,31 +250,31 @@ unsafe extern "system" fn configure_event(event: c_int, config: *const [u32; 3])
 
 unsafe extern "system" fn command_recording_state(state: *mut *mut c_void) -> u8 {
     with(|unity| {
-        unity.called("CommandRecordingState");
-        if unity.access != Some(0) {
-            unity.wrong.push("the list is asked for where it is to be left alone".to_owned());
+        unity.called("CommandRecordingState", &[Place::Recording]);
+        if PLACE.get() != Place::Recording {
             return 0;
         }
-        let list = unity.open.get_or_insert_with(|| Recording::on(&unity.engine.device, &unity.engine.direct));
         // SAFETY: a place for a list.
-        unsafe { state.write(list.list().as_raw()) };
+        unsafe { state.write(unity.list().list().as_raw()) };
         1
     })
 }
 
 unsafe extern "system" fn request_resource_state(resource: *mut c_void, state: i32) {
     with(|unity| {
-        unity.called("RequestResourceState");
-        // SAFETY: a live texture.
-        let texture = unsafe { ID3D12Resource::from_raw_borrowed(&resource) }.expect("a texture").clone();
-        unity.bring(&texture, D3D12_RESOURCE_STATES(state));
+        unity.called("RequestResourceState", &[Place::Recording]);
+        if let Some(texture) = unity.own(resource, "RequestResourceState") {
+            unity.bring(&texture, D3D12_RESOURCE_STATES(state));
+        }
     });
 }
 
 unsafe extern "system" fn notify_resource_state(resource: *mut c_void, state: i32, _unordered: u8) {
     with(|unity| {
-        unity.called("NotifyResourceState");
-        unity.states.insert(resource.addr(), D3D12_RESOURCE_STATES(state));
+        unity.called("NotifyResourceState", &[Place::Recording]);
+        if unity.own(resource, "NotifyResourceState").is_some() {
+            unity.states.insert(resource.addr(), D3D12_RESOURCE_STATES(state));
+        }
     });
 }
 
@@ -201,46 +290,51 @@ unsafe extern "system" fn get_renderer() -> c_int {
 
 unsafe extern "system" fn register_device_event(event: Option<unsafe extern "system" fn(c_int)>) {
     with(|unity| {
-        unity.called("RegisterDeviceEventCallback");
+        unity.called("RegisterDeviceEventCallback", &[Place::Starting]);
         unity.device_event = event;
     });
 }
 
 unsafe extern "system" fn unregister_device_event(_: Option<unsafe extern "system" fn(c_int)>) {
     with(|unity| {
-        unity.called("UnregisterDeviceEventCallback");
+        unity.called("UnregisterDeviceEventCallback", &[Place::Starting]);
         unity.device_event = None;
     });
 }
 
 unsafe extern "system" fn reserve_events(count: c_int) -> c_int {
-    assert_eq!(count, 2, "events");
+    with(|unity| unity.called("ReserveEventIDRange", &[Place::Starting]));
+    assert_eq!(count, RESERVED, "events");
     FIRST
 }
 
 /// A table: functions in Unity's order, by their places.
 #[derive(Clone, Copy)]
 #[allow(dead_code, reason = "the plugin reads it")]
-struct Place(*const c_void);
+struct Slot(*const c_void);
 
 // SAFETY: addresses of functions.
-unsafe impl Sync for Place {}
+unsafe impl Sync for Slot {}
 
 macro_rules! table {
-    ($($function:expr),* $(,)?) => { [$(Place($function as *const c_void)),*] };
+    ($($function:expr),* $(,)?) => { [$(Slot($function as *const c_void)),*] };
 }
 
-static GRAPHICS: [Place; 4] = table![get_renderer, register_device_event, unregister_device_event, reserve_events];
-static V5: [Place; 7] = table![
-    get_device,
-    get_frame_fence,
-    get_next_frame_fence_value,
-    execute_command_list,
-    not_used,
-    get_command_queue,
-    not_used,
-];
-static V6: [Place; 10] = table![
+static GRAPHICS: [Slot; 4] = table![get_renderer, register_device_event, unregister_device_event, reserve_events];
+/// The first functions of a table, in memory of their own, behind which nothing of the table is.
+const fn first<const FEW: usize, const ALL: usize>(table: &[Slot; ALL]) -> [Slot; FEW] {
+    let mut few = [table[0]; FEW];
+    let mut place = 0;
+    while place < FEW {
+        few[place] = table[place];
+        place += 1;
+    }
+    few
+}
+
+// Two orders: the second put three functions of the swap chain into the first. Of each a later version went on at the end.
+static V5: [Slot; 7] = first(&V6);
+static V6: [Slot; 10] = table![
     get_device,
     get_frame_fence,
     get_next_frame_fence_value,
@@ -252,22 +346,8 @@ static V6: [Place; 10] = table![
     configure_event,
     command_recording_state,
 ];
-static V7: [Place; 13] = table![
-    get_device,
-    not_used,
-    not_used,
-    not_used,
-    get_frame_fence,
-    get_next_frame_fence_value,
-    execute_command_list,
-    not_used,
-    get_command_queue,
-    not_used,
-    not_used,
-    configure_event,
-    command_recording_state,
-];
-static V8: [Place; 15] = table![
+static V7: [Slot; 13] = first(&V8);
+static V8: [Slot; 15] = table![
     get_device,
     not_used,
     not_used,
@@ -284,12 +364,12 @@ static V8: [Place; 15] = table![
     request_resource_state,
     notify_resource_state,
 ];
-static REGISTRY: [Place; 4] = table![not_used, not_used, get_interface, not_used];
+static REGISTRY: [Slot; 4] = table![not_used, not_used, get_interface, not_used];
 
 unsafe extern "system" fn get_interface(high: u64, low: u64) -> *const c_void {
     let version = with(|unity| unity.version);
     // A Unity that has a version has those before it.
-    let has = |least: u32, table: &'static [Place]| if version >= least { table.as_ptr().cast() } else { null() };
+    let has = |least: u32, table: &'static [Slot]| if version >= least { table.as_ptr().cast() } else { null() };
     match (high, low) {
         (0x7cba0a9ca4ddb544, 0x8c5ad4926eb17b11) => GRAPHICS.as_ptr().cast(),
         (0xf5c8d8a37d37bc42, 0xb02dfe93b5064a27) => has(5, &V5),
@@ -298,6 +378,18 @@ unsafe extern "system" fn get_interface(high: u64, low: u64) -> *const c_void {
         (0x9d303045d00d4cfd, 0x8febb42968b423b6) => has(8, &V8),
         _ => null(),
     }
+}
+
+/// A table of the registry's, as the plugin reads it.
+///
+/// # Safety
+/// `T` is the table of that number.
+pub(crate) unsafe fn table<T: Copy>(guid: Guid) -> T {
+    // SAFETY: numbers are looked up.
+    let found = unsafe { get_interface(guid.high, guid.low) };
+    assert!(!found.is_null(), "a version that this Unity has");
+    // SAFETY: the caller's promise.
+    unsafe { found.cast::<T>().read() }
 }
 
 /// The Unity that runs, for whoever holds it.
@@ -312,18 +404,19 @@ impl Running {
         let engine = engine::engine();
         // SAFETY: a live device.
         let fence = unsafe { engine.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+        lists::begin(&engine.device, &fence);
         *UNITY.lock().unwrap_or_else(|e| e.into_inner()) = Some(Unity {
             engine,
             version,
             fence,
             next: 1,
             open: None,
-            pending: Vec::new(),
+            pending: VecDeque::new(),
+            lags: false,
             alive: Vec::new(),
+            textures: Vec::new(),
             states: BTreeMap::new(),
             configured: BTreeMap::new(),
-            access: None,
-            in_event: false,
             device_event: None,
             calls: BTreeMap::new(),
             wrong: Vec::new(),
@@ -333,19 +426,36 @@ impl Running {
 
     pub(crate) fn load(&self) {
         // SAFETY: the registry lives for ever.
-        unsafe { UnityPluginLoad(REGISTRY.as_ptr().cast()) };
+        at(Place::Starting, || unsafe { UnityPluginLoad(REGISTRY.as_ptr().cast()) });
     }
 
     pub(crate) fn unload(&self) {
         // SAFETY: as above.
-        unsafe { UnityPluginUnload() };
+        at(Place::Starting, || unsafe { UnityPluginUnload() });
     }
 
     /// Tells the plugin of the device.
     pub(crate) fn device_event(&self, kind: c_int) {
         let event = with(|unity| unity.device_event).expect("the plugin has registered");
         // SAFETY: as Unity calls it.
-        unsafe { event(kind) };
+        at(Place::Starting, || unsafe { event(kind) });
+    }
+
+    /// From now on the submission thread comes to its work at the end of a frame only, when the render thread is long done with it.
+    pub(crate) fn lag(&self) {
+        with(|unity| unity.lags = true);
+    }
+
+    /// Has the queue wait, behind what it has been given, until the gate is opened.
+    pub(crate) fn hold(&self) -> Gate {
+        with(|unity| {
+            // SAFETY: a live device.
+            let fence: ID3D12Fence =
+                unsafe { unity.engine.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+            // SAFETY: a live queue and fence.
+            unsafe { unity.engine.direct.Wait(&fence, 1) }.expect("it waits");
+            Gate(fence)
+        })
     }
 
     pub(crate) fn device(&self) -> ID3D12Device {
@@ -358,7 +468,11 @@ impl Running {
 
     /// Has a texture of ours, which is in that state.
     pub(crate) fn own(&self, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
-        with(|unity| unity.states.insert(texture.as_raw().addr(), state));
+        lists::is_in(texture, state);
+        with(|unity| {
+            unity.textures.push(texture.clone());
+            unity.states.insert(texture.as_raw().addr(), state);
+        });
     }
 
     pub(crate) fn state_of(&self, texture: &ID3D12Resource) -> D3D12_RESOURCE_STATES {
@@ -370,30 +484,39 @@ impl Running {
         with(|unity| unity.bring(texture, state));
     }
 
-    /// Calls the plugin as for an event that was issued.
+    /// Calls the plugin for an event that was issued, as it was configured.
     pub(crate) fn event(&self, number: c_int, data: *mut c_void) {
-        with(|unity| {
-            let config = unity.configured.get(&number).copied();
-            if let Some([1, flags, _]) = config {
+        let data = data.addr();
+        match with(|unity| unity.configured.get(&number).copied()) {
+            Some([1, flags, _]) => {
                 assert_eq!(flags & 2, 2, "lists that were recorded before come first");
-                unity.flush();
+                let lags = with(|unity| {
+                    unity.close();
+                    unity.pending.push_back(Job::Event(number, data));
+                    unity.lags
+                });
+                if !lags {
+                    submit();
+                }
             }
-            unity.access = config.map(|[access, ..]| access);
-            unity.in_event = true;
-        });
-        let event = cairn_unity::cairn_unity_get_event_function();
-        // SAFETY: any number and any data are allowed.
-        unsafe { event(number, data) };
-        with(|unity| {
-            unity.access = None;
-            unity.in_event = false;
-        });
+            Some(_) => on_thread(Place::Recording, || run(number, data)),
+            None => on_thread(Place::Unconfigured, || run(number, data)),
+        }
+    }
+
+    /// Does something as the plugin would, where Unity calls it.
+    pub(crate) fn act(&self, place: Place, work: impl FnOnce() + Send) {
+        on_thread(place, work);
     }
 
     /// Ends a frame: the queue gets what is left, and then the value of the fence.
     pub(crate) fn end_frame(&self) {
+        with(Unity::close);
+        submit();
         with(|unity| {
-            unity.flush();
+            for (texture, state) in &unity.states {
+                lists::compare(*texture, *state);
+            }
             // SAFETY: a live queue and fence.
             unsafe { unity.engine.direct.Signal(&unity.fence, unity.next) }.expect("it takes a signal");
             unity.next += 1;
@@ -416,9 +539,26 @@ impl Running {
         with(|unity| unity.configured.get(&event).copied())
     }
 
-    /// What was done against the rules.
+    /// What was done against the rules since this was last asked.
     pub(crate) fn wrong(&self) -> Vec<String> {
-        with(|unity| unity.wrong.clone())
+        let mut wrong = with(|unity| std::mem::take(&mut unity.wrong));
+        wrong.extend(lists::wrong());
+        wrong
+    }
+
+    /// How many textures that were copied from are gone.
+    pub(crate) fn freed(&self) -> usize {
+        lists::freed()
+    }
+}
+
+/// A queue waits at it.
+pub(crate) struct Gate(ID3D12Fence);
+
+impl Drop for Gate {
+    fn drop(&mut self) {
+        // SAFETY: a live fence.
+        unsafe { self.0.Signal(1) }.expect("it takes a signal");
     }
 }
 
@@ -429,5 +569,6 @@ impl Drop for Running {
         if let Some(unity) = unity {
             super::textures::wait(&unity.engine.device, &unity.engine.direct);
         }
+        lists::end();
     }
 }

@@ -1,0 +1,298 @@
+//! What is recorded in lists and given to the queue, held against Direct3D's rules: textures are in the states that commands ask for,
+//! lists that are given are closed, and allocators are not reset, nor textures freed, while the queue uses them. Direct3D leaves all of
+//! that to its debug layer, and does anything at all without it.
+
+use std::collections::BTreeMap;
+use std::ffi::c_void;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock};
+
+use cairn::gpu::windows::Win32::Foundation::{E_FAIL, E_NOINTERFACE, S_OK};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::core::{GUID, HRESULT, IUnknown, IUnknown_Vtbl, Interface};
+
+use super::tables::replace;
+use super::textures::Recording;
+
+/// Objects are known by their addresses.
+type Address = usize;
+
+/// What a list does that is looked at.
+enum Command {
+    Barrier { texture: Address, before: D3D12_RESOURCE_STATES, after: D3D12_RESOURCE_STATES },
+    Copy { to: Address, from: Address },
+    Close,
+}
+
+#[derive(Default)]
+struct Seen {
+    /// Unity's own, by which it is known what has run.
+    fence: Option<ID3D12Fence>,
+    commands: BTreeMap<Address, Vec<Command>>,
+    /// The allocator of each list.
+    allocators: BTreeMap<Address, Address>,
+    /// The fence's value when the last list of each allocator has run.
+    busy: BTreeMap<Address, u64>,
+    /// Of textures, behind all that the queue was given. Those that are not there are in COMMON.
+    states: BTreeMap<Address, D3D12_RESOURCE_STATES>,
+    /// Textures that lists copy from, and the fence's value up to which they must live.
+    used: BTreeMap<Address, u64>,
+    /// Those of them that are gone.
+    freed: usize,
+    wrong: Vec<String>,
+}
+
+static SEEN: Mutex<Option<Seen>> = Mutex::new(None);
+
+fn seen() -> MutexGuard<'static, Option<Seen>> {
+    SEEN.lock().unwrap_or_else(|e| e.into_inner())
+}
+
+/// Does something with what was seen; nothing where nobody looks.
+fn with(work: impl FnOnce(&mut Seen)) {
+    if let Some(seen) = seen().as_mut() {
+        work(seen);
+    }
+}
+
+impl Seen {
+    fn has_run(&self, value: u64) -> bool {
+        // SAFETY: a live fence.
+        self.fence.as_ref().is_none_or(|fence| unsafe { fence.GetCompletedValue() } >= value)
+    }
+
+    fn state_of(&self, texture: Address) -> D3D12_RESOURCE_STATES {
+        self.states.get(&texture).copied().unwrap_or(D3D12_RESOURCE_STATE_COMMON)
+    }
+
+    fn expect(&mut self, what: &str, texture: Address, state: D3D12_RESOURCE_STATES) {
+        let found = self.state_of(texture);
+        if found != state {
+            self.wrong.push(format!("{what}: a texture is in {found:?}, not {state:?}"));
+        }
+    }
+}
+
+static THEIR_BARRIER: OnceLock<unsafe extern "system" fn(*mut c_void, u32, *const D3D12_RESOURCE_BARRIER)> =
+    OnceLock::new();
+static THEIR_COPY: OnceLock<unsafe extern "system" fn(*mut c_void, *mut c_void, *mut c_void)> = OnceLock::new();
+static THEIR_CLOSE: OnceLock<unsafe extern "system" fn(*mut c_void) -> HRESULT> = OnceLock::new();
+static THEIR_RESET: OnceLock<unsafe extern "system" fn(*mut c_void, *mut c_void, *mut c_void) -> HRESULT> =
+    OnceLock::new();
+static THEIR_FREEING: OnceLock<unsafe extern "system" fn(*mut c_void) -> HRESULT> = OnceLock::new();
+
+fn record(list: *mut c_void, command: Command) {
+    with(|seen| seen.commands.entry(list.addr()).or_default().push(command));
+}
+
+unsafe extern "system" fn our_barrier(this: *mut c_void, count: u32, barriers: *const D3D12_RESOURCE_BARRIER) {
+    for place in 0..count as usize {
+        // SAFETY: as many as is said.
+        let barrier = unsafe { &*barriers.add(place) };
+        if barrier.Type == D3D12_RESOURCE_BARRIER_TYPE_TRANSITION {
+            // SAFETY: the kind says which it is.
+            let told = unsafe { &barrier.Anonymous.Transition };
+            let texture = told.pResource.as_ref().map_or(0, |resource| resource.as_raw().addr());
+            record(this, Command::Barrier { texture, before: told.StateBefore, after: told.StateAfter });
+        }
+    }
+    let theirs = THEIR_BARRIER.get().expect("what it replaces");
+    // SAFETY: the caller's own arguments, handed on.
+    unsafe { theirs(this, count, barriers) }
+}
+
+unsafe extern "system" fn our_copy(this: *mut c_void, to: *mut c_void, from: *mut c_void) {
+    record(this, Command::Copy { to: to.addr(), from: from.addr() });
+    // SAFETY: a live resource, by the caller's promise.
+    if let Some(from) = unsafe { ID3D12Resource::from_raw_borrowed(&from) } {
+        Witness::send(from);
+    }
+    let theirs = THEIR_COPY.get().expect("what it replaces");
+    // SAFETY: the caller's own arguments, handed on.
+    unsafe { theirs(this, to, from) }
+}
+
+unsafe extern "system" fn our_close(this: *mut c_void) -> HRESULT {
+    record(this, Command::Close);
+    let theirs = THEIR_CLOSE.get().expect("what it replaces");
+    // SAFETY: the caller's own list.
+    unsafe { theirs(this) }
+}
+
+unsafe extern "system" fn our_reset(this: *mut c_void, allocator: *mut c_void, pipeline: *mut c_void) -> HRESULT {
+    with(|seen| {
+        seen.commands.remove(&this.addr());
+        seen.allocators.insert(this.addr(), allocator.addr());
+    });
+    let theirs = THEIR_RESET.get().expect("what it replaces");
+    // SAFETY: the caller's own arguments, handed on.
+    unsafe { theirs(this, allocator, pipeline) }
+}
+
+unsafe extern "system" fn our_freeing(this: *mut c_void) -> HRESULT {
+    let mut has_run = true;
+    with(|seen| {
+        has_run = seen.has_run(seen.busy.get(&this.addr()).copied().unwrap_or(0));
+        if !has_run {
+            seen.wrong.push("an allocator is reset whose list has not run".to_owned());
+        }
+    });
+    if !has_run {
+        // Done all the same, it takes the process with it.
+        return E_FAIL;
+    }
+    let theirs = THEIR_FREEING.get().expect("what it replaces");
+    // SAFETY: the caller's own allocator.
+    unsafe { theirs(this) }
+}
+
+/// Looks at lists of a device from now on, until it is begun anew.
+pub(super) fn begin(device: &ID3D12Device, fence: &ID3D12Fence) {
+    let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
+    let any = Recording::new(device, kind);
+    let table = Interface::vtable(any.list());
+    replace(&raw const table.ResourceBarrier, &THEIR_BARRIER, our_barrier);
+    replace(&raw const table.CopyResource, &THEIR_COPY, our_copy);
+    replace(&raw const table.Close, &THEIR_CLOSE, our_close);
+    replace(&raw const table.Reset, &THEIR_RESET, our_reset);
+    // SAFETY: a live device.
+    let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }.expect("an allocator");
+    let table = Interface::vtable(&allocator);
+    replace(&raw const table.Reset, &THEIR_FREEING, our_freeing);
+    *seen() = Some(Seen { fence: Some(fence.clone()), ..Seen::default() });
+}
+
+/// Ends that.
+pub(super) fn end() {
+    let left = seen().take();
+    drop(left);
+}
+
+/// A list is new, and what another of its address has done is nobody's concern.
+pub(super) fn is_new(list: &ID3D12GraphicsCommandList) {
+    with(|seen| _ = seen.commands.remove(&list.as_raw().addr()));
+}
+
+/// Says what state a texture is in.
+pub(super) fn is_in(texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
+    with(|seen| _ = seen.states.insert(texture.as_raw().addr(), state));
+}
+
+/// The list is handed over, to run before the fence has that value.
+pub(super) fn handed_over(list: &ID3D12GraphicsCommandList, value: u64) {
+    with(|seen| {
+        let address = list.as_raw().addr();
+        if !matches!(seen.commands.get(&address).and_then(|commands| commands.last()), Some(Command::Close)) {
+            seen.wrong.push("a list is handed over that is not closed".to_owned());
+        }
+        if let Some(allocator) = seen.allocators.get(&address) {
+            seen.busy.insert(*allocator, value);
+        }
+    });
+}
+
+/// The queue is given the list, behind all others, to run before the fence has that value.
+pub(super) fn given(list: &ID3D12CommandList, value: u64) {
+    with(|seen| {
+        for command in seen.commands.remove(&list.as_raw().addr()).unwrap_or_default() {
+            match command {
+                Command::Barrier { texture, before, after } => {
+                    seen.expect("a barrier", texture, before);
+                    seen.states.insert(texture, after);
+                }
+                Command::Copy { to, from } => {
+                    seen.expect("what is copied into", to, D3D12_RESOURCE_STATE_COPY_DEST);
+                    seen.expect("what is copied", from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+                    seen.used.insert(from, value);
+                }
+                Command::Close => {}
+            }
+        }
+    });
+}
+
+/// Holds what Unity takes a texture's state for against what it is in.
+pub(super) fn compare(texture: Address, believed: D3D12_RESOURCE_STATES) {
+    with(|seen| seen.expect("what Unity was told", texture, believed));
+}
+
+/// Has a texture that was copied from let go of its witness, as if it went.
+pub(super) fn let_go(texture: &ID3D12Resource) {
+    // SAFETY: a live texture.
+    unsafe { texture.SetPrivateDataInterface(&NAME, None) }.expect("a texture that lets go");
+}
+
+/// How many textures that were copied from are gone.
+pub(super) fn freed() -> usize {
+    seen().as_ref().map_or(0, |seen| seen.freed)
+}
+
+/// What was done against the rules since this was last asked.
+pub(super) fn wrong() -> Vec<String> {
+    seen().as_mut().map(|seen| std::mem::take(&mut seen.wrong)).unwrap_or_default()
+}
+
+/// An object that a texture holds, and lets go of when it is freed.
+#[repr(C)]
+struct Witness {
+    table: &'static IUnknown_Vtbl,
+    count: AtomicU32,
+    of: Address,
+}
+
+static WITNESS: IUnknown_Vtbl = IUnknown_Vtbl { QueryInterface: query, AddRef: add, Release: release };
+/// What the texture knows it by; of our own making.
+const NAME: GUID = GUID::from_u128(0x6b1c_40de_8a52_4f0e_9d07_31c2_5be4_70aa);
+
+unsafe extern "system" fn query(this: *mut c_void, id: *const GUID, to: *mut *mut c_void) -> HRESULT {
+    // SAFETY: the caller's promise.
+    if unsafe { *id } != IUnknown::IID {
+        return E_NOINTERFACE;
+    }
+    // SAFETY: as above.
+    unsafe { add(this) };
+    // SAFETY: as above.
+    unsafe { to.write(this) };
+    S_OK
+}
+
+unsafe extern "system" fn add(this: *mut c_void) -> u32 {
+    // SAFETY: a live witness.
+    unsafe { &*this.cast::<Witness>() }.count.fetch_add(1, Ordering::SeqCst) + 1
+}
+
+unsafe extern "system" fn release(this: *mut c_void) -> u32 {
+    // SAFETY: a live witness.
+    let left = unsafe { &*this.cast::<Witness>() }.count.fetch_sub(1, Ordering::SeqCst) - 1;
+    if left == 0 {
+        // SAFETY: made by a box, and nobody holds it any more.
+        let witness = unsafe { Box::from_raw(this.cast::<Witness>()) };
+        with(|seen| {
+            if let Some(until) = seen.used.remove(&witness.of) {
+                seen.freed += 1;
+                if !seen.has_run(until) {
+                    seen.wrong.push("a texture is freed that the queue still uses".to_owned());
+                }
+            }
+            seen.states.remove(&witness.of);
+        });
+    }
+    left
+}
+
+impl Witness {
+    /// Has a texture hold one, which it may have already.
+    fn send(to: &ID3D12Resource) {
+        let mut size = 0;
+        // SAFETY: a live texture; it is asked for the size alone.
+        if unsafe { to.GetPrivateData(&NAME, &mut size, None) }.is_ok() && size > 0 {
+            return;
+        }
+        let witness = Box::new(Self { table: &WITNESS, count: AtomicU32::new(1), of: to.as_raw().addr() });
+        _ = witness.table;
+        // SAFETY: an object with that table, whose one reference is used once.
+        let witness = unsafe { IUnknown::from_raw(Box::into_raw(witness).cast()) };
+        // SAFETY: a live texture and a live object, to which the texture adds a reference.
+        unsafe { to.SetPrivateDataInterface(&NAME, &witness) }.expect("a texture that holds it");
+    }
+}

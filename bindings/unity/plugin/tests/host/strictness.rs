@@ -1,0 +1,247 @@
+//! The Unity of these tests refuses what Unity, Direct3D or its debug layer would: what it is told here is wrong, each time otherwise.
+
+use std::ffi::c_void;
+use std::ptr::null_mut;
+
+use cairn::gpu::compute::transition;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::core::Interface;
+use cairn_unity::interfaces::*;
+
+use super::lists;
+use super::textures::{Recording, Wanted};
+use super::unity::{Place, Running, table};
+use super::{READ, SIZE, texture};
+
+const RESTS: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
+const IS_READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COPY_SOURCE;
+const IS_WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COPY_DEST;
+
+/// Unity's functions, of the version that has all of them.
+fn functions() -> Direct3d12V8 {
+    // SAFETY: the table of that number.
+    unsafe { table::<Direct3d12V8>(Direct3d12V8::GUID) }
+}
+
+/// Wherever something is wrong, and what, in part.
+#[track_caller]
+fn refused(unity: &Running, part: &str) {
+    let wrong = unity.wrong();
+    assert!(wrong.iter().any(|why| why.contains(part)), "{part}: {wrong:?}");
+}
+
+/// A texture that is no one's but the plugin's.
+fn canvas(unity: &Running) -> ID3D12Resource {
+    Wanted { size: SIZE, format: super::DXGI_FORMAT_R8G8B8A8_TYPELESS, state: RESTS, ..Wanted::default() }
+        .make(&unity.device())
+}
+
+/// The list that Unity records, for an event.
+fn list() -> ID3D12GraphicsCommandList {
+    let mut state = RecordingState { list: null_mut() };
+    // SAFETY: a place for the list.
+    assert_eq!(unsafe { functions().command_recording_state.expect("it")(&mut state) }, 1);
+    // SAFETY: Unity's list.
+    unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.expect("a list").clone()
+}
+
+/// Copies as the plugin does.
+fn copy(list: &ID3D12GraphicsCommandList, to: &ID3D12Resource, from: &ID3D12Resource) {
+    // SAFETY: an open list and live textures.
+    unsafe {
+        list.ResourceBarrier(&[transition(from, RESTS, IS_READ)]);
+        list.CopyResource(to, from);
+        list.ResourceBarrier(&[transition(from, IS_READ, RESTS)]);
+    }
+}
+
+/// A list of the plugin's own that copies, open.
+fn recorded(unity: &Running, to: &ID3D12Resource, from: &ID3D12Resource) -> (Recording, ID3D12CommandAllocator) {
+    let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
+    let made = Recording::new(&unity.device(), kind);
+    // SAFETY: a live device.
+    let allocator: ID3D12CommandAllocator = unsafe { unity.device().CreateCommandAllocator(kind) }.expect("one");
+    // SAFETY: an open list.
+    unsafe { made.list().Close() }.expect("a list that can be closed");
+    // SAFETY: a closed list and an allocator that nobody uses.
+    unsafe { made.list().Reset(&allocator, None) }.expect("an open list");
+    copy(made.list(), to, from);
+    (made, allocator)
+}
+
+/// Hands a list to Unity, with the state of a texture before and after it.
+fn execute(list: &ID3D12GraphicsCommandList, states: &mut [ResourceState]) -> u64 {
+    let execute = functions().execute_command_list.expect("it");
+    // SAFETY: a live list, and as many states as is said.
+    unsafe { execute(list.as_raw(), states.len() as i32, states.as_mut_ptr()) }
+}
+
+/// Has an event hand a list to Unity, closed before or else behind: Direct3D runs no other.
+fn hand_over(unity: &Running, made: &Recording, states: &[ResourceState], closes: bool) {
+    let list = made.list().clone();
+    let states: Vec<_> = states.iter().map(|state| (state.resource.addr(), state.expected, state.current)).collect();
+    unity.act(Place::Unconfigured, move || {
+        let state = |(resource, expected, current)| ResourceState {
+            resource: std::ptr::without_provenance_mut::<c_void>(resource),
+            expected,
+            current,
+        };
+        let mut states: Vec<_> = states.into_iter().map(state).collect();
+        // SAFETY: an open list.
+        let close = || unsafe { list.Close() }.expect("a list that can be closed");
+        if closes {
+            close();
+        }
+        execute(&list, &mut states);
+        if !closes {
+            close();
+        }
+    });
+}
+
+fn state(texture: &ID3D12Resource, expected: D3D12_RESOURCE_STATES, current: D3D12_RESOURCE_STATES) -> ResourceState {
+    ResourceState { resource: texture.as_raw(), expected: expected.0, current: current.0 }
+}
+
+#[test]
+fn functions_are_refused_where_they_must_not_be_called() {
+    let unity = Running::start(8);
+    let object = |get: Option<GetObject>, place, name: &str| {
+        // SAFETY: a function that takes nothing.
+        unity.act(place, move || _ = unsafe { get.expect("it")() });
+        if !name.is_empty() {
+            refused(&unity, name);
+        }
+        assert_eq!(unity.wrong(), [""; 0]);
+    };
+    let all = functions();
+    object(all.get_device, Place::Game, "GetDevice");
+    object(all.get_frame_fence, Place::Game, "GetFrameFence");
+    object(all.get_command_queue, Place::Recording, "GetCommandQueue");
+    object(all.get_command_queue, Place::Submitting, "");
+    let mut place = RecordingState { list: null_mut() };
+    let at = (&raw mut place).addr();
+    // SAFETY: a place for the list, which lives during the call.
+    let recording = move || unsafe { all.command_recording_state.expect("it")(at as *mut RecordingState) };
+    unity.act(Place::Submitting, move || assert_eq!(recording(), 0));
+    refused(&unity, "CommandRecordingState");
+    let config = EventConfig { queue_access: QUEUE_ALLOWED, flags: FLUSH_COMMAND_BUFFERS, binds_render_texture: 0 };
+    // SAFETY: a struct that is read during the call.
+    let configure = move |event| unsafe { all.configure_event.expect("it")(event, &config) };
+    unity.act(Place::Recording, move || configure(4711));
+    refused(&unity, "ConfigureEvent");
+    unity.act(Place::Starting, move || configure(4713));
+    refused(&unity, "not the plugin's");
+    // SAFETY: a function that takes nothing.
+    unity.act(Place::Game, move || _ = unsafe { all.get_next_frame_fence_value.expect("it")() });
+    refused(&unity, "GetNextFrameFenceValue");
+    // A texture that Unity does not know, and none.
+    let foreign = canvas(&unity);
+    for texture in [foreign.as_raw(), null_mut()].map(|texture: *mut c_void| texture.addr()) {
+        unity.act(Place::Recording, move || {
+            // SAFETY: a live texture, or null.
+            unsafe { all.request_resource_state.expect("it")(texture as *mut c_void, IS_WRITTEN.0) };
+        });
+        refused(&unity, "RequestResourceState");
+    }
+    assert_eq!(unity.wrong(), [""; 0]);
+}
+
+#[test]
+fn textures_in_other_states_are_refused() {
+    let unity = Running::start(8);
+    let (target, from) = (texture(&unity, SIZE, 1), canvas(&unity));
+    let (request, notify) = (functions().request_resource_state, functions().notify_resource_state);
+    // SAFETY: a live texture.
+    let into = || unsafe { request.expect("it")(target.as_raw(), IS_WRITTEN.0) };
+    // As it is right.
+    unity.act(Place::Recording, || {
+        into();
+        copy(&list(), &target, &from);
+    });
+    unity.end_frame();
+    assert_eq!(unity.wrong(), [""; 0]);
+    // Unity reads it again, and nobody asked for it.
+    unity.bring(&target, READ);
+    unity.act(Place::Recording, || copy(&list(), &target, &from));
+    unity.end_frame();
+    refused(&unity, "what is copied into");
+    // What is copied is where it rests.
+    unity.act(Place::Recording, || {
+        into();
+        // SAFETY: an open list and live textures.
+        unsafe { list().CopyResource(&target, &from) };
+    });
+    unity.end_frame();
+    refused(&unity, "what is copied");
+    // It is brought elsewhere, and Unity is not told; and told otherwise.
+    unity.act(Place::Recording, || {
+        into();
+        // SAFETY: an open list and a live texture.
+        unsafe { list().ResourceBarrier(&[transition(&target, IS_WRITTEN, READ)]) };
+    });
+    unity.end_frame();
+    refused(&unity, "what Unity was told");
+    // SAFETY: a live texture.
+    unity.act(Place::Recording, || unsafe { notify.expect("it")(target.as_raw(), RESTS.0, 0) });
+    unity.end_frame();
+    refused(&unity, "what Unity was told");
+    // A barrier from a state that it is not in.
+    unity.act(Place::Recording, || {
+        // SAFETY: as above.
+        unsafe { list().ResourceBarrier(&[transition(&from, IS_WRITTEN, RESTS)]) };
+    });
+    unity.end_frame();
+    refused(&unity, "a barrier");
+}
+
+#[test]
+fn lists_that_are_not_as_they_should_be_are_refused() {
+    let unity = Running::start(8);
+    let (target, from) = (texture(&unity, SIZE, 1), canvas(&unity));
+    // As it is right.
+    let (right, allocator) = recorded(&unity, &target, &from);
+    hand_over(&unity, &right, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
+    // SAFETY: a live allocator. Its list has not run, so nothing is done.
+    unsafe { allocator.Reset() }.expect_err("it is refused");
+    refused(&unity, "an allocator is reset");
+    unity.end_frame();
+    unity.settle();
+    // SAFETY: it has run.
+    unsafe { allocator.Reset() }.expect("an allocator");
+    assert_eq!(unity.wrong(), [""; 0]);
+    // The texture is not named.
+    unity.bring(&target, READ);
+    let (silent, _silent) = recorded(&unity, &target, &from);
+    hand_over(&unity, &silent, &[], true);
+    unity.end_frame();
+    refused(&unity, "what is copied into");
+    // It is named with another state behind it.
+    let (other, _other) = recorded(&unity, &target, &from);
+    hand_over(&unity, &other, &[state(&target, IS_WRITTEN, READ)], true);
+    unity.end_frame();
+    refused(&unity, "what Unity was told");
+    unity.settle();
+    // The list is open.
+    let again = texture(&unity, SIZE, 1);
+    let (open, _open) = recorded(&unity, &again, &from);
+    hand_over(&unity, &open, &[state(&again, IS_WRITTEN, IS_WRITTEN)], false);
+    refused(&unity, "not closed");
+    unity.end_frame();
+}
+
+#[test]
+fn textures_that_go_too_soon_are_refused() {
+    let unity = Running::start(8);
+    let (target, gone) = (texture(&unity, SIZE, 1), canvas(&unity));
+    let (made, _allocator) = recorded(&unity, &target, &gone);
+    let gate = unity.hold();
+    hand_over(&unity, &made, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
+    unity.end_frame();
+    assert_eq!((unity.freed(), unity.wrong()), (0, Vec::new()));
+    lists::let_go(&gone);
+    assert_eq!(unity.freed(), 1);
+    refused(&unity, "a texture is freed");
+    drop(gate);
+    unity.settle();
+}
