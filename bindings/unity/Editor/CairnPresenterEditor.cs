@@ -5,25 +5,22 @@ namespace Cairn.Unity.Editor
 {
     /// <summary>The inspector of a presenter: its figures, and below them what it shows.</summary>
     [CustomEditor(typeof(CairnPresenter))]
-    public sealed class CairnPresenterEditor : UnityEditor.Editor
+    public sealed class CairnPresenterEditor : CairnEditor
     {
         /// <summary>Draws the figures.</summary>
-        public override void OnInspectorGUI()
+        protected override void DrawState()
         {
-            ProjectCheck.Draw();
-            DrawDefaultInspector();
             var presenter = (CairnPresenter)target;
             if (presenter.Failure.Length > 0) EditorGUILayout.HelpBox(presenter.Failure, MessageType.Error);
             PresenterStatistics done = presenter.Statistics;
             if (done == null) return;
-            EditorGUILayout.Space();
             Row("Frames shown", presenter.Shown);
             Row("Anchors", done.Anchors);
             Row("Late anchors", done.LateAnchors);
             Row("Anchors that were not taken", presenter.Missed);
             Row("Generated", done.ShownGenerated);
-            EditorGUILayout.LabelField("Generator", done.Generator);
-            if (done.Preference.Length > 0) EditorGUILayout.LabelField("Because", done.Preference);
+            Row("Generator", done.Generator);
+            if (done.Preference.Length > 0) Row("Because", done.Preference);
         }
 
         /// <summary>There is one while it is on.</summary>
@@ -48,17 +45,6 @@ namespace Cairn.Unity.Editor
             var middle = new Rect(
                 place.x + (place.width - size.x) / 2, place.y + (place.height - size.y) / 2, size.x, size.y);
             GUI.DrawTextureWithTexCoords(middle, texture, CairnPresenter.Upright, false);
-        }
-
-        /// <summary>While it runs the picture changes.</summary>
-        public override bool RequiresConstantRepaint()
-        {
-            return Application.isPlaying;
-        }
-
-        private static void Row(string name, long value)
-        {
-            EditorGUILayout.LabelField(name, value.ToString());
         }
     }
 }

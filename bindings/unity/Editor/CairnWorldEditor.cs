@@ -1,29 +1,19 @@
 using UnityEditor;
-using UnityEngine;
 
 namespace Cairn.Unity.Editor
 {
     /// <summary>The inspector of a world: what it is at, and what is missing.</summary>
     [CustomEditor(typeof(CairnWorld))]
-    public sealed class CairnWorldEditor : UnityEditor.Editor
+    public sealed class CairnWorldEditor : CairnEditor
     {
         /// <summary>Draws it.</summary>
-        public override void OnInspectorGUI()
+        protected override void DrawState()
         {
-            ProjectCheck.Draw();
-            DrawDefaultInspector();
             var world = (CairnWorld)target;
-            EditorGUILayout.Space();
-            EditorGUILayout.LabelField("State", world.State.ToString());
+            Row("State", world.State);
             if (world.State == WorldState.Failed) EditorGUILayout.HelpBox(world.Message, MessageType.Error);
             else if (world.Message.Length > 0) EditorGUILayout.HelpBox(world.Message, MessageType.Info);
-            if (world.State == WorldState.Running) EditorGUILayout.LabelField("Anchors", world.Anchors.ToString());
-        }
-
-        /// <summary>While it runs figures change.</summary>
-        public override bool RequiresConstantRepaint()
-        {
-            return Application.isPlaying;
+            if (world.State == WorldState.Running) Row("Anchors", world.Anchors);
         }
     }
 }

@@ -9,7 +9,7 @@ namespace Cairn.Unity
     {
         /// <summary>Over the whole screen.</summary>
         Screen,
-        /// <summary>Into the main texture of the renderer beside it.</summary>
+        /// <summary>Into the main texture of the renderer beside it, which gets its own back in the end.</summary>
         Renderer,
         /// <summary>Into <see cref="CairnPresenter.Texture"/> and no further.</summary>
         Texture,
@@ -17,7 +17,7 @@ namespace Cairn.Unity
 
     /// <summary>
     /// Shows a <see cref="CairnWorld"/> at the display's rate: its anchors, and frames that are generated between them on Unity's own
-    /// graphics device, in a render texture.
+    /// graphics device, in a render texture. Where the world ends, the last frame stays in the texture; on the screen the game is seen.
     /// </summary>
     [AddComponentMenu("Cairn/Cairn Presenter")]
     [DisallowMultipleComponent]
@@ -54,6 +54,11 @@ namespace Cairn.Unity
         private string failed = "";
         private string pushFailed = "";
         private long missed;
+        private long shownBefore;
+        private Material surface;
+        private Texture surfaceHad;
+        private Vector2 surfaceScale;
+        private Vector2 surfaceOffset;
 
         /// <summary>The world that is shown. Counts when it is enabled.</summary>
         public CairnWorld World
@@ -100,7 +105,7 @@ namespace Cairn.Unity
             get { lock (pushing) return missed; }
         }
 
-        /// <summary>Frames that were copied into <see cref="Texture"/>.</summary>
+        /// <summary>Frames that were copied into <see cref="Texture"/> since it was enabled.</summary>
         public long Shown
         {
             get
@@ -108,7 +113,7 @@ namespace Cairn.Unity
                 long shown = 0;
                 string why;
                 if (view != null) view.IsWell(out shown, out why);
-                return shown;
+                return shownBefore + shown;
             }
         }
 
@@ -124,10 +129,12 @@ namespace Cairn.Unity
         public void Resize(int newWidth, int newHeight)
         {
             if (newWidth <= 0 || newHeight <= 0) throw new ArgumentException($"There are no frames of {newWidth} x {newHeight} pixels");
+            // What is under way is for the texture that there was, and left out.
+            EndView();
+            if (presenter != null) presenter.Resize(newWidth, newHeight);
             width = newWidth;
             height = newHeight;
             if (texture != null) MakeTexture();
-            if (presenter != null) presenter.Resize(width, height);
         }
 
         /// <summary>Takes an anchor, on the world's thread.</summary>
@@ -156,6 +163,7 @@ namespace Cairn.Unity
                 pushFailed = "";
                 missed = 0;
             }
+            shownBefore = 0;
             string why;
             if (!Plugin.IsReady(out why))
             {
@@ -178,13 +186,8 @@ namespace Cairn.Unity
             Close();
             if (commands != null) commands.Release();
             commands = null;
-            if (texture != null)
-            {
-                texture.Release();
-                Destroy(texture);
-            }
-            texture = null;
-            pointer = IntPtr.Zero;
+            LeaveSurface();
+            DropTexture();
         }
 
         private void LateUpdate()
@@ -195,7 +198,8 @@ namespace Cairn.Unity
             if (now == null) return;
             try
             {
-                if (view == null) Open(now);
+                if (presenter == null) Open(now);
+                if (view == null) BeginView();
                 if (!texture.IsCreated()) MakeTexture();
                 view.Set(Clock.NowNs, pointer);
                 Graphics.ExecuteCommandBuffer(commands);
@@ -230,11 +234,24 @@ namespace Cairn.Unity
             {
                 Multiplier = multiplier, Width = width, Height = height, Letterbox = letterbox, Fsr = fsr, CatchUp = true,
             });
-            view = new Plugin.View(with, made);
             device = with;
             lock (pushing) presenter = made;
+        }
+
+        private void BeginView()
+        {
+            view = new Plugin.View(device, presenter);
             commands.Clear();
             view.Issue(commands);
+        }
+
+        /// <summary>When this returns no event runs, and those that come do nothing.</summary>
+        private void EndView()
+        {
+            if (view == null) return;
+            shownBefore = Shown;
+            view.Dispose();
+            view = null;
         }
 
         private void Close()
@@ -245,9 +262,8 @@ namespace Cairn.Unity
                 left = presenter;
                 presenter = null;
             }
-            // The view first: an event that runs is waited for.
-            if (view != null) view.Dispose();
-            view = null;
+            // The view first: its events use the presenter.
+            EndView();
             device = null;
             if (left != null) left.Dispose();
         }
@@ -256,11 +272,7 @@ namespace Cairn.Unity
         {
             if (texture == null || texture.width != width || texture.height != height)
             {
-                if (texture != null)
-                {
-                    texture.Release();
-                    Destroy(texture);
-                }
+                DropTexture();
                 texture = new RenderTexture(width, height, 0, RenderTextureFormat.ARGB32, RenderTextureReadWrite.sRGB)
                 {
                     name = "Cairn", useMipMap = false, antiAliasing = 1, filterMode = FilterMode.Bilinear,
@@ -269,16 +281,50 @@ namespace Cairn.Unity
             texture.Create();
             // Asked for once: Unity waits for its render thread to answer.
             pointer = texture.GetNativeTexturePtr();
-            if (output != PresenterOutput.Renderer) return;
-            var shown = GetComponent<Renderer>();
-            if (shown == null)
+            if (output == PresenterOutput.Renderer) TakeSurface();
+        }
+
+        private void DropTexture()
+        {
+            if (texture != null)
             {
-                Fail("The output is Renderer, and there is none beside the presenter.");
-                return;
+                texture.Release();
+                Destroy(texture);
             }
-            shown.material.mainTexture = texture;
-            shown.material.mainTextureScale = new Vector2(1, -1);
-            shown.material.mainTextureOffset = new Vector2(0, 1);
+            texture = null;
+            pointer = IntPtr.Zero;
+        }
+
+        /// <summary>Has the renderer beside it show the texture.</summary>
+        private void TakeSurface()
+        {
+            if (surface == null)
+            {
+                var shown = GetComponent<Renderer>();
+                if (shown == null)
+                {
+                    Fail("The output is Renderer, and there is none beside the presenter.");
+                    return;
+                }
+                surface = shown.material;
+                surfaceHad = surface.mainTexture;
+                surfaceScale = surface.mainTextureScale;
+                surfaceOffset = surface.mainTextureOffset;
+            }
+            surface.mainTexture = texture;
+            surface.mainTextureScale = Upright.size;
+            surface.mainTextureOffset = Upright.position;
+        }
+
+        /// <summary>Gives the renderer back what it had.</summary>
+        private void LeaveSurface()
+        {
+            if (surface == null) return;
+            surface.mainTexture = surfaceHad;
+            surface.mainTextureScale = surfaceScale;
+            surface.mainTextureOffset = surfaceOffset;
+            surface = null;
+            surfaceHad = null;
         }
 
         private void Fail(string why)

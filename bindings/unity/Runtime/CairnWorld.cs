@@ -158,7 +158,15 @@ namespace Cairn.Unity
                 Fail(why);
                 return;
             }
-            Plugin.Load();
+            try
+            {
+                Plugin.Load();
+            }
+            catch (Exception wrong) when (wrong is CairnException || wrong is InvalidOperationException)
+            {
+                Fail(wrong.Message);
+                return;
+            }
             Tell(WorldState.Loading, "Loading");
             work = new Work(this);
         }
@@ -308,7 +316,9 @@ namespace Cairn.Unity
                 catch (Exception why)
                 {
                     device = null;
-                    owner.Fail(why.Message);
+                    owner.Tell(WorldState.Failed, why.Message);
+                    // Without the component, which belongs to the main thread.
+                    Debug.LogError("Cairn: " + why.Message);
                 }
             }
 

@@ -1,9 +1,16 @@
+#if CAIRN_INPUT_SYSTEM && ENABLE_INPUT_SYSTEM
+#define CAIRN_BY_INPUT_SYSTEM
+#elif ENABLE_LEGACY_INPUT_MANAGER
+#define CAIRN_BY_INPUT_MANAGER
+#endif
 using System.Collections.Generic;
 using UnityEngine;
-#if CAIRN_INPUT_SYSTEM && ENABLE_INPUT_SYSTEM
+#if CAIRN_BY_INPUT_SYSTEM
 using UnityEngine.InputSystem;
-using Pressed = UnityEngine.InputSystem.Key;
+using On = UnityEngine.InputSystem.Key;
 using Key = Cairn.Key;
+#elif CAIRN_BY_INPUT_MANAGER
+using On = UnityEngine.KeyCode;
 #endif
 
 namespace Cairn.Unity
@@ -11,35 +18,60 @@ namespace Cairn.Unity
     /// <summary>Keyboard and mouse, by whichever of Unity's two ways the project has.</summary>
     internal static class Devices
     {
-#if CAIRN_INPUT_SYSTEM && ENABLE_INPUT_SYSTEM
+#if CAIRN_BY_INPUT_SYSTEM || CAIRN_BY_INPUT_MANAGER
         /// <summary>Places on the keyboard; a world's keys are named by what stands there on an American one.</summary>
-        private static readonly Dictionary<Pressed, Key> Known = new Dictionary<Pressed, Key>
+        private static readonly Dictionary<On, Key> Known = new Dictionary<On, Key>
         {
-            { Pressed.A, Key.A }, { Pressed.B, Key.B }, { Pressed.C, Key.C }, { Pressed.D, Key.D }, { Pressed.E, Key.E },
-            { Pressed.F, Key.F }, { Pressed.G, Key.G }, { Pressed.H, Key.H }, { Pressed.I, Key.I }, { Pressed.J, Key.J },
-            { Pressed.K, Key.K }, { Pressed.L, Key.L }, { Pressed.M, Key.M }, { Pressed.N, Key.N }, { Pressed.O, Key.O },
-            { Pressed.P, Key.P }, { Pressed.Q, Key.Q }, { Pressed.R, Key.R }, { Pressed.S, Key.S }, { Pressed.T, Key.T },
-            { Pressed.U, Key.U }, { Pressed.V, Key.V }, { Pressed.W, Key.W }, { Pressed.X, Key.X }, { Pressed.Y, Key.Y },
-            { Pressed.Z, Key.Z }, { Pressed.Digit0, Key.Digit0 }, { Pressed.Digit1, Key.Digit1 }, { Pressed.Digit2, Key.Digit2 },
-            { Pressed.Digit3, Key.Digit3 }, { Pressed.Digit4, Key.Digit4 }, { Pressed.Digit5, Key.Digit5 }, { Pressed.Digit6, Key.Digit6 },
-            { Pressed.Digit7, Key.Digit7 }, { Pressed.Digit8, Key.Digit8 }, { Pressed.Digit9, Key.Digit9 }, { Pressed.Numpad0, Key.Num0 },
-            { Pressed.Numpad1, Key.Num1 }, { Pressed.Numpad2, Key.Num2 }, { Pressed.Numpad3, Key.Num3 }, { Pressed.Numpad4, Key.Num4 },
-            { Pressed.Numpad5, Key.Num5 }, { Pressed.Numpad6, Key.Num6 }, { Pressed.Numpad7, Key.Num7 }, { Pressed.Numpad8, Key.Num8 },
-            { Pressed.Numpad9, Key.Num9 }, { Pressed.F1, Key.F1 }, { Pressed.F2, Key.F2 }, { Pressed.F3, Key.F3 }, { Pressed.F4, Key.F4 },
-            { Pressed.F5, Key.F5 }, { Pressed.F6, Key.F6 }, { Pressed.F7, Key.F7 }, { Pressed.F8, Key.F8 }, { Pressed.F9, Key.F9 },
-            { Pressed.F10, Key.F10 }, { Pressed.F11, Key.F11 }, { Pressed.F12, Key.F12 }, { Pressed.Space, Key.Space },
-            { Pressed.Enter, Key.Enter }, { Pressed.Tab, Key.Tab }, { Pressed.Backspace, Key.Backspace }, { Pressed.Escape, Key.Escape },
-            { Pressed.LeftArrow, Key.Left }, { Pressed.RightArrow, Key.Right }, { Pressed.UpArrow, Key.Up },
-            { Pressed.DownArrow, Key.Down }, { Pressed.LeftShift, Key.LeftShift }, { Pressed.RightShift, Key.RightShift },
-            { Pressed.LeftCtrl, Key.LeftCtrl }, { Pressed.RightCtrl, Key.RightCtrl }, { Pressed.LeftAlt, Key.LeftAlt },
-            { Pressed.RightAlt, Key.RightAlt }, { Pressed.Insert, Key.Insert }, { Pressed.Delete, Key.Delete }, { Pressed.Home, Key.Home },
-            { Pressed.End, Key.End }, { Pressed.PageUp, Key.PageUp }, { Pressed.PageDown, Key.PageDown },
-            { Pressed.Semicolon, Key.Semicolon }, { Pressed.Equals, Key.EqualsSign }, { Pressed.Comma, Key.Comma },
-            { Pressed.Minus, Key.Minus }, { Pressed.Period, Key.Period }, { Pressed.Slash, Key.Slash },
-            { Pressed.Backquote, Key.Backquote }, { Pressed.LeftBracket, Key.LeftBracket }, { Pressed.Backslash, Key.Backslash },
-            { Pressed.RightBracket, Key.RightBracket }, { Pressed.Quote, Key.Quote }, { Pressed.CapsLock, Key.CapsLock },
-            { Pressed.Pause, Key.Pause },
+            { On.A, Key.A }, { On.B, Key.B }, { On.C, Key.C }, { On.D, Key.D }, { On.E, Key.E }, { On.F, Key.F }, { On.G, Key.G },
+            { On.H, Key.H }, { On.I, Key.I }, { On.J, Key.J }, { On.K, Key.K }, { On.L, Key.L }, { On.M, Key.M }, { On.N, Key.N },
+            { On.O, Key.O }, { On.P, Key.P }, { On.Q, Key.Q }, { On.R, Key.R }, { On.S, Key.S }, { On.T, Key.T }, { On.U, Key.U },
+            { On.V, Key.V }, { On.W, Key.W }, { On.X, Key.X }, { On.Y, Key.Y }, { On.Z, Key.Z }, { On.F1, Key.F1 },
+            { On.F2, Key.F2 }, { On.F3, Key.F3 }, { On.F4, Key.F4 }, { On.F5, Key.F5 }, { On.F6, Key.F6 }, { On.F7, Key.F7 },
+            { On.F8, Key.F8 }, { On.F9, Key.F9 }, { On.F10, Key.F10 }, { On.F11, Key.F11 }, { On.F12, Key.F12 },
+            { On.Space, Key.Space }, { On.Tab, Key.Tab }, { On.Backspace, Key.Backspace }, { On.Escape, Key.Escape },
+            { On.LeftArrow, Key.Left }, { On.RightArrow, Key.Right }, { On.UpArrow, Key.Up }, { On.DownArrow, Key.Down },
+            { On.LeftShift, Key.LeftShift }, { On.RightShift, Key.RightShift }, { On.LeftAlt, Key.LeftAlt },
+            { On.RightAlt, Key.RightAlt }, { On.Insert, Key.Insert }, { On.Delete, Key.Delete }, { On.Home, Key.Home },
+            { On.End, Key.End }, { On.PageUp, Key.PageUp }, { On.PageDown, Key.PageDown }, { On.Semicolon, Key.Semicolon },
+            { On.Equals, Key.EqualsSign }, { On.Comma, Key.Comma }, { On.Minus, Key.Minus }, { On.Period, Key.Period },
+            { On.Slash, Key.Slash }, { On.LeftBracket, Key.LeftBracket }, { On.Backslash, Key.Backslash },
+            { On.RightBracket, Key.RightBracket }, { On.Quote, Key.Quote }, { On.CapsLock, Key.CapsLock }, { On.Pause, Key.Pause },
+#if CAIRN_BY_INPUT_SYSTEM
+            { On.Digit0, Key.Digit0 }, { On.Digit1, Key.Digit1 }, { On.Digit2, Key.Digit2 }, { On.Digit3, Key.Digit3 },
+            { On.Digit4, Key.Digit4 }, { On.Digit5, Key.Digit5 }, { On.Digit6, Key.Digit6 }, { On.Digit7, Key.Digit7 },
+            { On.Digit8, Key.Digit8 }, { On.Digit9, Key.Digit9 }, { On.Numpad0, Key.Num0 }, { On.Numpad1, Key.Num1 },
+            { On.Numpad2, Key.Num2 }, { On.Numpad3, Key.Num3 }, { On.Numpad4, Key.Num4 }, { On.Numpad5, Key.Num5 },
+            { On.Numpad6, Key.Num6 }, { On.Numpad7, Key.Num7 }, { On.Numpad8, Key.Num8 }, { On.Numpad9, Key.Num9 },
+            { On.Enter, Key.Enter }, { On.LeftCtrl, Key.LeftCtrl }, { On.RightCtrl, Key.RightCtrl },
+            { On.Backquote, Key.Backquote },
+#else
+            { On.Alpha0, Key.Digit0 }, { On.Alpha1, Key.Digit1 }, { On.Alpha2, Key.Digit2 }, { On.Alpha3, Key.Digit3 },
+            { On.Alpha4, Key.Digit4 }, { On.Alpha5, Key.Digit5 }, { On.Alpha6, Key.Digit6 }, { On.Alpha7, Key.Digit7 },
+            { On.Alpha8, Key.Digit8 }, { On.Alpha9, Key.Digit9 }, { On.Keypad0, Key.Num0 }, { On.Keypad1, Key.Num1 },
+            { On.Keypad2, Key.Num2 }, { On.Keypad3, Key.Num3 }, { On.Keypad4, Key.Num4 }, { On.Keypad5, Key.Num5 },
+            { On.Keypad6, Key.Num6 }, { On.Keypad7, Key.Num7 }, { On.Keypad8, Key.Num8 }, { On.Keypad9, Key.Num9 },
+            { On.Return, Key.Enter }, { On.LeftControl, Key.LeftCtrl }, { On.RightControl, Key.RightCtrl },
+            { On.BackQuote, Key.Backquote }, { On.Mouse0, Key.MouseLeft }, { On.Mouse1, Key.MouseRight },
+            { On.Mouse2, Key.MouseMiddle },
+#endif
         };
+#endif
+
+#if CAIRN_BY_INPUT_SYSTEM
+        /// <summary>What the wheel counts to a notch: since 1.9 the project may say, and later ones say 1; before, what Windows does.</summary>
+        private static float PerNotch
+        {
+            get
+            {
+                const float OfWindows = 120;
+#if CAIRN_INPUT_SYSTEM_1_9
+                bool uniform = InputSystem.settings.scrollDeltaBehavior == InputSettings.ScrollDeltaBehavior.UniformAcrossAllPlatforms;
+                return uniform ? 1 : OfWindows;
+#else
+                return OfWindows;
+#endif
+            }
+        }
 
         /// <summary>What is held, how far the mouse went in pixels, and the wheel in notches.</summary>
         internal static void Read(List<Key> held, out Vector2 mouse, out float wheel)
@@ -49,7 +81,7 @@ namespace Cairn.Unity
             Keyboard keyboard = Keyboard.current;
             if (keyboard != null)
             {
-                foreach (KeyValuePair<Pressed, Key> pair in Known)
+                foreach (KeyValuePair<On, Key> pair in Known)
                 {
                     if (keyboard[pair.Key].isPressed) held.Add(pair.Value);
                 }
@@ -60,46 +92,16 @@ namespace Cairn.Unity
             if (moved.rightButton.isPressed) held.Add(Key.MouseRight);
             if (moved.middleButton.isPressed) held.Add(Key.MouseMiddle);
             mouse = moved.delta.ReadValue();
-            // Windows counts 120 to a notch.
-            wheel = moved.scroll.ReadValue().y / 120;
+            wheel = moved.scroll.ReadValue().y / PerNotch;
         }
-#elif ENABLE_LEGACY_INPUT_MANAGER
+#elif CAIRN_BY_INPUT_MANAGER
         /// <summary>The Input Manager's unit of the mouse's axes in pixels, at the sensitivity of 0.1 that new projects have.</summary>
         private const float PixelsPerUnit = 20;
-
-        private static readonly Dictionary<KeyCode, Key> Known = new Dictionary<KeyCode, Key>
-        {
-            { KeyCode.A, Key.A }, { KeyCode.B, Key.B }, { KeyCode.C, Key.C }, { KeyCode.D, Key.D }, { KeyCode.E, Key.E },
-            { KeyCode.F, Key.F }, { KeyCode.G, Key.G }, { KeyCode.H, Key.H }, { KeyCode.I, Key.I }, { KeyCode.J, Key.J },
-            { KeyCode.K, Key.K }, { KeyCode.L, Key.L }, { KeyCode.M, Key.M }, { KeyCode.N, Key.N }, { KeyCode.O, Key.O },
-            { KeyCode.P, Key.P }, { KeyCode.Q, Key.Q }, { KeyCode.R, Key.R }, { KeyCode.S, Key.S }, { KeyCode.T, Key.T },
-            { KeyCode.U, Key.U }, { KeyCode.V, Key.V }, { KeyCode.W, Key.W }, { KeyCode.X, Key.X }, { KeyCode.Y, Key.Y },
-            { KeyCode.Z, Key.Z }, { KeyCode.Alpha0, Key.Digit0 }, { KeyCode.Alpha1, Key.Digit1 }, { KeyCode.Alpha2, Key.Digit2 },
-            { KeyCode.Alpha3, Key.Digit3 }, { KeyCode.Alpha4, Key.Digit4 }, { KeyCode.Alpha5, Key.Digit5 }, { KeyCode.Alpha6, Key.Digit6 },
-            { KeyCode.Alpha7, Key.Digit7 }, { KeyCode.Alpha8, Key.Digit8 }, { KeyCode.Alpha9, Key.Digit9 }, { KeyCode.Keypad0, Key.Num0 },
-            { KeyCode.Keypad1, Key.Num1 }, { KeyCode.Keypad2, Key.Num2 }, { KeyCode.Keypad3, Key.Num3 }, { KeyCode.Keypad4, Key.Num4 },
-            { KeyCode.Keypad5, Key.Num5 }, { KeyCode.Keypad6, Key.Num6 }, { KeyCode.Keypad7, Key.Num7 }, { KeyCode.Keypad8, Key.Num8 },
-            { KeyCode.Keypad9, Key.Num9 }, { KeyCode.F1, Key.F1 }, { KeyCode.F2, Key.F2 }, { KeyCode.F3, Key.F3 }, { KeyCode.F4, Key.F4 },
-            { KeyCode.F5, Key.F5 }, { KeyCode.F6, Key.F6 }, { KeyCode.F7, Key.F7 }, { KeyCode.F8, Key.F8 }, { KeyCode.F9, Key.F9 },
-            { KeyCode.F10, Key.F10 }, { KeyCode.F11, Key.F11 }, { KeyCode.F12, Key.F12 }, { KeyCode.Space, Key.Space },
-            { KeyCode.Return, Key.Enter }, { KeyCode.Tab, Key.Tab }, { KeyCode.Backspace, Key.Backspace }, { KeyCode.Escape, Key.Escape },
-            { KeyCode.LeftArrow, Key.Left }, { KeyCode.RightArrow, Key.Right }, { KeyCode.UpArrow, Key.Up },
-            { KeyCode.DownArrow, Key.Down }, { KeyCode.LeftShift, Key.LeftShift }, { KeyCode.RightShift, Key.RightShift },
-            { KeyCode.LeftControl, Key.LeftCtrl }, { KeyCode.RightControl, Key.RightCtrl }, { KeyCode.LeftAlt, Key.LeftAlt },
-            { KeyCode.RightAlt, Key.RightAlt }, { KeyCode.Insert, Key.Insert }, { KeyCode.Delete, Key.Delete }, { KeyCode.Home, Key.Home },
-            { KeyCode.End, Key.End }, { KeyCode.PageUp, Key.PageUp }, { KeyCode.PageDown, Key.PageDown },
-            { KeyCode.Semicolon, Key.Semicolon }, { KeyCode.Equals, Key.EqualsSign }, { KeyCode.Comma, Key.Comma },
-            { KeyCode.Minus, Key.Minus }, { KeyCode.Period, Key.Period }, { KeyCode.Slash, Key.Slash },
-            { KeyCode.BackQuote, Key.Backquote }, { KeyCode.LeftBracket, Key.LeftBracket }, { KeyCode.Backslash, Key.Backslash },
-            { KeyCode.RightBracket, Key.RightBracket }, { KeyCode.Quote, Key.Quote }, { KeyCode.CapsLock, Key.CapsLock },
-            { KeyCode.Pause, Key.Pause },
-            { KeyCode.Mouse0, Key.MouseLeft }, { KeyCode.Mouse1, Key.MouseRight }, { KeyCode.Mouse2, Key.MouseMiddle },
-        };
 
         /// <summary>What is held, how far the mouse went in pixels, and the wheel in notches.</summary>
         internal static void Read(List<Key> held, out Vector2 mouse, out float wheel)
         {
-            foreach (KeyValuePair<KeyCode, Key> pair in Known)
+            foreach (KeyValuePair<On, Key> pair in Known)
             {
                 if (Input.GetKey(pair.Key)) held.Add(pair.Value);
             }

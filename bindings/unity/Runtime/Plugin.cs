@@ -1,7 +1,6 @@
 using System;
 using System.Runtime.InteropServices;
 using System.Text;
-using UnityEngine;
 using UnityEngine.Rendering;
 
 namespace Cairn.Unity
@@ -9,22 +8,12 @@ namespace Cairn.Unity
     /// <summary>The native plugin: what it is called for beside the interface in C, and whether it can draw.</summary>
     public static unsafe class Plugin
     {
-        /// <summary>Where a project says what it is drawn with.</summary>
-        private const string Setting =
-            "In Project Settings > Player > Other Settings turn off Auto Graphics API for Windows, and put Direct3D12 at the top of "
-            + "Graphics APIs for Windows; the editor then has to be restarted";
-
         private static bool isLoaded;
 
-        /// <summary>Whether frames can be shown, by which of Unity's interfaces; else why not, and what can be done.</summary>
+        /// <summary>Whether frames can be shown, by which of Unity's interfaces; else why not, and what can be done. From any thread.</summary>
         /// <param name="what">For people.</param>
         public static bool IsReady(out string what)
         {
-            if (SystemInfo.graphicsDeviceType != GraphicsDeviceType.Direct3D12)
-            {
-                what = $"This project draws with {SystemInfo.graphicsDeviceType}, and Cairn needs Direct3D 12. {Setting}.";
-                return false;
-            }
             try
             {
                 uint version = Native.cairn_unity_version();
@@ -60,17 +49,21 @@ namespace Cairn.Unity
         /// </exception>
         public static Device CreateDevice()
         {
+            string why;
+            if (!IsReady(out why)) throw new CairnException(Result.Unsupported, why, "cairn_unity_create_device", "", why, "");
             Load();
-            string why = Told((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_state(text, room, length));
             IntPtr device = IntPtr.Zero;
-            int state = Native.cairn_unity_state(null, UIntPtr.Zero, null);
-            if (state != 0) throw new CairnException(Result.Unsupported, why, "cairn_unity_create_device", "", why, "");
             CairnException.ThrowIfFailed(Native.cairn_unity_create_device(&device));
             return new Device(device);
         }
 
-        /// <summary>Has the binding use the library that Unity has loaded, and no other.</summary>
-        internal static void Load()
+        /// <summary>
+        /// Has the classes of the namespace <c>Cairn</c> use the library that Unity has loaded, and no other. Components do it; a script
+        /// that uses the classes without them does it before.
+        /// </summary>
+        /// <exception cref="CairnException">The library and these scripts are not of one package.</exception>
+        /// <exception cref="InvalidOperationException">The process uses another file already.</exception>
+        public static void Load()
         {
             if (isLoaded) return;
             Library.Load(Told((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_path(text, room, length)));
@@ -81,9 +74,11 @@ namespace Cairn.Unity
 
         private static string Told(Teller teller)
         {
-            var room = new byte[4096];
             UIntPtr length = UIntPtr.Zero;
+            teller(null, UIntPtr.Zero, &length);
+            var room = new byte[(int)length + 1];
             fixed (byte* text = room) teller(text, (UIntPtr)room.Length, &length);
+            // It may have another one to tell by now.
             return Encoding.UTF8.GetString(room, 0, Math.Min((int)length, room.Length - 1));
         }
 

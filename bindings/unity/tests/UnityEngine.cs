@@ -216,6 +216,16 @@ namespace UnityEngine
         public float width { get; set; }
 
         public float height { get; set; }
+
+        public Vector2 position
+        {
+            get { return new Vector2(x, y); }
+        }
+
+        public Vector2 size
+        {
+            get { return new Vector2(width, height); }
+        }
     }
 
     public struct Mathf
@@ -228,6 +238,14 @@ namespace UnityEngine
 
     public static class Debug
     {
+        public static void Log(object message)
+        {
+        }
+
+        public static void LogError(object message)
+        {
+        }
+
         public static void LogError(object message, Object context)
         {
         }
@@ -256,14 +274,6 @@ namespace UnityEngine
         public static int height
         {
             get { return 0; }
-        }
-    }
-
-    public static class SystemInfo
-    {
-        public static Rendering.GraphicsDeviceType graphicsDeviceType
-        {
-            get { return Rendering.GraphicsDeviceType.Null; }
         }
     }
 
@@ -389,11 +399,6 @@ namespace UnityEngine
 
 namespace UnityEngine.Rendering
 {
-    public enum GraphicsDeviceType
-    {
-        Direct3D11 = 2, Null = 4, OpenGLES3 = 11, Metal = 16, OpenGLCore = 17, Direct3D12 = 18, Vulkan = 21,
-    }
-
     public class CommandBuffer
     {
         public string name { get; set; }
@@ -422,6 +427,24 @@ namespace UnityEngine.InputSystem
         UpArrow, DownArrow, LeftShift, RightShift, LeftCtrl, RightCtrl, LeftAlt, RightAlt, Insert, Delete, Home, End, PageUp,
         PageDown, Semicolon, Equals, Comma, Minus, Period, Slash, Backquote, LeftBracket, Backslash, RightBracket, Quote, CapsLock,
         Pause,
+    }
+
+    public static class InputSystem
+    {
+        public static InputSettings settings
+        {
+            get { return null; }
+        }
+    }
+
+    public class InputSettings
+    {
+        public enum ScrollDeltaBehavior
+        {
+            UniformAcrossAllPlatforms, KeepPlatformSpecificInputRange,
+        }
+
+        public ScrollDeltaBehavior scrollDeltaBehavior { get; set; }
     }
 
     public class Keyboard

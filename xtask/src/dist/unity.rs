@@ -15,9 +15,10 @@ pub(super) const FOLDER: &str = "unity/com.cairn.unity/";
 /// Where native plugins for Windows on x86-64 lie in a package.
 const PLUGINS: &str = "Plugins/x86_64/";
 
-/// What of [`PACKAGE`] is not the package: the plugin's sources, and tests.
+/// What of [`PACKAGE`] is the package: all but the plugin's sources, tests, and the page that is about them.
 pub(crate) fn is_package(file: &str) -> bool {
-    file.strip_prefix(PACKAGE).is_some_and(|file| !file.starts_with("plugin/") && !file.starts_with("tests/"))
+    file.strip_prefix(PACKAGE)
+        .is_some_and(|file| !file.starts_with("plugin/") && !file.starts_with("tests/") && file != "README.md")
 }
 
 /// Adds the package to an archive; with `runtimes`, Microsoft's libraries beside the plugin.
@@ -145,6 +146,6 @@ mod tests {
     fn sources_of_the_plugin_and_tests_stay_out() {
         assert!(is_package("bindings/unity/package.json") && is_package("bindings/unity/Samples~/Walk/Walk.cs"));
         assert!(!is_package("bindings/unity/plugin/src/lib.rs") && !is_package("bindings/unity/tests/UnityEngine.cs"));
-        assert!(!is_package("bindings/csharp/README.md"));
+        assert!(!is_package("bindings/csharp/README.md") && !is_package("bindings/unity/README.md"));
     }
 }

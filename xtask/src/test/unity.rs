@@ -1,5 +1,6 @@
 //! `bindings/unity`: every C# file of the package compiles, in each way that a project can have input, against declarations of what it
-//! uses of Unity; its manifests say what is there; and the scripts know the plugin's functions by their names.
+//! uses of Unity, and so do the scripts that its pages show; its manifests say what is there; and the scripts know the plugin's
+//! functions by their names.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -8,14 +9,20 @@ use std::path::{Path, PathBuf};
 use provision::Mono;
 use serde_json::Value;
 
+use super::blocks;
 use super::tally::Tally;
 use crate::clone::Clone;
 use crate::dist::unity::{PACKAGE, is_package};
 use crate::shell::Log;
 
-/// What Unity defines: without input, with the Input System, with the Input Manager. The last is what is compiled further.
-const INPUTS: [&[&str]; 3] =
-    [&[], &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM"], &["-define:ENABLE_LEGACY_INPUT_MANAGER"]];
+/// What Unity defines: without input, with the Input System, an earlier and a later one, with the Input Manager. The last is what is
+/// compiled further.
+const INPUTS: [&[&str]; 4] = [
+    &[],
+    &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM"],
+    &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM_1_9"],
+    &["-define:ENABLE_LEGACY_INPUT_MANAGER"],
+];
 
 /// Assemblies of the package by their manifests, without the binding, in the order they are compiled in.
 const ASSEMBLIES: [(&str, &str); 3] =
@@ -77,7 +84,7 @@ pub(super) fn check(
         };
         let sources: Vec<PathBuf> = files.iter().filter(is_own).map(|file| clone.root.join(file)).collect();
         compiled += sources.len();
-        let inputs = if name == "Cairn.Unity" { &INPUTS[..] } else { &INPUTS[2..] };
+        let inputs = if name == "Cairn.Unity" { &INPUTS[..] } else { &INPUTS[INPUTS.len() - 1..] };
         let mut made = None;
         for defines in inputs {
             let (out, failure) = compile(name, &sources, &references, defines, true)?;
@@ -88,7 +95,25 @@ pub(super) fn check(
     }
     let all = files.iter().filter(|file| file.ends_with(".cs")).count();
     tally.check((compiled != all).then(|| format!("{compiled} of {all} C# files of {PACKAGE} are in an assembly")));
+
+    let mut shown = Vec::new();
+    for page in blocks::pages(clone)?.into_iter().filter(|page| page.starts_with(PACKAGE)) {
+        for (line, text) in scripts(&page, &clone.read(&page)?) {
+            let path = work.join(format!("{}-{line}.cs", page.replace(['/', '.', '~'], "-")));
+            fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+            shown.push(path);
+        }
+    }
+    tally.check(shown.is_empty().then(|| format!("no page of {PACKAGE} shows a script")));
+    let (_, failure) = compile("Pages", &shown, &references, &[], false)?;
+    tally.check(failure);
     Ok(())
+}
+
+/// The scripts that a page shows, each a file of its own whose lines are those of the page, and where they begin.
+fn scripts(page: &str, text: &str) -> Vec<(usize, String)> {
+    let shown = blocks::of(text).into_iter().filter(|block| block.language == "csharp" && block.from.is_none());
+    shown.map(|block| (block.line, format!("#line {} \"{page}\"\n{}", block.line, block.text))).collect()
 }
 
 /// What is wrong with the package's manifest and those of its assemblies.
@@ -153,6 +178,12 @@ fn names(doors: &str, script: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scripts_have_their_pages_lines() {
+        let text = "text\n```csharp\nclass A\n{\n}\n```\n```sh\nls\n```\n<!-- from B.cs -->\n```csharp\nclass B\n```\n";
+        assert_eq!(scripts("a.md", text), [(3, "#line 3 \"a.md\"\nclass A\n{\n}\n".to_owned())]);
+    }
 
     #[test]
     fn a_function_that_one_side_lacks_is_named() {
