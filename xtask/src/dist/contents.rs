@@ -27,6 +27,9 @@ const CMAKE: &str = include_str!("pages/CairnConfig.cmake");
 const CMAKE_VERSION: &str = include_str!("pages/CairnConfigVersion.cmake");
 const PKG_CONFIG: &str = include_str!("pages/cairn.pc");
 
+/// What goes wherever the library goes, also where a part of the archive is copied out of it: its licence, and those of all that is in it.
+pub(crate) const TERMS: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", dependencies::PAGE, runtime::RUST_NOTICES];
+
 /// The archive of a platform; with `slim` without Microsoft's libraries. None where that would be the same archive once more.
 pub(super) fn of(
     clone: &Clone,

@@ -21,6 +21,7 @@ use sha2::{Digest, Sha256};
 use crate::cli::DistOptions;
 use crate::clone::Clone;
 
+pub(crate) use contents::TERMS;
 pub(crate) use library::{Source, exports};
 use tree::Tree;
 pub(crate) use unreal::{PLUGIN as UNREAL, assemble as assemble_unreal};

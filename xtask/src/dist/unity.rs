@@ -3,6 +3,7 @@
 use provision::Console;
 use sha2::{Digest, Sha256};
 
+use super::contents::TERMS;
 use super::tree::Tree;
 use crate::clone::Clone;
 
@@ -21,7 +22,7 @@ pub(crate) fn is_package(file: &str) -> bool {
         .is_some_and(|file| !file.starts_with("plugin/") && !file.starts_with("tests/") && file != "README.md")
 }
 
-/// Adds the package to an archive; with `runtimes`, Microsoft's libraries beside the plugin.
+/// Adds the package to an archive that has the library's terms; with `runtimes`, Microsoft's libraries beside the plugin.
 pub(super) fn add(tree: &mut Tree, clone: &Clone, plugin: &[u8], runtimes: bool) -> Result<(), String> {
     let mut files = Vec::new();
     for file in clone.files()? {
@@ -47,9 +48,10 @@ pub(super) fn add(tree: &mut Tree, clone: &Clone, plugin: &[u8], runtimes: bool)
             ));
         }
     }
-    for (name, beside) in descriptions(files.iter().map(|(name, _)| name.as_str())) {
+    for (name, beside) in descriptions(files.iter().map(|(name, _)| name.as_str()).chain(TERMS)) {
         tree.add(format!("{FOLDER}{name}"), beside)?;
     }
+    TERMS.into_iter().try_for_each(|name| tree.copy(name, format!("{FOLDER}{name}")))?;
     files.into_iter().try_for_each(|(name, bytes)| tree.add(format!("{FOLDER}{name}"), bytes))
 }
 

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use super::contents::TERMS;
 use super::tree::Tree;
 use crate::clone::Clone;
 
@@ -23,7 +24,7 @@ pub(crate) const FILLED: [(&str, &str); 5] = [
     ("bin/cairn.dll", "Binaries/ThirdParty/Cairn/Win64/cairn.dll"),
 ];
 
-/// Adds the plugin to an archive that has the library. Microsoft's libraries are in
+/// Adds the plugin to an archive that has the library and its terms. Microsoft's libraries are in
 /// the archive once, and who takes the plugin puts them beside it.
 pub(super) fn add(clone: &Clone, tree: &mut Tree, import: &[u8]) -> Result<(), String> {
     for file in clone.files()?.iter().filter(|file| file.starts_with(PLUGIN)) {
@@ -31,7 +32,7 @@ pub(super) fn add(clone: &Clone, tree: &mut Tree, import: &[u8]) -> Result<(), S
         tree.add_file(path, &clone.root.join(file))?;
     }
     tree.add_file(format!("{FOLDER}README.md"), &clone.root.join(format!("{SOURCE}README.md")))?;
-    for (from, to) in FILLED {
+    for (from, to) in FILLED.into_iter().chain(TERMS.map(|name| (name, name))) {
         tree.copy(from, format!("{PLACE}{to}"))?;
     }
     tree.add(format!("{PLACE}Source/ThirdParty/CairnLibrary/lib/cairn.lib"), import)

@@ -66,6 +66,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let (windows, slim, linux) = (unpack(log, windows)?, unpack(log, slim)?, unpack(log, linux)?);
     for root in [&windows, &slim] {
         tally.check(unity(root)?);
+        tally.check(without_terms(root)?);
     }
     for root in [&windows, &slim, &linux] {
         tally.check(promises(root)?);
@@ -284,6 +285,17 @@ fn unity(root: &Path) -> Result<Option<String>, String> {
         missing.extend((!package.join(file).is_file()).then(|| file.to_owned()));
     }
     Ok((!missing.is_empty()).then(|| format!("{} has not {}", package.display(), missing.join(", "))))
+}
+
+/// Terms of the library that a plugin has not in its own folder, which a studio copies out of the archive.
+fn without_terms(root: &Path) -> Result<Option<String>, String> {
+    let mut missing = Vec::new();
+    for name in dist::TERMS {
+        let terms = fs::read(root.join(name)).map_err(|e| format!("{name}: {e}"))?;
+        let places = ["unity/com.cairn.unity", "unreal/Cairn"].map(|plugin| root.join(plugin).join(name));
+        missing.extend(places.into_iter().filter(|place| fs::read(place).ok().as_ref() != Some(&terms)));
+    }
+    Ok((!missing.is_empty()).then(|| format!("not the archive's own: {missing:?}")))
 }
 
 /// Where hosts are built, and by what.
