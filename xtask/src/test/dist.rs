@@ -78,6 +78,9 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.check(unnamed(root, &["rust-std", linked[0], linked[1]])?);
     }
     tally.check(places(&linux.join("debug/libcairn.so.debug"))?);
+    for file in ["bin/cairn.dll", "debug/cairn.dll.debug", "unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll"] {
+        tally.check(places(&windows.join(file))?);
+    }
     tally.check((!windows.join("runtime/DirectML.dll").is_file()).then(|| "the runtimes are missing".to_owned()));
     tally.check(slim.join("runtime").exists().then(|| "the slim archive has runtimes".to_owned()));
 
@@ -224,11 +227,12 @@ fn unnamed(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("the archive's licences do not name {}", missing.join(", "))))
 }
 
-/// What of this machine a file of debug information names: anything in the cache is at another place elsewhere.
+/// What of this machine a library or its debug information names: the cache, and what rustc had beside what it compiled, are at other
+/// places elsewhere.
 fn places(debug: &Path) -> Result<Option<String>, String> {
     let cache = provision::cache_dir().map_err(|e| e.to_string())?;
     let bytes = fs::read(debug).map_err(|e| format!("{}: {e}", debug.display()))?;
-    let found = [cache.as_os_str().as_encoded_bytes(), b"site-packages/ziglang"]
+    let found = [cache.as_os_str().as_encoded_bytes(), b"site-packages/ziglang", b"_deps_rustc"]
         .into_iter()
         .find_map(|place| bytes.windows(place.len()).position(|part| part == place));
     Ok(found.map(|at| {
