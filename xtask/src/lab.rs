@@ -6,7 +6,6 @@ use std::process::{Command, ExitCode, ExitStatus};
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-use provision::lab::Lab;
 use provision::{Console, Progress};
 
 /// Builds the lab where it is missing, and says where it is.
@@ -43,7 +42,6 @@ pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, St
             break code(status);
         }
     };
-    Lab::tidy();
     Ok(ExitCode::from(status))
 }
 

@@ -149,6 +149,7 @@ fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Re
         (crashed.status == Some(0))
             .then(|| format!("a program that crashes is told from one that does not: {crashed:?}")),
     );
+    tally.check(echo.listeners(log)?);
     tally.check(echo.ended_by(Signal::Kill, None, log)?);
     tally.check(echo.ended_by(Signal::Interrupt, Some(130), log)?);
     tally.check((mounts()? != before).then(|| "something stays mounted".to_owned()));
@@ -217,6 +218,26 @@ impl Echo {
         Ok(Ended { status: status.code(), out: stdout, err: stderr })
     }
 
+    /// Says which of Windows' own processes could speak through the program's streams.
+    fn listeners(&self, log: &mut Log) -> Result<Option<String>, String> {
+        let mark = self.folder.join("started");
+        _ = fs::remove_file(&mark);
+        let mut child = self.command(&["stay", "started"])?.spawn().map_err(|e| e.to_string())?;
+        let started = within(PATIENCE, || mark.is_file());
+        let of_windows = processes(|line| line.starts_with("C:\\"));
+        let stream = |process: u32, number: u8| fs::read_link(format!("/proc/{process}/fd/{number}")).ok();
+        let own = [stream(child.id(), 1), stream(child.id(), 2)];
+        let heard = |process: u32| [1, 2].into_iter().any(|number| own.contains(&stream(process, number)));
+        let heard: Vec<_> = of_windows.iter().filter(|(process, _)| heard(*process)).collect();
+        log.line(&format!("beside {own:?}: {of_windows:?}"))?;
+        _ = child.kill();
+        child.wait().map_err(|e| e.to_string())?;
+        if !started || of_windows.is_empty() || own.contains(&None) {
+            return Ok(Some(format!("the program did not start, or Windows not: {of_windows:?}, {own:?}")));
+        }
+        Ok((!heard.is_empty()).then(|| format!("Windows' own processes have the program's streams: {heard:?}")))
+    }
+
     /// Ends a run by a signal while the program and its child wait; says what stays behind, and an exit status that is not
     /// `expected`.
     fn ended_by(&self, signal: Signal, expected: Option<i32>, log: &mut Log) -> Result<Option<String>, String> {
@@ -248,11 +269,18 @@ impl Echo {
     /// Processes of the lab's that name the program.
     fn running(&self) -> Vec<String> {
         let name = self.program.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
-        let lines = entries.filter_map(|entry| fs::read(entry.path().join("cmdline")).ok());
-        let lines = lines.map(|line| String::from_utf8_lossy(&line).replace('\0', " "));
-        lines.filter(|line| line.contains(&name) && line.contains("stay")).collect()
+        let lines = processes(|line| line.contains(&name) && line.contains("stay"));
+        lines.into_iter().map(|(_, line)| line).collect()
     }
+}
+
+/// Processes of this machine whose command lines are such, by their numbers.
+fn processes(such: impl Fn(&str) -> bool) -> Vec<(u32, String)> {
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    let lines = numbers.filter_map(|number: u32| Some((number, fs::read(format!("/proc/{number}/cmdline")).ok()?)));
+    let lines = lines.map(|(number, line)| (number, String::from_utf8_lossy(&line).replace('\0', " ")));
+    lines.filter(|(_, line)| such(line)).collect()
 }
 
 /// Whether `what` becomes true in time.

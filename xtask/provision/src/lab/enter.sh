@@ -29,7 +29,8 @@ for folder in "$here" "${program%/*}" "$lab"; do
     fi ;;
     esac
 done
-# Wine keeps its sockets there; another Wine of the machine must not be met.
+# Wine keeps its sockets there; another Wine of the machine must not be met. The folder stays afterwards: the kernel takes a
+# mount away where its folder is removed, from other runs as well.
 mkdir -p -m 700 tmp/.wine-0
 mount -t tmpfs -o mode=700 lab tmp/.wine-0
 exec chroot . sh -euc "$LAB_INSIDE" "$here" "$@"

@@ -15,6 +15,13 @@ export DISPLAY=":$display" WINEPREFIX=/windows
 export WINEDEBUG="${WINEDEBUG:--all}" VKD3D_DEBUG="${VKD3D_DEBUG:-none}" VKD3D_SHADER_DEBUG="${VKD3D_SHADER_DEBUG:-none}"
 export WINEDLLOVERRIDES="${WINEDLLOVERRIDES:-mscoree,mshtml=}"
 export VK_DRIVER_FILES="${VK_DRIVER_FILES:-/usr/share/vulkan/icd.d/lvp_icd.json}"
+# Windows starts by itself, so that its services and drivers do not speak through the program's streams; and it stays: none of
+# them ends, and perhaps fails at it, while the program still speaks.
+if ! { /usr/lib/wine/wineserver64 -p && /usr/lib/wine/wine64 hostname.exe; } > /run/windows.log 2>&1 < /dev/null; then
+    cat /run/windows.log >&2
+    echo "the lab's Windows does not start" >&2
+    exit 1
+fi
 status=0
 /usr/lib/wine/wine64 "$@" || status=$?
 exit $status
