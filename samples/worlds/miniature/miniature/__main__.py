@@ -16,6 +16,7 @@ runs them one after the other. A command that has done its work ends with status
 """
 UNFINISHED = 3
 # The world inside the library.
+PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "smoke")
 SHIPPED = Path(__file__).resolve().parents[2] / "miniature.cairn"
 # Walks that are drawn side by side.
 DRAWN_AT_ONCE = 3
@@ -31,11 +32,12 @@ def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     top = argparse.ArgumentParser(prog="python -m miniature", description=HELP)
     top.add_argument("--folder", type=Path, default=default_folder(), help="states and clips (%(default)s)")
-    top.add_argument("--preset", choices=["cpu", "gpu", "further", "smoke"], default="cpu", help="sizes and steps (cpu)")
+    top.add_argument("--preset", choices=PRESET_NAMES, default="cpu", help="sizes and steps (cpu)")
     top.add_argument("--renderer", type=Path, help="the scenes program (`scenes` in the folder unless given)")
     top.add_argument("--bundle", type=Path, default=SHIPPED, help="the world that `begin` and `--share` take (%(default)s)")
     top.add_argument("--share", type=share, default=1.0, metavar="S", help="`checkpoint`: S of the trained weights, the rest of --bundle's (1)")
     top.add_argument("--minutes", type=float, default=float("inf"), help="stop training after so many minutes, to go on later")
+    top.add_argument("--until", type=int, default=sys.maxsize, metavar="N", help="`world`: end at step N of the plan (its last)")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (_, what) in COMMANDS.items():
         commands.add_parser(name, help=what)
@@ -62,6 +64,7 @@ class Job:
         self.renderer: Path = options.renderer or options.folder / "scenes"
         self.bundle: Path = options.bundle
         self.minutes: float = options.minutes
+        self.until: int = options.until
         self.share: float = options.share
         self.preset = PRESETS[options.preset]
         self.geometry = self.preset.geometry
@@ -157,8 +160,8 @@ def train_world(job: Job) -> bool:
     wanted = job.preset.autoencoder.clips + plan.count
     if len(walks.walks) < wanted:
         job.say(f"{len(walks.walks)} of {wanted} clips and walks are there: the weights will be others than with all")
-    state = train_world.train(job.world, job.geometry, plan, walks, job.minutes, job.say, job.preset.clips)
-    return int(state.step) >= plan.steps
+    state = train_world.train(job.world, job.geometry, plan, walks, job.minutes, job.say, job.preset.clips, job.until)
+    return int(state.step) >= min(plan.steps, job.until)
 
 
 def write_checkpoint(job: Job) -> bool:

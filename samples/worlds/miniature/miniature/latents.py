@@ -92,14 +92,17 @@ class Walks:
         """Those of these names alone, in the same order."""
         return Walks({name: walk for name, walk in zip(self.names, self.walks) if name in names})
 
-    def window(self, rng: np.random.Generator, frames: int) -> tuple[np.ndarray, np.ndarray]:
-        """A rollout of `frames` latents from a seed: `([frames, h, w, C], [frames, 3 + 256])`; the seed has no controls."""
+    def window(self, rng: np.random.Generator, frames: int, more_of: str = "", times: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """A rollout of `frames` latents from a seed: `([frames, h, w, C], [frames, 3 + 256])`; the seed has no controls. Windows of
+        the kind of place `more_of` are taken `times` as often as those of another.
+        """
         long_enough = np.flatnonzero(self.steps >= frames - 1)
         if not len(long_enough):
             raise ValueError(f"no walk has {frames - 1} steps; the longest has {self.steps.max()}")
         # A long walk has more windows than a short one, though of one place: its share grows with their square root.
         starts = (self.steps[long_enough] - frames + 1) // STILL_EVERY + 1
         share = np.sqrt(starts)
+        share = share * [times if self.names[walk].partition("-")[0] == more_of else 1.0 for walk in long_enough]
         chosen = rng.choice(len(long_enough), p=share / share.sum())
         walk = self.walks[long_enough[chosen]]
         side, start = rng.integers(2), int(rng.integers(starts[chosen]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from cairn.build.geometry import Geometry
 
@@ -60,6 +61,8 @@ class Stage:
     together: int = 1  # windows computed side by side: on a CPU one, whose activations stay in its caches
     few_step: bool = False  # frames as the schedules' few steps lead to them, not as truth and noise mixed
     means: float = 0.0  # how much a channel's mean counts beside single numbers, in frames that are made of noise alone
+    more_of: str = ""  # a kind of place whose windows are taken more often, and
+    times: float = 1.0  # how many times as often as another's
 
 
 @dataclass(frozen=True)
@@ -150,6 +153,17 @@ GPU = Preset(
     ),
 )
 
+def further_still(steps: int, **taken: Any) -> Preset:
+    """Long windows alone, at rates below those of `further`, so that what is sharp stays. The same places: drawing others takes as
+    long as half the training.
+    """
+    windows = (112, 128, 384, 384, 384, 512)
+    stage = Stage(steps=steps, frames=256, batch=1, noisy=1, windows=windows, few_step=True, means=16.0, **taken)
+    none = AutoencoderPlan(clips=0, steps=0, batch=4, latents=3, crop=(128, 128), rate=1.5e-3)
+    plan = WorldPlan(walks=(Walks(32, 18.0),), rate=0.3e-3, muon_rate=0.6e-3, decay=0.05, stages=(stage,))
+    return Preset(WORLD, none, plan, first=300)
+
+
 PRESETS = {
     "gpu": GPU,
     "cpu": Preset(
@@ -192,6 +206,10 @@ PRESETS = {
         ),
         first=300,
     ),
+    # From the world that `further` left, which turns dark in snow: long windows alone, half of them of snow.
+    "longer": further_still(220, more_of="snow", times=3.0),
+    # And from what that left, which turns light in forests: the same with windows of all kinds.
+    "balanced": further_still(300),
     "smoke": Preset(
         SMOKE,
         AutoencoderPlan(clips=4, steps=30, batch=2, latents=2, crop=(64, 32), rate=2e-3),

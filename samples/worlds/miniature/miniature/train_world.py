@@ -6,6 +6,7 @@ the time over a past of the network's own making.
 
 from __future__ import annotations
 
+import sys
 from functools import cache, partial
 from pathlib import Path
 
@@ -188,13 +189,23 @@ def by_muon(name: str) -> bool:
 
 def batch(rng: np.random.Generator, walks: Walks, stage: Stage) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Latents `[n, F, h, w, C]` of random windows, as many of other ones, and the first ones' controls `[n, F, 3 + 256]`."""
-    windows, others = ([walks.window(rng, stage.frames) for _ in range(stage.batch)] for _ in range(2))
+    take = walks.window
+    windows, others = ([take(rng, stage.frames, *more) for _ in range(stage.batch)] for more in ((stage.more_of, stage.times), ()))
     return np.stack([w[0] for w in windows]), np.stack([w[0] for w in others]), np.stack([w[1] for w in windows])
 
 
-def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float, say=print, clips: range = range(0)) -> optimiser.State:
-    """Trains from the state at `path`, or from nothing, and leaves the state there. Of `walks`, the numbers `clips` are the
-    autoencoder's clips, which are walks of the plan's first stage too; the plan's own follow.
+def train(
+    path: Path,
+    g: Geometry,
+    plan: WorldPlan,
+    walks: Walks,
+    minutes: float,
+    say=print,
+    clips: range = range(0),
+    until: int = sys.maxsize,
+) -> optimiser.State:
+    """Trains from the state at `path`, or from nothing, to the plan's end or its step `until`, and leaves the state there. Of
+    `walks`, the numbers `clips` are the autoencoder's clips, which are walks of the plan's first stage too; the plan's own follow.
     """
 
     @cache
@@ -214,7 +225,8 @@ def train(path: Path, g: Geometry, plan: WorldPlan, walks: Walks, minutes: float
     def initial() -> optimiser.State:
         return optimiser.start(transformer.initial(g, SEED), by_muon)
 
-    return store.train(path, initial, one_step, plan.steps, minutes, lambda n: flops(g, plan.stage(n)), say)
+    last = min(plan.steps, until)
+    return store.train(path, initial, one_step, last, minutes, lambda n: flops(g, plan.stage(n)), say)
 
 
 def flops(g: Geometry, stage: Stage) -> float:

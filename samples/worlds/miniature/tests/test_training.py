@@ -36,6 +36,10 @@ def walks(drawn, tmp_path):
     return latents.Walks.read(tmp_path / "latents")
 
 
+def test_every_preset_can_be_named():
+    assert set(__main__.PRESET_NAMES) == set(PRESETS)
+
+
 def test_held_out_seeds_are_refused():
     assert {1, 4, 5, 6, 7, 41} <= held_out.held_out_seeds()
     for seed in (0, 7, 999):
@@ -85,6 +89,20 @@ def test_a_window_starts_with_a_still_and_pairs_controls_with_what_they_caused(w
     assert np.array_equal(latents_[1:], walk["moving"][side, at : at + 4])
 
 
+def test_windows_of_one_kind_of_place_are_taken_as_often_as_told(walks):
+    def share(*more):
+        rng = np.random.default_rng(5)
+        taken = [walks.window(rng, 5, *more)[0][0].tobytes() for _ in range(400)]
+        sword = {s.tobytes() for name, w in zip(walks.names, walks.walks) if name.startswith("sword") for side in w["still"] for s in side}
+        return sum(still in sword for still in taken) / len(taken)
+
+    even = share()
+    assert 0 < even < 1
+    # Odds, not shares, grow by as much.
+    assert share("sword", 3.0) == pytest.approx(3 * even / (3 * even + 1 - even), abs=0.06)
+    assert share("sword", 0.0) == 0 and share("desert", 3.0) == even
+
+
 def test_interrupted_training_of_the_autoencoder_ends_in_the_same_bits(drawn, tmp_path):
     whole = train_autoencoder.train(tmp_path / "whole.npz", SMOKE, PLAN, drawn, minutes=60, say=lambda _: None)
     for _ in range(PLAN.steps):
@@ -112,6 +130,21 @@ def test_the_transformer_learns_and_goes_through_its_curriculum(walks, tmp_path)
     assert int(state.step) == 64
     loss = [float(line.partition("loss ")[2].split()[0]) for line in shown]
     assert loss[2] < 0.9 * loss[0], shown
+
+
+def test_a_training_ends_where_it_is_told_to_and_goes_on(walks, tmp_path):
+    plan = WorldPlan((Walks(2, 0.5),), rate=3e-3, decay=0.0, stages=(Stage(4, frames=8, batch=1, noisy=1),))
+    whole, parts = (
+        [
+            int(train_world.train(tmp_path / name, SMOKE, plan, walks, minutes=60, say=lambda _: None, until=until).step)
+            for until in ends
+        ]
+        for name, ends in (("whole.npz", [9]), ("parts.npz", [3, 2, 4]))
+    )
+    # The learning rate falls as the plan has it, wherever it is left.
+    assert (whole, parts) == ([4], [3, 3, 4])
+    ended = [store.mean_parameters(tmp_path / name) for name in ("whole.npz", "parts.npz")]
+    assert all(np.array_equal(ended[0][name], value) for name, value in ended[1].items())
 
 
 def test_later_walks_are_drawn_from_their_stage_on(walks):
