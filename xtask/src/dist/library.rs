@@ -91,7 +91,7 @@ pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: T
         Platform::Windows => {
             let stripped = work.join(UNITY);
             let mut command = Command::new(objcopy(platform));
-            command.args(NAMELESS).arg("--strip-debug").arg(folder.join(UNITY)).arg(&stripped);
+            command.args(PASSING).arg("--strip-debug").arg(folder.join(UNITY)).arg(&stripped);
             pass_through(command.env(EPOCH, moment.as_second().to_string()))?;
             Some(read(stripped)?)
         }
@@ -177,21 +177,25 @@ fn flags(clone: &Clone) -> Result<String, String> {
     Ok([remap(&home, "cargo"), remap(&clone.root, "cairn")].join("\u{1f}"))
 }
 
-/// Takes out what `dlltool` calls the import libraries that rustc makes while it compiles: by where they lay, which is another place
-/// in every build. A symbol of that kind names no code.
-const NAMELESS: [&str; 3] =
-    ["--wildcard", "--strip-symbol=*_dll_imports_lib_iname", "--strip-symbol=_head_*_dll_imports_lib"];
+/// Takes out symbols that are other ones in every build, and that nobody looks for. LLVM numbers what it shares among parts of a crate by
+/// how the compiler wrote these down, which is not always the same; debug information has the names without numbers. And `dlltool`
+/// calls the import libraries that rustc makes while it compiles by where they lay; such a symbol names no code.
+const PASSING: [&str; 4] = [
+    "--wildcard",
+    "--strip-symbol=*.llvm.[0-9]*",
+    "--strip-symbol=*_dll_imports_lib_iname",
+    "--strip-symbol=_head_*_dll_imports_lib",
+];
 
 /// Puts the library without its debug information into `work`, and that information beside it. A Windows file tells when it was
 /// made: at `moment`.
 fn split(platform: Platform, library: &Path, work: &Path, moment: Timestamp) -> Result<(), String> {
     let program = objcopy(platform);
     let [name, debug] = names(platform);
-    let nameless: &[&str] = if platform == Platform::Windows { &NAMELESS } else { &[] };
     let run = |arguments: &[&str], files: &[&Path]| {
         // The link names the other file as it is given: in its own folder it is a name alone.
         let mut command = Command::new(program);
-        command.args(nameless).args(arguments).args(files).current_dir(work).env(EPOCH, moment.as_second().to_string());
+        command.args(PASSING).args(arguments).args(files).current_dir(work).env(EPOCH, moment.as_second().to_string());
         pass_through(&mut command)
     };
     run(&["--only-keep-debug"], &[library, Path::new(debug)])?;

@@ -77,9 +77,11 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     for (root, linked) in [(&windows, ["mingw-w64", "libgcc"]), (&linux, ["llvm-libunwind", "glibc-nonshared"])] {
         tally.check(unnamed(root, &["rust-std", linked[0], linked[1]])?);
     }
-    tally.check(places(&linux.join("debug/libcairn.so.debug"))?);
+    for file in ["lib/libcairn.so", "debug/libcairn.so.debug"] {
+        tally.check(passing(&linux.join(file))?);
+    }
     for file in ["bin/cairn.dll", "debug/cairn.dll.debug", "unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll"] {
-        tally.check(places(&windows.join(file))?);
+        tally.check(passing(&windows.join(file))?);
     }
     tally.check((!windows.join("runtime/DirectML.dll").is_file()).then(|| "the runtimes are missing".to_owned()));
     tally.check(slim.join("runtime").exists().then(|| "the slim archive has runtimes".to_owned()));
@@ -227,14 +229,16 @@ fn unnamed(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("the archive's licences do not name {}", missing.join(", "))))
 }
 
-/// What of this machine a library or its debug information names: the cache, and what rustc had beside what it compiled, are at other
-/// places elsewhere.
-fn places(debug: &Path) -> Result<Option<String>, String> {
+/// What a library or its debug information names that another build would name otherwise: this machine's cache, what rustc had beside
+/// what it compiled, and the numbers that LLVM gave.
+fn passing(debug: &Path) -> Result<Option<String>, String> {
     let cache = provision::cache_dir().map_err(|e| e.to_string())?;
     let bytes = fs::read(debug).map_err(|e| format!("{}: {e}", debug.display()))?;
+    let numbered = || bytes.windows(7).position(|part| part.starts_with(b".llvm.") && part[6].is_ascii_digit());
     let found = [cache.as_os_str().as_encoded_bytes(), b"site-packages/ziglang", b"_deps_rustc"]
         .into_iter()
-        .find_map(|place| bytes.windows(place.len()).position(|part| part == place));
+        .find_map(|place| bytes.windows(place.len()).position(|part| part == place))
+        .or_else(numbered);
     Ok(found.map(|at| {
         let end = bytes[at..].iter().position(|&byte| byte == 0).map_or(bytes.len(), |length| at + length);
         format!("{} names {}", debug.display(), String::from_utf8_lossy(&bytes[at..end]))
