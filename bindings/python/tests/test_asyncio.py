@@ -235,6 +235,8 @@ def test_what_a_step_raises_is_raised_where_it_is_awaited(rollout):
             await step
         rollout.resume()
         rollout.step()
+        # Paused, for the step would else be made at times before the rollout is gone.
+        rollout.pause()
         gone = asyncio.create_task(rollout.step_async())
         await asyncio.sleep(0)
         rollout.close()
