@@ -101,9 +101,9 @@ pub(super) fn of(
     Ok(Some(tree))
 }
 
-/// What of the book a host's programmers do not need: how Cairn itself is worked on, and a whole run of the comparison, which is as large as
-/// the library.
-const NOT_FOR_HOSTS: [&str; 2] = ["docs/lab.md", "docs/report/"];
+/// What of the book a host's programmers do not need: how Cairn itself is worked on, and whole runs of the comparison and of a sweep, of which
+/// the first is as large as the library.
+const NOT_FOR_HOSTS: [&str; 3] = ["docs/lab.md", "docs/report/", "docs/sweeps/"];
 
 /// The book's chapters that lie in its folder, with the pictures and files that they show; an archive has the others in their places.
 fn book_files(clone: &Clone) -> Result<BTreeSet<String>, String> {

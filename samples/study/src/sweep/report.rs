@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use cairn::bundle::Bundle;
-use cairn::world::Presentation;
+use cairn::world::{Presentation, WorldTime};
 
 use super::chart::{Chart, Group, Mark};
 use super::front::{Score, front, moves, within};
@@ -113,10 +113,28 @@ fn head(sweep: &Sweep<'_>) -> Vec<Block> {
         "A rollout of every point goes through every place, from the same seed picture with the same controls and noise, and is \
          measured against what the renderer draws of the same walk. What each figure is, docs/sweep.md and docs/study.md tell.",
     ));
+    blocks.extend(whole_walks(settings));
     if bundle.manifest().provenance.get("weights").is_some_and(|weights| weights.starts_with("random")) {
         blocks.push(Block::text("**This world has random weights: its pictures mean nothing.**"));
     }
     blocks
+}
+
+/// Which windows no walk of that length fills, where the sweep has several of them: their points cannot differ.
+fn whole_walks(settings: &Settings) -> Option<Block> {
+    let duration = WorldTime::parse(&settings.seconds).ok()?;
+    let points = settings.points.iter().map(|point| &point.point);
+    let never_full = points.clone().filter(|point| u64::from(point.global_window) >= point.counts(duration).latents);
+    let windows: BTreeSet<u32> = never_full.map(|point| point.global_window).collect();
+    let latents = points.map(|point| point.counts(duration).latents).max()?;
+    (windows.len() > 1).then(|| {
+        let windows: Vec<String> = windows.iter().map(|window| format!("g{window}")).collect();
+        Block::text(format!(
+            "A walk has {latents} latents at most, so {} hold all of it: points that differ in nothing but such windows make the same \
+             frames. They are charged for the whole window, which their graphs work through.",
+            windows.join(", ")
+        ))
+    })
 }
 
 fn asset(settings: &Settings, name: &str, svg: String) -> Asset {
@@ -388,6 +406,15 @@ mod tests {
         let rows: Vec<&str> = document.markdown.lines().filter(|line| line.contains("| g")).collect();
         assert!(rows.len() == 3 && rows.iter().all(|row| row.contains("g128")), "{rows:?}");
         assert!(words(&pareto(&scores, Measure::Horizon, &settings)).contains("could not be measured"));
+    }
+
+    #[test]
+    fn windows_that_no_walk_fills_are_named() {
+        let lasting = |seconds: &str| Settings { seconds: seconds.into(), ..grid() };
+        let text = words(&Vec::from_iter(whole_walks(&lasting("15"))));
+        assert!(text.contains("226 latents") && text.contains("g384, g512 hold"), "{text}");
+        // One that is never full is unlike the others.
+        assert!(whole_walks(&lasting("30")).is_none());
     }
 
     #[test]
