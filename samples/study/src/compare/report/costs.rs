@@ -49,6 +49,10 @@ pub(super) fn machine(found: &Found<'_>) -> Vec<Block> {
     let half = cells.iter().any(|(_, manifest)| is_half(manifest, found.bundle));
     let generators = of(&|v| Some(v.generator.clone()));
     let bridge = format!("{generators}; upscaling: {}", found.settings.upscaler);
+    // Each once: of the branches, some load more than others.
+    let named = |l: &LibraryVersion| format!("{} {}", l.name, l.version.as_deref().unwrap_or("of no version"));
+    let libraries = cells.iter().flat_map(|(_, manifest)| manifest.versions.libraries.iter().map(named));
+    let libraries = libraries.collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(", ");
     let row = |item: &str, theirs: &str, ours: String| vec![item.to_owned(), theirs.to_owned(), ours];
     let rows = vec![
         row("GPU", STACK.gpu, or(of(&|v| Some(v.adapter.as_ref()?.name.clone())), "none: the processor")),
@@ -57,14 +61,7 @@ pub(super) fn machine(found: &Found<'_>) -> Vec<Block> {
         row("world-model runtime", STACK.runtime, of(&|v| v.device.clone())),
         row("precision of the model", STACK.precision, if half { "f16" } else { "f32" }.into()),
         row("presentation", STACK.bridge, bridge),
-        row("libraries of others", "", {
-            let all = of(&|v| {
-                let named =
-                    |l: &LibraryVersion| format!("{} {}", l.name, l.version.as_deref().unwrap_or("of no version"));
-                (!v.libraries.is_empty()).then(|| v.libraries.iter().map(named).collect::<Vec<_>>().join(", "))
-            });
-            or(all, "none but ONNX Runtime")
-        }),
+        row("libraries of others", "", or(libraries, "none but ONNX Runtime")),
         row("processor", "", of(&|v| Some(v.cpu.clone()))),
         row("threads of a pass", "", of(&|v| v.threads.map(|n| n.to_string()))),
         row("this library", "", of(&|v| Some(v.cairn.clone()))),
