@@ -83,6 +83,9 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
         _ => threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
     };
     let rollout = Rollout::new(&world, &checked.point, job.settings.seed)?;
+    // Before the folder is prepared: where there is none, an earlier rollout stays.
+    let interval = 1000.0 / checked.point.latents_per_second as f32;
+    let generator = checked.generator.make(Some(world.device()), interval)?;
     let loading = began.elapsed();
 
     folder.prepare(job.settings.formats.png)?;
@@ -97,7 +100,7 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let latents = LatentFile::create(job.disk.as_ref(), &folder.join(LATENTS), shape)?;
 
     let sheet = Sheet::new(world.render_size(), "latent");
-    let mut stream = Stream::new(&checked, rollout, size, recorder, latents, sheet)?;
+    let mut stream = Stream::new(&checked, rollout, generator, size, recorder, latents, sheet)?;
     job.progress.begin(job.limit.map_or(counts.presented, |l| l.presented));
     let end = stream.run(job, &loaded);
     job.progress.end();

@@ -100,18 +100,40 @@ fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
         .unwrap()
         .replace("\"complete\": true", "\"complete\": false");
     fs::write(place.join("heavy/manifest.json"), half).unwrap();
-    fs::remove_file(place.join("series.csv")).unwrap();
+    for file in ["series.csv", "seed.png", "script.txt", "truth/frames/000002.png"] {
+        fs::remove_file(place.join(file)).unwrap();
+    }
     let (status, text) = compare(&out, &["--jobs", "1"]);
     assert!(status == Some(0) && text.contains("3 of them kept"), "{text}");
     assert_eq!((times(&place.join("coherence")), figures(&out)), (before, first));
 
     // What a newer program wrote is not replaced.
-    let manifest = place.join("baseline/manifest.json");
-    let newer = fs::read_to_string(&manifest).unwrap().replace("\"manifest_version\": 1", "\"manifest_version\": 2");
-    fs::write(&manifest, &newer).unwrap();
-    let (status, text) = compare(&out, &[]);
-    assert!(status == Some(1) && text.contains("version 2") && text.contains("wrote it"), "{text}");
-    assert_eq!(fs::read_to_string(&manifest).unwrap(), newer);
+    for manifest in ["baseline/manifest.json", "truth/manifest.json", "side-by-side.json"] {
+        let manifest = place.join(manifest);
+        let own = fs::read_to_string(&manifest).unwrap();
+        let newer = own.replace("\"manifest_version\": 1", "\"manifest_version\": 2");
+        assert_ne!(newer, own);
+        fs::write(&manifest, &newer).unwrap();
+        let (status, text) = compare(&out, &[]);
+        assert!(status == Some(1) && text.contains("version 2") && text.contains("wrote it"), "{text}");
+        assert_eq!(fs::read_to_string(&manifest).unwrap(), newer);
+        fs::write(&manifest, own).unwrap();
+    }
+}
+
+#[test]
+fn a_scene_that_is_not_there_is_told_with_those_that_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("compare");
+    for scene in ["moon", "", "forest-41", "forest,snow"] {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_study"));
+        let program = program.args(["compare", "--scene", scene, "--no-lpips", "--quiet", "--out"]).arg(&out);
+        let Output { status, stderr, .. } = program.output().expect("the program starts");
+        let text = String::from_utf8_lossy(&stderr);
+        assert!(status.code() == Some(2) && text.contains(&format!("no scene {scene:?}")), "{status}: {text}");
+        assert!(text.contains("--scene") && text.contains("Use forest, sword, desert, snow or all"), "{text}");
+        assert!(!out.exists(), "{text}");
+    }
 }
 
 /// A process that is killed takes nothing with it but its own cell.
@@ -164,6 +186,30 @@ fn a_full_disk_is_told_and_what_was_whole_is_kept() {
     assert!(status == Some(0) && text.contains("5 of them kept"), "{text}");
     let again = times(&place);
     assert!(made.iter().all(|file| again.contains(file)), "what was whole is not made again");
+}
+
+/// Files that may not grow on, in the process of a rollout: it is told in that one's words, with its name.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_a_rollout_cannot_write_is_told_with_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("compare");
+    let whole = command(&out, &["--jobs", "1"]);
+    // Seed picture and frames are smaller than 90 KB, the latents of the doubled baseline are not.
+    let mut limited = Command::new("sh");
+    limited
+        .args(["-c", "trap '' XFSZ; ulimit -f 180; exec \"$@\"", "sh"])
+        .arg(whole.get_program())
+        .args(whole.get_args());
+    let Output { status, stderr, .. } = limited.output().expect("a shell");
+    let text = String::from_utf8_lossy(&stderr);
+    assert_eq!(status.code(), Some(1), "{text}");
+    for words in ["forest 41, ", "File too large", "Choose a disk that takes larger files", "same command again"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert!(!out.join("report.md").exists(), "nothing is told of half a comparison");
+    let (status, text) = compare(&out, &[]);
+    assert!(status == Some(0) && text.contains("5 rollouts, "), "{text}");
 }
 
 #[test]

@@ -46,6 +46,12 @@ impl Sweep {
         (status.code(), String::from_utf8_lossy(&stdout).into_owned() + &String::from_utf8_lossy(&stderr))
     }
 
+    /// The same without standard error, where ONNX Runtime may have remarks about a processor that it does not know.
+    fn told(&self, more: &[&str]) -> (Option<i32>, String) {
+        let Output { status, stdout, .. } = self.command(more).arg("--quiet").output().expect("the program starts");
+        (status.code(), String::from_utf8_lossy(&stdout).into_owned())
+    }
+
     /// Makes what is missing; of how many rollouts how many were kept.
     fn made(&self, more: &[&str]) -> [usize; 2] {
         let (status, text) = self.run(more);
@@ -178,7 +184,7 @@ fn a_killed_worker_is_named_and_the_sweep_goes_on_to_the_same_numbers() {
 fn jobs_are_listed_and_each_can_be_made_by_itself() {
     let sweep = Sweep::new();
     let list = || -> serde_json::Value {
-        let (status, text) = sweep.run(&["--list-jobs"]);
+        let (status, text) = sweep.told(&["--list-jobs"]);
         assert_eq!(status, Some(0), "{text}");
         serde_json::from_str(&text).unwrap()
     };
@@ -203,10 +209,24 @@ fn jobs_are_listed_and_each_can_be_made_by_itself() {
     }
     assert_eq!(of(&list(), "whole"), [false, true]);
     let before = times(&sweep.cell(6));
-    let (status, text) = sweep.run(&["--only", &names[1]]);
+    let (status, text) = sweep.told(&["--only", &names[1]]);
     assert_eq!((status, text.as_str(), times(&sweep.cell(6))), (Some(0), "", before));
     let (status, text) = sweep.run(&["--only", "sword-41/g9"]);
     assert!(status == Some(2) && text.contains("--list-jobs"), "{text}");
+}
+
+#[test]
+fn weights_that_are_missing_are_told_before_anything_is_made() {
+    let sweep = Sweep::of(&PLAN.replace("lpips = false", "lpips = true"));
+    let nowhere = sweep.folder.path().join("no-weights");
+    // The sweep, and a node of a cluster that was given one of its jobs.
+    for more in [&[][..], &["--only", &format!("sword-41/{}", name(4))]] {
+        let program = sweep.command(more).arg("--quiet").env("CAIRN_LPIPS", &nowhere).output();
+        let Output { status, stderr, .. } = program.expect("the program starts");
+        let text = String::from_utf8_lossy(&stderr);
+        assert!(status.code() == Some(1) && text.contains("no-weights"), "{more:?}: {status}: {text}");
+        assert!(!sweep.cell(4).exists(), "{more:?}");
+    }
 }
 
 /// A disk that takes nothing more, where a manifest or the series should go: `/dev/full` stands for it.

@@ -83,6 +83,7 @@ impl Stream {
     pub(super) fn new(
         checked: &Checked,
         rollout: Rollout,
+        generator: Box<dyn FrameGenerator>,
         size: (u32, u32),
         recorder: Recorder,
         latents: LatentFile,
@@ -103,9 +104,7 @@ impl Stream {
             planned: counts.presented,
             render,
             latent_shape: [shape.channels, shape.height, shape.width].map(|n| n as usize),
-            generator: checked
-                .generator
-                .make(Some(rollout.world().device()), 1000.0 / point.latents_per_second as f32)?,
+            generator,
             paper: paper::Extractor::new(),
             latent_flow: latent_flow::Extractor::new(),
             picture_flow: picture_flow::Extractor::new(),

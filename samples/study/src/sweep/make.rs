@@ -127,6 +127,8 @@ impl<'a> Shared<'a> {
             let _lock = self.lock(place, progress)?;
             truth::draw(place, false, settings.looks()?, &drawn, progress, stop)?
         };
+        // Before the rollout, which is no use to who cannot measure it.
+        let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
         let (rollout, digests) = (cell.rollout(settings), self.digests(place)?);
         if let Found::Missing(_) = look(&folder, &rollout, &digests)? {
             let disk = Arc::new(RealDisk);
@@ -145,7 +147,6 @@ impl<'a> Shared<'a> {
         if kept(&file, &key, 1).is_some() {
             return Ok(());
         }
-        let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
         progress.phase("measuring");
         let truth = Stream { name: truth::FOLDER.into(), folder: truth, step: 1 };
         let step = u64::from(cell.point.point.presented_rate() / RATE).max(1);

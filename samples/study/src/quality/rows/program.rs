@@ -106,7 +106,9 @@ mod tests {
     fn a_program_that_fails_or_is_not_there_is_told() {
         let missing = run("nothing", &mut Command::new("no-such-program-of-ours")).unwrap_err();
         assert!(missing.to_string().starts_with("nothing: it does not run"), "{missing}");
-        let failed = run("cargo", Command::new("cargo").arg("no-such-command")).unwrap_err();
-        assert!(failed.to_string().contains("no-such-command"), "{failed}");
+        let ourselves = std::env::current_exe().unwrap();
+        let failed = run("tests", Command::new(ourselves).arg("--no-such-option")).unwrap_err();
+        assert!(failed.to_string().starts_with("tests: it failed: "), "{failed}");
+        assert!(failed.to_string().contains("no-such-option"), "{failed}");
     }
 }
