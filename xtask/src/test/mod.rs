@@ -22,6 +22,7 @@ mod room;
 mod shaders;
 mod skips;
 mod study;
+mod study_windows;
 mod tally;
 mod thorough;
 mod unity;
@@ -85,6 +86,11 @@ const RUNNERS: &[Runner] = &[
         name: "directml",
         what: "parity with the oracle, saved states and budgets on DirectML, in short",
         run: directml::run,
+    },
+    Runner {
+        name: "study-windows",
+        what: "the study on Windows, and its comparison on DirectML by shaders and by a double of AMD's library",
+        run: study_windows::run,
     },
     Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
     Runner {

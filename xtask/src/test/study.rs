@@ -115,7 +115,8 @@ fn study(context: &Context<'_>) -> Result<Command, String> {
     Ok(command)
 }
 
-fn missing(path: &Path) -> Option<String> {
+/// Says so where a file is not there, or empty.
+pub(super) fn missing(path: &Path) -> Option<String> {
     match fs::metadata(path) {
         Ok(data) if data.len() > 0 => None,
         Ok(_) => Some(format!("{} is empty", path.display())),

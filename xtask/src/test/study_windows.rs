@@ -1,0 +1,360 @@
+//! The study for Windows, in the lab or on Windows itself: its own tests, and the paper's experiment in small on DirectML, with
+//! frames between anchors by the library's shaders and then by the double that plays AMD's libraries.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use serde_json::Value;
+
+use super::study::missing;
+use super::tally::Tally;
+use super::{Context, cargo, lab};
+use crate::shell::{Ended, Log};
+
+/// What cargo is told to build: all in one command, so that nothing is compiled a second time for another choice of features.
+const PACKAGES: [&str; 4] = ["--package", "study", "--package", "ffx-double"];
+/// The test programs that ask what another system may answer otherwise: processes, streams, files and their locks, videos, a world.
+const PROGRAMS: [&str; 6] = ["compare", "media", "program", "rollout", "score", "sweep"];
+/// Of these what is long and runs on the processor: the comparison below does the same on DirectML.
+const LONG: [&str; 2] = ["a_comparison_is_made_once", "a_sweep_is_made_once"];
+
+/// The double, and what it is called here: AMD's name for the library that generates frames.
+const DOUBLE: &str = "ffx_double.dll";
+const AMD: &str = "amd_fidelityfx_framegeneration_dx12.dll";
+/// What it plays: the provider that computes its frames as AMD's analytic one does.
+const ROLE: &str = "sdk 2.1\noffers 0xf600000000c01006 3.1.6\n";
+/// Where it writes what it was asked, and what was wrong with it.
+const CALLS: &str = "calls.txt";
+const JUDGEMENT: &str = "judgement.txt";
+
+/// Two steps of a fifteenth of a second in one scene: three anchors, so two frames between them.
+const SHORT: [&str; 8] = ["--scene", "sword", "--seconds", "0.1334", "--size", "128x72", "--device", "d3d12"];
+const PLACE: &str = "sword-41";
+const LOOKS: usize = 5;
+/// Every branch: how many frames it shows, and how many of them a generator makes.
+const BRANCHES: [(&str, u64, u64); 5] =
+    [("coherence", 5, 2), ("baseline", 5, 0), ("baseline-doubled", 5, 0), ("heavy", 5, 2), ("decoded-60", 9, 0)];
+/// What runs on a graphics device through libraries of others, and whether their files tell a version: Wine's own does not.
+const LIBRARIES: [(&str, bool); 3] = [("onnxruntime.dll", true), ("DirectML.dll", true), ("d3d12.dll", false)];
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if let Some(skip) = lab::or_skip("the study's own tests on Windows, and its comparison on DirectML")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
+    let mut build = context.clone.cargo(["build"]);
+    build.args(PACKAGES).args(["--lib", "--bins"]).args(programs());
+    lab::for_windows(&mut build)?;
+    if !log.run(&mut build)?.success {
+        return Ok(Tally::broken("the study does not build for Windows"));
+    }
+    tally.add(own_tests(context, log)?);
+    let folder = context.clone.target.join("xtask").join("study-windows");
+    match fs::remove_dir_all(&folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
+        _ => {}
+    }
+    let comparison = Comparison::new(context, &folder)?;
+    comparison.by_shaders(log, &mut tally)?;
+    comparison.by_amd(log, &mut tally)?;
+    Ok(tally)
+}
+
+fn programs() -> impl Iterator<Item = &'static str> {
+    PROGRAMS.iter().flat_map(|program| ["--test", program])
+}
+
+/// The study's tests of itself.
+fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut command = context.clone.cargo(["test", "--no-fail-fast"]);
+    command.args(PACKAGES).arg("--lib").args(programs());
+    lab::for_windows(&mut command)?;
+    command.arg("--").args(LONG.iter().flat_map(|name| ["--skip", name]));
+    context.provide_windows_worlds(&mut command)?;
+    context.provide_lpips(&mut command)?;
+    Ok(cargo::count(&log.run(&mut command)?))
+}
+
+/// One folder, compared twice.
+struct Comparison<'a> {
+    context: &'a Context<'a>,
+    program: PathBuf,
+    out: PathBuf,
+    /// The folder of the double.
+    amd: PathBuf,
+}
+
+impl<'a> Comparison<'a> {
+    /// Has the double stand under AMD's name in a folder of its own.
+    fn new(context: &'a Context<'a>, folder: &Path) -> Result<Self, String> {
+        let target = &context.clone.target;
+        let built = if cfg!(windows) { target.clone() } else { target.join(provision::tools::WINDOWS_TARGET) };
+        let built = built.join("debug");
+        let amd = folder.join("amd");
+        let failed = |e: std::io::Error| format!("{}: {e}", amd.display());
+        fs::create_dir_all(&amd).map_err(failed)?;
+        fs::copy(built.join(DOUBLE), amd.join(AMD)).map_err(failed)?;
+        fs::write(amd.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
+        Ok(Self { context, program: built.join("study.exe"), out: folder.join("compare"), amd })
+    }
+
+    /// Runs the comparison with AMD's libraries from such a folder.
+    fn run(&self, generator: &str, amd: &Path, log: &mut Log) -> Result<Ended, String> {
+        let mut command = lab::lab_run()?;
+        command.arg(&self.program).arg("compare").args(SHORT).args(["--quiet", "--generator", generator]);
+        command.arg("--out").arg(&self.out).current_dir(&self.context.clone.root).env("CAIRN_FFX_DIR", amd);
+        self.context.provide_windows_worlds(&mut command)?;
+        self.context.provide_lpips(&mut command)?;
+        log.run(&mut command)
+    }
+
+    /// Runs it to its end; what it says.
+    fn compare(&self, generator: &str, log: &mut Log) -> Result<String, String> {
+        let ended = self.run(generator, &self.amd, log)?;
+        if ended.success { Ok(ended.output) } else { Err(format!("the comparison with {generator} failed")) }
+    }
+
+    fn place(&self) -> PathBuf {
+        self.out.join(PLACE)
+    }
+
+    /// Every branch on DirectML, with the frames between anchors by shaders.
+    fn by_shaders(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let said = self.compare("shader", log)?;
+        tally.check(lacks(&said, "5 rollouts, 0 of them kept"));
+        self.manifests("shader", tally)?;
+        self.anchors(tally)?;
+        self.series(tally)?;
+        self.report("shader", tally)?;
+        tally.check((self.calls()? != [0, 0]).then(|| "shaders ask AMD's libraries for frames".to_owned()));
+        Ok(())
+    }
+
+    /// The same folder with AMD's libraries: what does not depend on them is kept.
+    fn by_amd(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let (before, frames) = (files(&self.place())?, self.between()?);
+        // Where they are missing that is told, and nothing is lost by it.
+        let nowhere = self.run("fsr", &self.out.join("figures"), log)?;
+        tally.check(nowhere.success.then(|| "frames were made by libraries that are not there".to_owned()));
+        for words in ["sword 41, coherence: ", AMD, "AMD's libraries were not found"] {
+            tally.check(lacks(&nowhere.output, words));
+        }
+        tally.check((files(&self.place())? != before).then(|| "missing libraries cost what was there".to_owned()));
+
+        let said = self.compare("fsr", log)?;
+        tally.check(lacks(&said, "5 rollouts, 3 of them kept"));
+        self.manifests("fsr", tally)?;
+        self.anchors(tally)?;
+        self.series(tally)?;
+        self.report("fsr", tally)?;
+        let after = files(&self.place())?;
+        for (branch, _, generated) in BRANCHES.into_iter().chain([("truth", 0, 0)]) {
+            let of = |all: &[Written]| all.iter().filter(|file| file.is_in(branch)).cloned().collect::<Vec<_>>();
+            let (before, after) = (of(&before), of(&after));
+            if generated == 0 {
+                tally.check((before != after || before.is_empty()).then(|| format!("{branch} was made again")));
+            } else {
+                let kept = after.iter().filter(|file| before.contains(file)).count();
+                tally.check((kept > 0).then(|| format!("{kept} files of {branch} were kept of another generator")));
+            }
+        }
+        for ((name, shader), (_, amd)) in frames.iter().zip(self.between()?) {
+            tally.check((*shader == amd).then(|| format!("{name} is the same frame by shaders and by AMD's library")));
+        }
+        let [calls, complaints] = self.calls()?;
+        tally.check((calls == 0).then(|| "AMD's library was never asked".to_owned()));
+        tally.check((complaints > 0).then(|| format!("{complaints} calls of AMD's library were not as they must be")));
+
+        // Once more, and nothing is made anew: neither rollouts nor figures nor the video.
+        let said = self.compare("fsr", log)?;
+        tally.check(lacks(&said, "5 rollouts, 5 of them kept"));
+        tally.check((files(&self.place())? != after).then(|| "something was made again that was whole".to_owned()));
+        tally.check((self.calls()? != [calls, 0]).then(|| "AMD's library was asked for what was there".to_owned()));
+        Ok(())
+    }
+
+    /// The manifests say where everything ran and what made the frames, and their files are there.
+    fn manifests(&self, generator: &str, tally: &mut Tally) -> Result<(), String> {
+        for (branch, presented, generated) in BRANCHES {
+            let folder = self.place().join(branch);
+            let manifest = json(&folder.join("manifest.json"))?;
+            let generator = if generated > 0 { generator } else { "cpu" };
+            let versions = &manifest["versions"];
+            let mut equal = |what: &str, found: &Value, expected: Value| {
+                tally.check((*found != expected).then(|| format!("{branch}: {what} is {found}, not {expected}")));
+            };
+            equal("complete", &manifest["complete"], true.into());
+            equal("the frames presented", &manifest["counts"]["presented"], presented.into());
+            equal("the frames generated", &manifest["counts"]["generated"], generated.into());
+            equal("the generator", &versions["generator"], generator.into());
+            // The processor is what a manifest means that names none.
+            let named = if generated > 0 { generator.into() } else { Value::Null };
+            equal("the generator asked for", &manifest["settings"]["generator"], named);
+
+            let says = |item: &Value, words: &str| item.as_str().is_some_and(|text| text.contains(words));
+            let device = &manifest["settings"]["device"];
+            tally.check((!says(device, "d3d12:")).then(|| format!("{branch}: the device is {device}")));
+            let runtime = &versions["device"];
+            tally.check((!says(runtime, "DirectML on ")).then(|| format!("{branch}: the world ran on {runtime}")));
+            let adapter = &versions["adapter"];
+            let named =
+                ["name", "driver"].iter().all(|item| adapter[item].as_str().is_some_and(|text| !text.is_empty()));
+            tally.check((!named).then(|| format!("{branch}: the adapter is {adapter}")));
+            tally.check((!says(&versions["os"], "Windows")).then(|| format!("{branch}: {}", versions["os"])));
+            let libraries = versions["libraries"].as_array().map(Vec::as_slice).unwrap_or_default();
+            let version = |name: &str| {
+                let named = |library: &&Value| library["name"].as_str().is_some_and(|n| n.eq_ignore_ascii_case(name));
+                libraries.iter().find(named).map(|library| library["version"].is_string())
+            };
+            for (name, tells) in LIBRARIES {
+                let found = version(name);
+                let is_right = found.is_some_and(|told| told || !tells);
+                tally.check((!is_right).then(|| format!("{branch}: {name}, version told: {found:?}")));
+            }
+            let amd = version(AMD).is_some();
+            tally.check((amd != (generator == "fsr")).then(|| format!("{branch}: {AMD} is among {libraries:?}")));
+            tally.check(outputs(&folder, &manifest));
+        }
+        Ok(())
+    }
+
+    /// What is decoded of the same latents is the same picture, bit for bit, and what is generated between two of them is another.
+    fn anchors(&self, tally: &mut Tally) -> Result<(), String> {
+        for anchor in 0..3 {
+            let [shown, decoded] = [self.frame("coherence", 2 * anchor)?, self.frame("decoded-60", 4 * anchor)?];
+            tally.check((shown != decoded).then(|| format!("anchor {anchor} of coherence is not that of decoded-60")));
+        }
+        for (name, frame) in self.between()? {
+            let (branch, number) = name.split_once(' ').unwrap_or_default();
+            let number: u32 = number.parse().map_err(|e| format!("{name}: {e}"))?;
+            let anchors = [self.frame(branch, number - 1)?, self.frame(branch, number + 1)?];
+            tally.check(anchors.contains(&frame).then(|| format!("{name} is one of its anchors")));
+        }
+        Ok(())
+    }
+
+    fn frame(&self, branch: &str, number: u32) -> Result<Vec<u8>, String> {
+        let path = self.place().join(branch).join("frames").join(format!("{number:06}.png"));
+        fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))
+    }
+
+    /// The generated frames, with their branches and numbers.
+    fn between(&self) -> Result<Vec<(String, Vec<u8>)>, String> {
+        let branches = BRANCHES.into_iter().filter(|(_, _, generated)| *generated > 0);
+        let frames = branches.flat_map(|(branch, ..)| [1, 3].map(|number| (branch, number)));
+        frames.map(|(branch, number)| Ok((format!("{branch} {number}"), self.frame(branch, number)?))).collect()
+    }
+
+    /// The figures of every frame of truth and branches: none is no number.
+    fn series(&self, tally: &mut Tally) -> Result<(), String> {
+        let path = self.place().join("series.csv");
+        let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let lines: Vec<&str> = text.lines().collect();
+        let expected = 2 + (1 + BRANCHES.len()) * LOOKS;
+        tally.check((lines.len() != expected).then(|| format!("{} lines of figures, not {expected}", lines.len())));
+        let bad = lines.iter().find(|line| line.contains("NaN") || line.contains("inf"));
+        tally.check(bad.map(|line| format!("a figure is no number: {line}")));
+        Ok(())
+    }
+
+    /// The report is there, and names what the manifests do.
+    fn report(&self, generator: &str, tally: &mut Tally) -> Result<(), String> {
+        let path = self.out.join("report.md");
+        let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        for number in 2..=7 {
+            tally.check(lacks(&text, &format!("## Table {number}: ")));
+        }
+        for number in ["1", "2", "4", "6"] {
+            tally.check(lacks(&text, &format!("## Figure {number}: ")));
+        }
+        let hardware =
+            text.split("## Table 3: ").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap_or_default();
+        let adapter = json(&self.place().join("coherence").join("manifest.json"))?;
+        let adapter = adapter["versions"]["adapter"]["name"].as_str().unwrap_or("no name").to_owned();
+        for words in ["DirectML on", &adapter, generator, "DirectML.dll 1.", "Windows"] {
+            tally.check(lacks(hardware, words).map(|why| format!("Table 3 {why}")));
+        }
+        tally.check((hardware.contains(AMD) != (generator == "fsr")).then(|| format!("Table 3 and {AMD}: {hardware}")));
+        for name in text.lines().filter_map(|line| line.strip_prefix("![")?.rsplit_once("](")?.1.strip_suffix(')')) {
+            tally.check(missing(&self.out.join(name)));
+        }
+        let page = self.out.join("report.html");
+        let html = fs::read_to_string(&page).map_err(|e| format!("{}: {e}", page.display()))?;
+        for words in ["<video", "DirectML on", "data:image/jpeg"] {
+            tally.check(lacks(&html, words).map(|why| format!("report.html {why}")));
+        }
+        let video = self.place().join("side-by-side.mp4");
+        let bytes = fs::read(&video).map_err(|e| format!("{}: {e}", video.display()))?;
+        tally.check((bytes.get(4..8) != Some(b"ftyp")).then(|| format!("{} is no MP4 file", video.display())));
+        Ok(())
+    }
+
+    /// How often the double was called, and how often it had something against it.
+    fn calls(&self) -> Result<[usize; 2], String> {
+        let lines = |name: &str| {
+            let path = self.amd.join(name);
+            match fs::read_to_string(&path) {
+                Ok(text) => Ok(text.lines().count()),
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(0),
+                Err(e) => Err(format!("{}: {e}", path.display())),
+            }
+        };
+        Ok([lines(CALLS)?, lines(JUDGEMENT)?])
+    }
+}
+
+/// A file: its path in the place, its length, and when it was written.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+struct Written {
+    path: PathBuf,
+    length: u64,
+    modified: SystemTime,
+}
+
+impl Written {
+    fn is_in(&self, folder: &str) -> bool {
+        self.path.parent().is_some_and(|parent| parent.iter().any(|part| part == folder))
+    }
+}
+
+/// All files below `folder`, in the order of their names.
+fn files(folder: &Path) -> Result<Vec<Written>, String> {
+    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+    let mut all = Vec::new();
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let data = entry.metadata().map_err(failed)?;
+        if data.is_dir() {
+            all.extend(files(&entry.path())?);
+        } else {
+            all.push(Written { path: entry.path(), length: data.len(), modified: data.modified().map_err(failed)? });
+        }
+    }
+    all.sort();
+    Ok(all)
+}
+
+/// The first output of a manifest that is not there with its size; a manifest without outputs is not right either.
+fn outputs(folder: &Path, manifest: &Value) -> Option<String> {
+    let outputs = manifest["outputs"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let there = |output: &Value| {
+        let size = output["path"].as_str().and_then(|path| fs::metadata(folder.join(path)).ok()).map(|data| data.len());
+        size.is_some() && size == output["size"].as_u64()
+    };
+    match outputs.iter().find(|output| !there(output)) {
+        Some(output) => Some(format!("{}: {output} is not there so", folder.display())),
+        None => outputs.is_empty().then(|| format!("{}: the manifest lists no file", folder.display())),
+    }
+}
+
+fn json(path: &Path) -> Result<Value, String> {
+    let bytes = fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// Says so where `text` does not have `words`.
+fn lacks(text: &str, words: &str) -> Option<String> {
+    (!text.contains(words)).then(|| format!("lacks \"{words}\""))
+}
