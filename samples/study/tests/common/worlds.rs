@@ -7,10 +7,11 @@ use std::sync::atomic::AtomicBool;
 use study::media::{Disk, RealDisk};
 use study::{Formats, Job, Manifest, Outcome, Progress, Settings, run_job};
 
-/// The random world `tiny`: in the folder that `CAIRN_TEST_BUNDLE` names, else the one `cargo xtask setup` keeps.
+/// The random world `tiny`, an absolute path: in the folder that `CAIRN_TEST_BUNDLE` names, else the one `cargo xtask setup` keeps.
 pub fn tiny() -> PathBuf {
     match std::env::var_os("CAIRN_TEST_BUNDLE").filter(|folder| !folder.is_empty()) {
-        Some(folder) => PathBuf::from(folder).join("tiny"),
+        // With its drive on Windows, as plans that name it lie on another.
+        Some(folder) => std::path::absolute(PathBuf::from(folder).join("tiny")).expect("a path"),
         None => provision::bundle("tiny", &provision::Console::new()).unwrap_or_else(|e| panic!("{e}")),
     }
 }
