@@ -30,8 +30,11 @@ pub(super) const STRICT: u8 = 4;
 pub(super) const DISTINCT: i32 = 8;
 /// Levels within which a pixel beside something in front is that thing's.
 pub(super) const RIM: f32 = 45.0;
-/// The levels that count where an anchor does not show what a pixel claims to be.
-pub(super) const UNSEEN: f32 = 20.0;
+/// The levels that count where an anchor does not show what a pixel claims to be. Where motion was found in pictures, less
+/// is sure of who shows what.
+pub(super) const fn unseen(is_found: bool) -> f32 {
+    if is_found { 40.0 } else { 20.0 }
+}
 
 /// What a picture between two anchors is made of.
 pub(super) struct Between<'a, P> {
@@ -218,7 +221,7 @@ impl<P: Colour> Between<'_, P> {
             if shows_nothing[0] == shows_nothing[1] { P::merge_block(self.level, &strict, block) } else { 0 };
         let mask = questionable | differing;
         let mut fronts = [EMPTY; BLOCK];
-        let has_front = if mask == 0 { 0 } else { self.fronts(column, row, &mut fronts) & mask };
+        let has_front = if mask == 0 { 0 } else { self.fronts(column, row, mask, &mut fronts) };
         let has_rim = self.rims(from, &keys, &fronts, has_front, &strict, rims);
         // What the previous anchor alone shows, and what the current one alone does.
         let (leaving, entering) = (orphans & beyond[1] & !beyond[0], beyond[0] & !beyond[1]);
@@ -234,7 +237,7 @@ impl<P: Colour> Between<'_, P> {
             let spots = Spots { before: [before.x[place], before.y[place]], after: [after.x[place], after.y[place]] };
             if has_front >> place & 1 == 1 {
                 let is_seen = self.is_seen(keys[place], spots);
-                let own = if is_seen { apart(block.before[place], block.after[place]) } else { UNSEEN };
+                let own = if is_seen { apart(block.before[place], block.after[place]) } else { unseen(self.is_found) };
                 let apart = apart(rims.before[place], rims.after[place]);
                 if has_rim >> place & 1 == 1 && apart <= RIM && apart < own {
                     block.merged[place] = rims.merged[place];
@@ -286,10 +289,17 @@ impl<P: Colour> Between<'_, P> {
         Spots { before, after: std::array::from_fn(|c| before[c] - vector[c]) }
     }
 
-    /// For each pixel of a tile the nearest of the nine claims around it, and which of these are in front of its own.
+    /// For each pixel of a tile that is asked for what may show over it of the nine claims around it, and where something
+    /// may: the nearest where that is in front of its own. Where depth says nothing, anything that moves otherwise may be in
+    /// front: the best match of that.
     #[inline(never)]
-    fn fronts(&self, column: usize, row: usize, fronts: &mut [Key; BLOCK]) -> u64 {
-        claims::nearest_around(self.level, &self.places.around(column, row, true), DISTINCT, fronts)
+    fn fronts(&self, column: usize, row: usize, asked: u64, fronts: &mut [Key; BLOCK]) -> u64 {
+        let around = self.places.around(column, row, true);
+        if self.is_found {
+            claims::other_around(self.level, &around, DISTINCT, asked, fronts)
+        } else {
+            claims::nearest_around(self.level, &around, DISTINCT, fronts) & asked
+        }
     }
 
     /// The colours at places beside something in front (`has_front`), as they are if those move with that (`fronts`): the
@@ -340,13 +350,14 @@ impl<P: Colour> Between<'_, P> {
     }
 
     /// Whether the current anchor alone shows a smooth tile, and all of it: the previous one shows not even its rim. Nothing
-    /// around it is in front.
+    /// around it is in front, or may be.
     #[inline(always)]
     fn is_entering(&self, [column, row]: [usize; 2], key: Key, spots: Spots) -> bool {
         let grid = self.places.grid;
         let is_off = |at: i32, len: usize| at + 64 * (TILE as i32 - 1) < -32 || at + 32 >= 64 * len as i32;
         let moves_along = |tile: &Tile| moves_within(tile.key, key, DISTINCT);
-        let is_in_front = |tile: &Tile| tile.kind == Kind::Rough || is_nearer(tile.key, key) && !moves_along(tile);
+        let can_show = |tile: &Tile| self.is_found || is_nearer(tile.key, key);
+        let is_in_front = |tile: &Tile| tile.kind == Kind::Rough || can_show(tile) && !moves_along(tile);
         let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
         let mut rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
         (is_off(spots.before[0], grid.width) || is_off(spots.before[1], grid.height))

@@ -9,6 +9,7 @@
 
 static const float RIM = 45;
 static const float UNSEEN = 20;
+static const float UNSEEN_IF_FOUND = 40;
 // In 1/64 px.
 static const int DISTINCT = 8;
 
@@ -22,6 +23,11 @@ uint2 claim_at(int2 at)
 uint2 owner_at(int2 at)
 {
     return Owners.Load2(8 * pixel(at));
+}
+
+bool moves_otherwise(uint2 key, int2 v)
+{
+    return any(abs(vector_of(key) - v) > DISTINCT);
 }
 
 // Whether what an anchor shows at a place lies in a smooth tile that moves as `key` does.
@@ -106,7 +112,8 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         [branch]
         if (!is_settled && !is_clear)
         {
-            // Beside something in front, it is that thing's if so the anchors agree better.
+            // Beside something in front, it is that thing's if so the anchors agree better. Where depth says nothing, anything that
+            // moves otherwise may be in front.
             uint2 front = EMPTY;
             [loop]
             for (int y = max(at.y - 1, 0); y <= min(at.y + 1, int(Size.y) - 1); y++)
@@ -114,7 +121,9 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                 [loop]
                 for (int x = max(at.x - 1, 0); x <= min(at.x + 1, int(Size.x) - 1); x++)
                 {
-                    front = nearer_of(front, claim_at(int2(x, y)));
+                    uint2 beside = claim_at(int2(x, y));
+                    bool can_show = IsEven == 0 || moves_otherwise(beside, v);
+                    front = can_show ? nearer_of(front, beside) : front;
                 }
             }
             int2 of_front = vector_of(front);
@@ -122,7 +131,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
             int2 front_after = front_before - of_front;
             int2 unused;
             [branch]
-            if (is_nearer(front, key) && any(abs(of_front - v) > DISTINCT) && nearest(front_before, unused) && nearest(front_after, unused))
+            if ((IsEven != 0 ? !is_empty(front) : is_nearer(front, key)) && moves_otherwise(front, v) && nearest(front_before, unused) && nearest(front_after, unused))
             {
                 float4 a, b;
                 sample_both(front_before, front_after, a, b);
@@ -131,7 +140,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                 {
                     is_seen = alike(owner_at(from), key) && alike(own_of_field(to), key);
                 }
-                float own = is_seen ? apart_by(of_previous, of_current) : UNSEEN;
+                float own = is_seen ? apart_by(of_previous, of_current) : IsEven != 0 ? UNSEEN_IF_FOUND : UNSEEN;
                 float apart = apart_by(a, b);
                 if (apart <= RIM && apart < own)
                 {

@@ -91,6 +91,14 @@ at_every_level! {
 }
 
 at_every_level! {
+    /// For each place of the inner 8 x 8 that is asked for (bit `8 j + i`) the first of the nine claims around it that move
+    /// otherwise: by more than `limit` of 1/64 px along an axis; [`EMPTY`] where none does. Such a bit of the result says that
+    /// one does.
+    pub(in super::super) fn other_around(around: &Around, limit: i32, asked: u64, others: &mut [Key; BLOCK]) -> u64
+        = scalar::other_around | other_around_in_vectors
+}
+
+at_every_level! {
     /// The least and the largest of each component of what moves by claims; the least above the largest where there are
     /// none.
     pub(in super::super) fn span(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] = scalar::span | span_in_vectors
@@ -246,6 +254,37 @@ fn nearest_around_in_vectors(around: &Around, limit: i32, nearest: &mut [Key; BL
 }
 
 #[inline(always)]
+fn other_around_in_vectors(around: &Around, limit: i32, asked: u64, others: &mut [Key; BLOCK]) -> u64 {
+    others.fill(EMPTY);
+    let mut changes = [0; TILE];
+    for j in 0..TILE {
+        let asked = asked >> (j * TILE) & 0xff;
+        if asked == 0 {
+            continue;
+        }
+        let own = row(&around[j + 1][1..]);
+        let mut first = [EMPTY; TILE];
+        for beside in &around[j..j + 3] {
+            for shift in 0..3 {
+                let beside = row(&beside[shift..]);
+                for i in 0..TILE {
+                    // Nothing is no claim to move otherwise, and the last of all.
+                    let other = if move_within(beside[i], own[i], limit) { EMPTY } else { beside[i] };
+                    first[i] = first[i].min(other);
+                }
+            }
+        }
+        for i in 0..TILE {
+            let is_asked = (own[i] != EMPTY) & (asked >> i & 1 == 1);
+            let other = if is_asked { first[i] } else { EMPTY };
+            others[j * TILE + i] = other;
+            changes[i] |= u64::from(other != EMPTY) << (j * TILE + i);
+        }
+    }
+    changes.into_iter().fold(0, |all, bits| all | bits)
+}
+
+#[inline(always)]
 fn span_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
     const MOST: u32 = COMPONENT as u32;
     // As they are held: in EMPTY both are the most that can be, and one more of that is the least.
@@ -358,6 +397,20 @@ mod scalar {
             *nearest = around[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied()).fold(EMPTY, Key::min);
             let is_other = own != EMPTY && is_nearer(*nearest, own) && !moves_within(*nearest, own, limit);
             changes |= u64::from(is_other) << place;
+        }
+        changes
+    }
+
+    pub(super) fn other_around(around: &Around, limit: i32, asked: u64, others: &mut [Key; BLOCK]) -> u64 {
+        let mut changes = 0;
+        for (place, other) in others.iter_mut().enumerate() {
+            let (i, j) = (place % TILE, place / TILE);
+            let own = around[j + 1][i + 1];
+            let beside = around[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied());
+            let is_asked = own != EMPTY && asked >> place & 1 == 1;
+            let moves_otherwise = |&key: &Key| is_asked && key != EMPTY && !moves_within(key, own, limit);
+            *other = beside.filter(moves_otherwise).fold(EMPTY, Key::min);
+            changes |= u64::from(*other != EMPTY) << place;
         }
         changes
     }

@@ -21,7 +21,7 @@ use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
 use crate::framegen::cpu::past::Past;
 use crate::framegen::cpu::perspective::{Moment, Seen, Way};
-use crate::framegen::cpu::render::{AGREE, DISTINCT, RIM as RIM_BETWEEN, STRICT, UNSEEN, apart, careful};
+use crate::framegen::cpu::render::{AGREE, DISTINCT, RIM as RIM_BETWEEN, STRICT, apart, careful, unseen};
 use crate::framegen::cpu::soften::{SHARE, TORN};
 use crate::framegen::cpu::{source, standing::Standing};
 use crate::framegen::{Anchor, AnchorPair};
@@ -530,22 +530,22 @@ impl<P: Colour> Shown<'_, P> {
         if !is_doubtful && (is_close || self.is_clear(tile)) {
             return Some((merged, false));
         }
-        // Beside something in front, it is that thing's if so the anchors agree better.
+        // Beside something in front, or what moves otherwise without depth, it is that thing's if so the anchors agree better.
+        let moves_otherwise = |claim: Key| !layer::moves_within(claim, key, DISTINCT);
         let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height))
-            .flat_map(|y| (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| [x, y]));
-        let front = around.map(|[x, y]| self.places.claim(x, y)).min().unwrap();
+            .flat_map(|y| (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| self.places.claim(x, y)));
+        let front = around.filter(|&claim| !self.is_found || moves_otherwise(claim)).min().unwrap_or(key);
         let [front_before, front_after] = self.spots(at, front, false);
-        let is_beside = is_nearer(front, key) && !layer::moves_within(front, key, DISTINCT) && !self.is_clear(tile);
+        let is_beside = (self.is_found || is_nearer(front, key)) && moves_otherwise(front) && !self.is_clear(tile);
         if is_beside && grid.holds(front_before) && grid.holds(front_after) {
             let (a, b) = (P::sample(self.previous, front_before), P::sample(self.current, front_after));
             let is_seen = from.is_some_and(|[x, y]| alike(self.owners.claim(x, y), key))
                 && to.is_some_and(|[x, y]| alike(self.field.owner(x, y), key));
-            let own = if is_seen { apart(of_previous, of_current) } else { UNSEEN };
+            let own = if is_seen { apart(of_previous, of_current) } else { unseen(self.is_found) };
             if apart(a, b) <= RIM_BETWEEN && apart(a, b) < own {
                 return Some((P::merge(a, b, &rule).0, false));
             }
         }
-
         let mark = layer::mark(key);
         let mut is_before = from.is_some_and(|[x, y]| {
             let owner = self.owners.claim(x, y);

@@ -113,19 +113,53 @@ fn all_levels_find_the_same_in_tiles() {
         let at = [0, 1].map(|_| random.below(200) as i32);
         let moment = Moment::new(random.below(WHOLE as u64) as i32, perspective(&mut random));
         let limit = [0, 8, ALIKE][random.below(3) as usize];
+        let asked = random.bits() & random.bits();
         let found = |level| {
             let mut nearest = [EMPTY; BLOCK];
             let mut closed = [EMPTY; BLOCK];
             let changes = claims::nearest_around(level, &around, limit, &mut nearest);
+            let mut others = [EMPTY; BLOCK];
+            let moving = claims::other_around(level, &around, limit, asked, &mut others);
             let left = claims::close(level, around.as_flattened(), TILE + 2, &mut closed);
             let empty = Positions { x: [0; BLOCK], y: [0; BLOCK] };
             let (mut before, mut after) = (empty, empty);
             let beyond = claims::spots(level, &keys, at, moment, size, &mut before, &mut after);
             let spots = [before.x, before.y, after.x, after.y];
             let marks = [0, 24, ORPHAN, HOLE].map(|mark| claims::having(level, &keys, mark));
-            (nearest, changes, closed, left, beyond, spots, marks, claims::span(level, &keys))
+            (nearest, changes, others, moving, closed, left, beyond, spots, marks, claims::span(level, &keys))
         };
         let truth = found(Level::SCALAR);
         assert!(Level::available().all(|level| found(level) == truth));
+    }
+}
+
+#[test]
+fn what_moves_otherwise_is_found_whatever_its_rank() {
+    let claim = |mark, x| layer::key(30_000, mark, [x, 0]);
+    let own = claim(5, 0);
+    let mut around: Around = [[own; TILE + 2]; TILE + 2];
+    // A pixel that moves nearly as the others, one that does not, one that matches better, and nothing.
+    (around[1][1], around[2][3], around[2][4], around[5][5]) = (claim(1, 8), claim(9, 9), claim(3, -64), EMPTY);
+    // One at a place that is not asked for.
+    around[9][9] = claim(0, 640);
+    for level in Level::available() {
+        let mut others = [EMPTY; BLOCK];
+        let moving = claims::other_around(level, &around, 8, !(1 << 63), &mut others);
+        for (place, &other) in others.iter().enumerate() {
+            // In `around` this is the place (i + 1, j + 1).
+            let (i, j) = (place % TILE, place / TILE);
+            let is_beside = |x: usize, y: usize| (i + 1).abs_diff(x) <= 1 && (j + 1).abs_diff(y) <= 1;
+            let wanted = match (i + 1, j + 1) {
+                (5, 5) => EMPTY,
+                // To these two all others move otherwise, and the best match of them is taken.
+                (3, 2) => claim(3, -64),
+                (4, 2) => own,
+                _ if is_beside(4, 2) => claim(3, -64),
+                _ if is_beside(3, 2) => claim(9, 9),
+                _ => EMPTY,
+            };
+            assert_eq!(other, wanted, "{i}, {j}");
+            assert_eq!(moving >> place & 1 == 1, wanted != EMPTY, "{i}, {j}");
+        }
     }
 }
