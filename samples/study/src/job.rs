@@ -20,7 +20,7 @@ use crate::output::{Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO, sinks};
 use crate::progress::Progress;
 use crate::settings::{Checked, Settings};
 use crate::sheet::Sheet;
-use stream::{End, Stream};
+use stream::{End, Makers, Stream};
 
 mod stream;
 
@@ -83,16 +83,15 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
         _ => threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
     };
     let rollout = Rollout::new(&world, &checked.point, job.settings.seed)?;
-    // Before the folder is prepared: where there is none, an earlier rollout stays.
-    let interval = 1000.0 / checked.point.latents_per_second as f32;
-    let generator = checked.generator.make(Some(world.device()), interval)?;
+    let size = job.settings.size.into();
+    // Before the folder is prepared: where they cannot be had, an earlier rollout stays.
+    let makers = Makers::new(&checked, &world, size)?;
     let loading = began.elapsed();
 
     folder.prepare(job.settings.formats.png)?;
     let settings = Settings { device: choice, threads: Some(threads), ..job.settings.clone() };
     let mut manifest = first_manifest(settings, &loaded, world.device(), &checked)?;
     write_manifest(job, &folder, &manifest)?;
-    let size = job.settings.size.into();
     let rate = FrameRate::new(checked.point.presented_rate().into(), 1)?;
     let format = VideoFormat::new(size, rate);
     let sinks = sinks(&job.disk, &folder, job.settings.formats, [VIDEO, RAW], &format, threads)?;
@@ -100,7 +99,7 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let latents = LatentFile::create(job.disk.as_ref(), &folder.join(LATENTS), shape)?;
 
     let sheet = Sheet::new(world.render_size(), "latent");
-    let mut stream = Stream::new(&checked, rollout, generator, size, recorder, latents, sheet)?;
+    let mut stream = Stream::new(&checked, rollout, makers, size, recorder, latents, sheet)?;
     job.progress.begin(job.limit.map_or(counts.presented, |l| l.presented));
     let end = stream.run(job, &loaded);
     job.progress.end();

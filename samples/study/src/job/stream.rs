@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
 use cairn::guidance::{Guidance, LatentView, latent_flow, paper, picture_flow};
 use cairn::present::timeline::{Source, Stream as Kind, Timeline};
-use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Rollout, WorldTime};
+use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Rollout, World, WorldTime};
 use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::{Job, impossible, stopped};
@@ -61,6 +61,23 @@ pub(super) struct Stream {
     times: BTreeMap<&'static str, Duration>,
 }
 
+/// What is made of anchors: frames between them, and pictures of the size that is asked for.
+pub(super) struct Makers {
+    generator: Box<dyn FrameGenerator>,
+    scaling: Scaling,
+}
+
+impl Makers {
+    /// # Errors
+    /// What is asked for cannot be had: libraries that are not there, or a device that they do not serve.
+    pub(super) fn new(checked: &Checked, world: &World, size: (u32, u32)) -> Result<Self> {
+        let rate = checked.point.latents_per_second;
+        let generator = checked.generator.make(Some(world.device()), 1000.0 / rate as f32)?;
+        let scaling = checked.upscaler.make(world.render_size(), size, world.device(), rate)?;
+        Ok(Self { generator, scaling })
+    }
+}
+
 /// Larger anchors.
 #[derive(Default)]
 struct Larger {
@@ -83,7 +100,7 @@ impl Stream {
     pub(super) fn new(
         checked: &Checked,
         rollout: Rollout,
-        generator: Box<dyn FrameGenerator>,
+        makers: Makers,
         size: (u32, u32),
         recorder: Recorder,
         latents: LatentFile,
@@ -104,13 +121,13 @@ impl Stream {
             planned: counts.presented,
             render,
             latent_shape: [shape.channels, shape.height, shape.width].map(|n| n as usize),
-            generator,
+            generator: makers.generator,
             paper: paper::Extractor::new(),
             latent_flow: latent_flow::Extractor::new(),
             picture_flow: picture_flow::Extractor::new(),
             guidance: Guidance::new(render.0, render.1, paper::PROJECTION)?,
             larger: matches!(checked.upscaler, UpscalerChoice::Fsr).then(Larger::default),
-            scaling: checked.upscaler.make(render, size, rollout.world().device(), point.latents_per_second)?,
+            scaling: makers.scaling,
             size,
             recorder,
             latents,
