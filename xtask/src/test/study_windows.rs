@@ -118,18 +118,23 @@ impl<'a> Comparison<'a> {
         if ended.success { Ok(ended.output) } else { Err(format!("the comparison with {generator} failed")) }
     }
 
+    /// Runs it where so many branches are there already, and looks at all that it leaves.
+    fn made(&self, generator: &str, kept: u32, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let said = self.compare(generator, log)?;
+        tally.check(lacks(&said, &format!("5 rollouts, {kept} of them kept")));
+        self.manifests(generator, tally)?;
+        self.anchors(tally)?;
+        self.series(tally)?;
+        self.report(generator, tally)
+    }
+
     fn place(&self) -> PathBuf {
         self.out.join(PLACE)
     }
 
     /// Every branch on DirectML, with the frames between anchors by shaders.
     fn by_shaders(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-        let said = self.compare("shader", log)?;
-        tally.check(lacks(&said, "5 rollouts, 0 of them kept"));
-        self.manifests("shader", tally)?;
-        self.anchors(tally)?;
-        self.series(tally)?;
-        self.report("shader", tally)?;
+        self.made("shader", 0, log, tally)?;
         tally.check((self.calls()? != [0, 0]).then(|| "shaders ask AMD's libraries for frames".to_owned()));
         Ok(())
     }
@@ -145,12 +150,7 @@ impl<'a> Comparison<'a> {
         }
         tally.check((files(&self.place())? != before).then(|| "missing libraries cost what was there".to_owned()));
 
-        let said = self.compare("fsr", log)?;
-        tally.check(lacks(&said, "5 rollouts, 3 of them kept"));
-        self.manifests("fsr", tally)?;
-        self.anchors(tally)?;
-        self.series(tally)?;
-        self.report("fsr", tally)?;
+        self.made("fsr", 3, log, tally)?;
         let after = files(&self.place())?;
         for (branch, _, generated) in BRANCHES.into_iter().chain([("truth", 0, 0)]) {
             let of = |all: &[Written]| all.iter().filter(|file| file.is_in(branch)).cloned().collect::<Vec<_>>();
