@@ -11,7 +11,7 @@ use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
 use super::layer::{
     self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, moves_within, part, slopes,
 };
-use super::overlay::{Overlays, Stills};
+use super::overlay::{Overlays, Stills, Which};
 use super::perspective::{Moment, Way};
 use super::soften::{soft, soften};
 use crate::Raster;
@@ -383,12 +383,13 @@ impl<P: Colour> Between<'_, P> {
         // Where one of them is hidden by something that moves, the vector is right and no overlay in question.
         if is_doubtful && (is_before == is_after || from.is_none() || to.is_none()) {
             let overlays = self.overlays();
-            let (vector, is_still) = (layer::vector(key), |at| self.stills.holds(self.level, &overlays, at));
-            if is_still(at) && overlays.is_at(at, vector) {
+            let vector = layer::vector(key);
+            let is_over = |which, at| self.stills.is_over(self.level, &overlays, which, at, vector);
+            if is_over(Which::Current, at) {
                 return Choice::Still;
             }
-            is_before = is_before && !from.is_some_and(|from| is_still(from) && overlays.is_before(from, vector));
-            is_after = is_after && !to.is_some_and(|to| is_still(to) && overlays.is_at(to, vector));
+            is_before = is_before && !from.is_some_and(|from| is_over(Which::Previous, from));
+            is_after = is_after && !to.is_some_and(|to| is_over(Which::Current, to));
         }
         let before = || seen.unwrap_or_else(|| P::sample(self.previous, spots.before));
         match (is_before, is_after) {
