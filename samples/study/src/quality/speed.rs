@@ -35,8 +35,12 @@ const ANCHORS: usize = 7;
 const CURRENT: usize = 3;
 /// Threads of the measurement.
 const THREADS: usize = 2;
-/// The place: the scene and seed for work on the generator, in the middle of a walk with a turn.
-const PLACE: (Family, u64) = (Family::Forest, 4);
+/// The place: in the middle of a walk with a turn, in the scene with the most edges.
+const PLACE: Family = Family::Forest;
+/// Where the same is timed, but for `minterpolate`.
+const ELSEWHERE: [Family; 3] = [Family::Sword, Family::Desert, Family::Snow];
+/// The seed for work on the generator.
+const SEED: u64 = 4;
 
 /// What is timed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,6 +80,8 @@ pub(super) struct Speed {
     lines: Vec<Line>,
     /// The least and the greatest of `minterpolate`'s times, in seconds, or why there are none.
     theirs: std::result::Result<[f64; 2], String>,
+    /// The same lines of other scenes.
+    elsewhere: Vec<(String, Vec<Line>)>,
     machine: String,
 }
 
@@ -85,34 +91,48 @@ pub(super) struct Speed {
 /// The scene cannot be drawn, or the generator refuses its own anchors.
 pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> Result<Speed> {
     progress.phase("drawing anchors of 1920x1080");
-    let mut clip = SceneClip::new(PLACE.0, PLACE.1, Scale::Timed)?;
-    let number = clip.targets().first().map_or(1, |target| target.anchor);
-    // Those before the target's anchor may lie before the script's start: the first is number 0.
-    let first = number.saturating_sub(CURRENT);
-    let anchors = (first..first + ANCHORS).map(|n| clip.anchor(n, store)).collect::<Result<Vec<Picture>>>()?;
-    let given = clip
-        .guidance(number, store)?
-        .ok_or_else(|| Error::new(ErrorKind::InvalidState, "a scene knows its motion").field("guidance"))?;
-    let before = if number >= 2 { clip.guidance(number - 1, store)? } else { None };
+    let timed = Timed::draw(PLACE, CURRENT, ANCHORS, store)?;
+    let others = ELSEWHERE.map(|family| Ok((family, Timed::draw(family, 1, 2, store)?)));
+    let others = others.into_iter().collect::<Result<Vec<_>>>()?;
 
     progress.phase("timing");
-    let filter = Minterpolate::open(progress).and_then(|row| Filter::new(&row.program, &anchors));
-    let timed = Timed { anchors: &anchors, current: number - first, given: &given, before: before.as_ref() };
+    let filter = Minterpolate::open(progress).and_then(|row| Filter::new(&row.program, &timed.anchors));
     let (lines, theirs) = take(&timed, filter, stop)?;
+    let mut elsewhere = Vec::new();
+    for (family, timed) in &others {
+        let none = Err(Error::new(ErrorKind::Unsupported, "minterpolate is timed in one place only"));
+        elsewhere.push((format!("{family}-{SEED}"), take(timed, none, stop)?.0));
+    }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let Versions { cpu, optimised_build, .. } = Versions::of_this_program();
     let build = if optimised_build { "" } else { ", by a build with its checks on, which is slower" };
-    Ok(Speed { lines, theirs, machine: format!("{cpu}, {cores} logical cores{build}") })
+    Ok(Speed { lines, theirs, elsewhere, machine: format!("{cpu}, {cores} logical cores{build}") })
 }
 
 /// What the time is taken on.
-struct Timed<'a> {
-    anchors: &'a [Picture],
+struct Timed {
+    anchors: Vec<Picture>,
     /// Number of the anchor whose motion and depth are given.
     current: usize,
-    given: &'a Guidance,
+    given: Guidance,
     /// The same for the anchor before it, where that is known.
-    before: Option<&'a Guidance>,
+    before: Option<Guidance>,
+}
+
+impl Timed {
+    /// Draws `count` anchors of a scene, of which the one with the number `current` is that of its first target.
+    fn draw(family: Family, current: usize, count: usize, store: &Store) -> Result<Self> {
+        let mut clip = SceneClip::new(family, SEED, Scale::Timed)?;
+        let number = clip.targets().first().map_or(1, |target| target.anchor);
+        // Those before the target's anchor may lie before the script's start: the first is number 0.
+        let first = number.saturating_sub(current);
+        let anchors = (first..first + count).map(|n| clip.anchor(n, store)).collect::<Result<Vec<Picture>>>()?;
+        let given = clip
+            .guidance(number, store)?
+            .ok_or_else(|| Error::new(ErrorKind::InvalidState, "a scene knows its motion").field("guidance"))?;
+        let before = if number >= 2 { clip.guidance(number - 1, store)? } else { None };
+        Ok(Self { anchors, current: number - first, given, before })
+    }
 }
 
 /// A piece of work and the threads it runs on.
@@ -134,9 +154,9 @@ type Times = (Vec<Line>, std::result::Result<[f64; 2], String>);
 
 /// Times what this program does, on two threads and on one, with the previous anchor's depth where that is known; and
 /// what the filter does, in turns between these. With [`Work::Flow`] every turn is another of the filter's intervals.
-fn take(timed: &Timed<'_>, filter: Result<Filter>, stop: &AtomicBool) -> Result<Times> {
-    let &Timed { anchors, current, given, before } = timed;
-    let pair = [&anchors[current - 1], &anchors[current]];
+fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Times> {
+    let Timed { anchors, current, given, before } = timed;
+    let (pair, before) = ([&anchors[current - 1], &anchors[*current]], before.as_ref());
     let pool = |threads| {
         let built = ThreadPoolBuilder::new().num_threads(threads).build();
         built.map_err(|e| Error::new(ErrorKind::OutOfMemory, format!("{threads} threads cannot be started: {e}")))
@@ -257,14 +277,23 @@ fn in_tiles(given: &Guidance, tile: u32) -> Result<Guidance> {
     Guidance::from_parts(motion, depth)
 }
 
+fn line_of(lines: &[Line], work: Work) -> Option<&Line> {
+    lines.iter().find(|line| line.work == work)
+}
+
+/// How many times the plain average's time a piece of work takes.
+fn times_average(lines: &[Line], work: Work) -> Option<f64> {
+    Some(line_of(lines, work)?.seconds / line_of(lines, Work::Average)?.seconds)
+}
+
 impl Speed {
     fn line(&self, work: Work) -> Option<&Line> {
-        self.lines.iter().find(|line| line.work == work)
+        line_of(&self.lines, work)
     }
 
     /// How many times the plain average's time a piece of work takes.
     fn times_average(&self, work: Work) -> Option<f64> {
-        Some(self.line(work)?.seconds / self.line(Work::Average)?.seconds)
+        times_average(&self.lines, work)
     }
 
     /// What is claimed of times, as far as they were measured.
@@ -296,7 +325,7 @@ impl Speed {
             "\n## Time\n\nOne frame in the middle of two anchors of 1920x1080 (the scene `{}-{}`), on {THREADS} threads, in one run \
              on {}. Times differ from machine to machine; the ratios are what counts.\n\n\
              | | ms | times the plain average | gain by the second core |\n|---|---|---|---|\n",
-            PLACE.0, PLACE.1, self.machine
+            PLACE, SEED, self.machine
         );
         for line in &self.lines {
             let gain = line.alone.map_or_else(|| "–".to_owned(), |alone| format!("{:.2}", alone / line.seconds));
@@ -319,6 +348,22 @@ impl Speed {
             }
             Err(why) => _ = writeln!(out, "\nLeft out: minterpolate: {}", why.replace('\n', " ")),
         }
+        if !self.elsewhere.is_empty() {
+            const SHOWN: [Work; 4] = [Work::Tiles(8), Work::Tiles(16), Work::Pixels, Work::Flow];
+            out += "\nThe more edges and the more that leaves the picture, the longer it takes. The same in other scenes, in times \
+                    the plain average:\n\n| |";
+            SHOWN.iter().for_each(|work| _ = write!(out, " {} |", work.label()));
+            out += "\n|---|---|---|---|---|\n";
+            for (name, lines) in &self.elsewhere {
+                _ = write!(out, "| {name} |");
+                for work in SHOWN {
+                    let times =
+                        times_average(lines, work).map_or_else(|| "–".to_owned(), |times| format!("{times:.1}"));
+                    _ = write!(out, " {times} |");
+                }
+                out += "\n";
+            }
+        }
         out
     }
 }
@@ -339,7 +384,8 @@ mod tests {
             line(Work::Flow, 40.0, Some(60.0)),
             line(Work::Minterpolate, 900.0, None),
         ];
-        let slow = Speed { lines, theirs: Ok([899.0, 901.0]), machine: "a machine".into() };
+        let elsewhere = vec![("snow-4".into(), lines[..2].to_vec())];
+        let slow = Speed { lines, theirs: Ok([899.0, 901.0]), elsewhere, machine: "a machine".into() };
         let mut fast = slow.clone();
         for line in &mut fast.lines {
             line.seconds /= 1000.0;
@@ -349,6 +395,7 @@ mod tests {
         assert_eq!(held(&slow), [true, false, true, true, false]);
         assert_eq!(held(&slow), held(&fast));
         assert!(slow.text().contains("| 7500.00 | 7.5 | 1.87 |"), "{}", slow.text());
+        assert!(slow.text().contains("| snow-4 | 7.5 | – | – | – |"), "{}", slow.text());
         // What was not measured is not judged.
         fast.lines.truncate(2);
         assert_eq!(held(&fast), [true]);
