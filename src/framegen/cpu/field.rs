@@ -1,35 +1,61 @@
 //! The motion of the current anchor as it is given, made ready: sanitised, sorted into smooth and rough tiles, surfaces
 //! drawn out over their rims.
 
+mod matching;
+
 use half::f16;
 use rayon::prelude::*;
 
 use super::colour::Colour;
-use super::kernels::claims;
+use super::kernels::claims::{self, Around};
 use super::kernels::{
-    BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, at_every_level, depth_ranges, land, motion_ranges,
+    BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, claim_tile, depth_ranges, land, motion_ranges,
 };
-use super::layer::{self, ALIKE, EMPTY, Grid, Key, Kind, LONGEST, Layer, Tile, WORST_MATCH, key};
-use super::sized;
+use super::layer::{self, ALIKE, EMPTY, Grid, Key, Kind, LONGEST, Layer, SAME_RANK, Tile, key};
 use super::standing::Standing;
+use super::{reserve, sized};
 use crate::Result;
-use crate::guidance::Guidance;
+use crate::guidance::{DepthMap, Guidance};
+
+#[cfg(test)]
+pub(super) use matching::{distance, match_of};
+use matching::{fitting, mark_matches};
 
 /// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: three quarters of a pixel.
 pub(super) const SMOOTH: i32 = 48;
 /// Levels within which a pixel on the rim of a surface is that surface's.
 pub(super) const RIM: f32 = 28.0;
 /// Tiles ahead of the one that is looked at whose keys and pixels are asked for.
-const AHEAD: usize = 2;
+const AHEAD: usize = 3;
+/// Rows of tiles that are made together at least.
+const LEAST_BAND: usize = 4;
 /// The match of a smooth tile whose pixels are not looked at: neither good nor bad.
 pub(super) const UNKNOWN_MATCH: u8 = 24;
 
 /// Makes the field of a guidance; keeps its working memory.
 #[derive(Debug, Default)]
 pub(super) struct Preparation {
+    windows: Vec<[Line; 3]>,
+}
+
+/// A row of tiles as it is given.
+#[derive(Debug, Default)]
+struct Line {
     vectors: Vec<VectorRange>,
     ranks: Vec<RankRange>,
-    given: Layer,
+    ends: Vec<Ends>,
+    tiles: Vec<Tile>,
+    keys: Vec<[Key; BLOCK]>,
+}
+
+impl Line {
+    fn reserve(&mut self, columns: usize) -> Result<()> {
+        sized(&mut self.vectors, columns, VectorRange::default())?;
+        sized(&mut self.ranks, columns, RankRange::default())?;
+        sized(&mut self.ends, columns, Ends::NONE)?;
+        sized(&mut self.tiles, columns, Tile::default())?;
+        sized(&mut self.keys, columns, [EMPTY; BLOCK])
+    }
 }
 
 impl Preparation {
@@ -45,94 +71,100 @@ impl Preparation {
     ) -> Result<()> {
         let grid = Grid::new(guidance.size());
         let limit = [grid.width, grid.height].map(|side| (side as i32 * 64).min(LONGEST));
-        self.given.reserve(grid)?;
         field.reserve(grid)?;
-        self.find_ranges(level, guidance, limit)?;
-        let is_flat = self.ranks.iter().all(|r| *r == self.ranks[0]) && self.ranks[0].near == self.ranks[0].far;
+        // Rows are finished while those around them are at hand. Each band looks at one more on both sides.
+        let in_band = grid.rows.div_ceil(2 * rayon::current_num_threads()).max(LEAST_BAND);
+        let bands = grid.rows.div_ceil(in_band);
+        if self.windows.len() < bands {
+            reserve(&mut self.windows, bands)?;
+            self.windows.resize_with(bands, Default::default);
+        }
+        for window in &mut self.windows[..bands] {
+            window.iter_mut().try_for_each(|line| line.reserve(grid.columns))?;
+        }
+        let is_flat = is_flat(level, guidance.depth());
+        let can_draw_out = !is_flat && guidance.motion().tile() == 1;
         let given = Given { level, guidance, limit, grid, standing };
+        let edges = Edges { level, grid, anchors, is_flat, can_draw_out };
 
-        let columns = grid.columns;
-        let (vectors, ranks) = (&self.vectors, &self.ranks);
-        let rows = self.given.tiles.par_chunks_mut(columns).zip(self.given.keys.par_chunks_mut(columns));
-        rows.enumerate().for_each(|(row, (tiles, keys))| {
-            for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
-                let index = row * columns + column;
-                given.sort(column, row, vectors[index], ranks[index], tile, keys);
+        let tiles = field.tiles.par_chunks_mut(in_band * grid.columns);
+        let keys = field.keys.par_chunks_mut(in_band * grid.columns);
+        let bands = tiles.zip(keys).zip(field.spans.par_chunks_mut(in_band)).zip(&mut self.windows);
+        bands.enumerate().for_each(|(band, (((tiles, keys), spans), window))| {
+            let first = band * in_band;
+            let tiles = tiles.chunks_mut(grid.columns).zip(keys.chunks_mut(grid.columns));
+            for row in first.saturating_sub(1)..=first {
+                given.sort_row(row, window);
             }
-        });
-
-        let edges = Edges {
-            level,
-            given: &self.given,
-            anchors,
-            is_flat,
-            can_dilate: !is_flat && guidance.motion().tile() == 1,
-        };
-        let rows = field.tiles.par_chunks_mut(columns).zip(field.keys.par_chunks_mut(columns));
-        rows.zip(&mut field.spans).enumerate().for_each(|(row, ((tiles, keys), span))| {
-            *span = [i32::MAX, i32::MIN];
-            for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
-                if column + AHEAD < columns {
-                    edges.fetch(column + AHEAD, row);
-                }
-                edges.finish(column, row, tile, keys);
-                *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
+            for (row, ((tiles, keys), span)) in (first..).zip(tiles.zip(spans)) {
+                given.sort_row(row + 1, window);
+                edges.finish_row(row, window, tiles, keys);
+                *span = tiles
+                    .iter()
+                    .fold([i32::MAX, i32::MIN], |[low, high], tile| [low.min(tile.low[1]), high.max(tile.high[1])]);
             }
         });
         Ok(())
     }
+}
 
-    /// The ranges of vectors and ranks of every tile.
-    fn find_ranges(&mut self, level: Level, guidance: &Guidance, limit: [i32; 2]) -> Result<()> {
-        let grid = self.given.grid;
-        let (width, columns) = (grid.width, grid.columns);
-        sized(&mut self.vectors, grid.tiles(), VectorRange::default())?;
-        sized(&mut self.ranks, grid.tiles(), RankRange::default())?;
+/// Whether depth says nothing: all ranks are the same.
+fn is_flat(level: Level, depth: &DepthMap) -> bool {
+    if depth.even().is_some() {
+        return true;
+    }
+    let mut landing = Landing::default();
+    let mut ranks = |depth: &[f32]| {
+        land(level, &[[f16::ZERO; 2]; TILE][..depth.len()], depth, [0; 2], 0, [0; 2], &mut landing);
+        landing.keys.map(layer::rank)
+    };
+    let first = ranks(&depth.depth()[..1])[0];
+    let mut is_like_first = |depth: &[f32]| ranks(depth)[..depth.len()].iter().all(|&rank| rank == first);
+    // A few from all over first, which mostly settle it.
+    let some = depth.depth().chunks(depth.depth().len().div_ceil(64));
+    { some }.all(|some| is_like_first(&some[..1])) && depth.depth().chunks(TILE).all(is_like_first)
+}
 
-        let motion = guidance.motion();
-        let (given, tile) = (motion.vectors(), motion.tile() as usize);
-        self.vectors.par_chunks_mut(columns).enumerate().for_each(|(row, ranges)| {
-            if tile == 1 {
-                let rows = row * TILE * width..((row + 1) * TILE * width).min(given.len());
-                motion_ranges(level, &given[rows], width, limit, ranges);
-            } else {
-                let of_row = &given[row * TILE / tile * motion.columns() as usize..];
-                let mut landing = Landing::default();
-                for (ranges, vectors) in ranges.chunks_mut(tile).zip(of_row.chunks(TILE)) {
-                    land(level, vectors, &[0.0; TILE][..vectors.len()], [0; 2], 0, limit, &mut landing);
-                    for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
-                        let vector = layer::vector(key);
-                        ranges.fill(VectorRange { low: vector, high: vector });
-                    }
-                }
-            }
-        });
+/// What the claims of a tile and, beside that, of those around it have in common.
+///
+/// The least of each component of the vectors, less the largest, the rank of what is nearest, less that of what is
+/// farthest, and -1 for a rough tile: of several tiles the least of each number.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ends([i32; 8]);
 
-        let depth = guidance.depth();
-        if let Some(even) = depth.even() {
-            let mut landing = Landing::default();
-            land(level, &[[f16::ZERO; 2]], &[even], [0; 2], 0, limit, &mut landing);
-            let rank = layer::rank(landing.keys[0]);
-            self.ranks.fill(RankRange { near: rank, far: rank });
-            return Ok(());
+impl Ends {
+    const NONE: Self = Self([i32::MAX; 8]);
+
+    fn new(tile: &Tile, ranks: RankRange) -> Self {
+        let Tile { low, high, .. } = tile;
+        let is_rough = tile.kind == Kind::Rough;
+        Self([low[0], low[1], -high[0], -high[1], ranks.near.into(), -i32::from(ranks.far), -i32::from(is_rough), 0])
+    }
+
+    #[inline(always)]
+    fn and(self, other: &Self) -> Self {
+        let mut both = self.0;
+        for (end, other) in both.iter_mut().zip(other.0) {
+            *end = other.min(*end);
         }
-        let (given, tile) = (depth.depth(), depth.tile() as usize);
-        self.ranks.par_chunks_mut(columns).enumerate().for_each(|(row, ranges)| {
-            if tile == 1 {
-                let rows = row * TILE * width..((row + 1) * TILE * width).min(given.len());
-                depth_ranges(level, &given[rows], width, ranges);
-            } else {
-                let of_row = &given[row * TILE / tile * depth.columns() as usize..];
-                let (still, mut landing) = ([[f16::ZERO; 2]; TILE], Landing::default());
-                for (ranges, depth) in ranges.chunks_mut(tile).zip(of_row.chunks(TILE)) {
-                    land(level, &still[..depth.len()], depth, [0; 2], 0, limit, &mut landing);
-                    for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
-                        ranges.fill(RankRange { near: layer::rank(key), far: layer::rank(key) });
-                    }
-                }
-            }
-        });
-        Ok(())
+        Self(both)
+    }
+
+    /// Whether all of it moves alike.
+    fn is_alike(&self) -> bool {
+        (0..2).all(|c| -self.0[c + 2] - self.0[c] <= ALIKE)
+    }
+
+    fn is_rough(&self) -> bool {
+        self.0[6] != 0
+    }
+
+    fn near(&self) -> i32 {
+        self.0[4]
+    }
+
+    fn far(&self) -> i32 {
+        -self.0[5]
     }
 }
 
@@ -146,6 +178,63 @@ struct Given<'a> {
 }
 
 impl Given<'_> {
+    /// Sorts the tiles of a row, if there is one.
+    fn sort_row(&self, row: usize, window: &mut [Line; 3]) {
+        let Line { vectors, ranks, ends, tiles, keys } = &mut window[row % 3];
+        if row >= self.grid.rows {
+            return;
+        }
+        self.find_ranges(row, vectors, ranks);
+        for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
+            ends[column] = self.sort(column, row, vectors[column], ranks[column], tile, keys);
+        }
+    }
+
+    /// The ranges of vectors and ranks of a row of tiles.
+    fn find_ranges(&self, row: usize, vectors: &mut [VectorRange], ranks: &mut [RankRange]) {
+        let Self { level, limit, .. } = *self;
+        let width = self.grid.width;
+        let motion = self.guidance.motion();
+        let (given, tile) = (motion.vectors(), motion.tile() as usize);
+        if tile == 1 {
+            let rows = row * TILE * width..((row + 1) * TILE * width).min(given.len());
+            motion_ranges(level, &given[rows], width, limit, vectors);
+        } else {
+            let of_row = &given[row * TILE / tile * motion.columns() as usize..];
+            let mut landing = Landing::default();
+            for (ranges, vectors) in vectors.chunks_mut(tile).zip(of_row.chunks(TILE)) {
+                land(level, vectors, &[0.0; TILE][..vectors.len()], [0; 2], 0, limit, &mut landing);
+                for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
+                    let vector = layer::vector(key);
+                    ranges.fill(VectorRange { low: vector, high: vector });
+                }
+            }
+        }
+
+        let depth = self.guidance.depth();
+        if let Some(even) = depth.even() {
+            let mut landing = Landing::default();
+            land(level, &[[f16::ZERO; 2]], &[even], [0; 2], 0, limit, &mut landing);
+            let rank = layer::rank(landing.keys[0]);
+            ranks.fill(RankRange { near: rank, far: rank });
+            return;
+        }
+        let (given, tile) = (depth.depth(), depth.tile() as usize);
+        if tile == 1 {
+            let rows = row * TILE * width..((row + 1) * TILE * width).min(given.len());
+            depth_ranges(level, &given[rows], width, ranks);
+        } else {
+            let of_row = &given[row * TILE / tile * depth.columns() as usize..];
+            let (still, mut landing) = ([[f16::ZERO; 2]; TILE], Landing::default());
+            for (ranges, depth) in ranks.chunks_mut(tile).zip(of_row.chunks(TILE)) {
+                land(level, &still[..depth.len()], depth, [0; 2], 0, limit, &mut landing);
+                for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
+                    ranges.fill(RankRange { near: layer::rank(key), far: layer::rank(key) });
+                }
+            }
+        }
+    }
+
     /// Sorts a tile, and finds the keys of its pixels where it is rough.
     #[inline(never)]
     fn sort(
@@ -156,41 +245,43 @@ impl Given<'_> {
         ranks: RankRange,
         tile: &mut Tile,
         keys: &mut [Key; BLOCK],
-    ) {
+    ) -> Ends {
         let [across, down] = self.grid.extent(column, row);
         let corner = [column * TILE, row * TILE];
         let standing = self.standing.count(corner, [across, down]);
         if standing == across * down {
             *tile = Tile { key: key(0, 0, [0; 2]), ..Tile::default() };
-            return;
+            return Ends::new(tile, RankRange { near: 0, far: 0 });
         }
         if standing == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH) {
             let middle = std::array::from_fn(|c| (low[c] + high[c]) >> 1);
             *tile = Tile { key: key(ranks.near, 0, middle), low: middle, high: middle, ..Tile::default() };
-            return;
+            return Ends::new(tile, RankRange { far: ranks.near, ..ranks });
         }
-        if [across, down] != [TILE, TILE] {
-            keys.fill(EMPTY);
-        }
-        let mut landing = Landing::default();
-        let mut motion = [[f16::ZERO; 2]; TILE];
-        let mut depth = [0.0; TILE];
         let (vectors, depths) = (self.guidance.motion(), self.guidance.depth());
-        let is_by_pixel = vectors.tile() == 1 && depths.tile() == 1;
-        for j in 0..down {
-            let y = corner[1] + j;
-            if is_by_pixel {
-                let run = y * self.grid.width + corner[0]..y * self.grid.width + corner[0] + across;
-                let (motion, depth) = (&vectors.vectors()[run.clone()], &depths.depth()[run]);
-                land(self.level, motion, depth, [0, 0], 0, self.limit, &mut landing);
-            } else {
-                self.read(corner[0], y, &mut motion[..across], &mut depth[..across]);
+        let first = corner[1] * self.grid.width + corner[0];
+        let even = depths.even().map(|even| [even; TILE]);
+        if [across, down] == [TILE, TILE] && vectors.tile() == 1 && (depths.tile() == 1 || even.is_some()) {
+            let (depth, stride) = match &even {
+                Some(even) => (even.as_slice(), 0),
+                None => (&depths.depth()[first..], self.grid.width),
+            };
+            claim_tile(self.level, &vectors.vectors()[first..], depth, [self.grid.width, stride], self.limit, keys);
+        } else {
+            keys.fill(EMPTY);
+            let mut landing = Landing::default();
+            let mut motion = [[f16::ZERO; 2]; TILE];
+            let mut depth = [0.0; TILE];
+            for j in 0..down {
+                self.read(corner[0], corner[1] + j, &mut motion[..across], &mut depth[..across]);
                 land(self.level, &motion[..across], &depth[..across], [0, 0], 0, self.limit, &mut landing);
+                keys[j * TILE..][..across].copy_from_slice(&landing.keys[..across]);
             }
-            keys[j * TILE..][..across].copy_from_slice(&landing.keys[..across]);
-            if standing > 0 {
-                for i in (0..across).filter(|&i| self.standing.is_at([corner[0] + i, y])) {
-                    keys[j * TILE + i] = key(0, 0, [0; 2]);
+        }
+        if standing > 0 {
+            for place in (0..BLOCK).filter(|place| place % TILE < across && place / TILE < down) {
+                if self.standing.is_at([corner[0] + place % TILE, corner[1] + place / TILE]) {
+                    keys[place] = key(0, 0, [0; 2]);
                 }
             }
         }
@@ -202,6 +293,7 @@ impl Given<'_> {
             low: [low[0].min(zero[0]), low[1].min(zero[1])],
             high: if standing > 0 { high.map(|v| v.max(0)) } else { high },
         };
+        Ends::new(tile, if standing > 0 { RankRange { near: 0, ..ranks } } else { ranks })
     }
 
     /// The guidance of a run of pixels within a tile.
@@ -219,278 +311,163 @@ impl Given<'_> {
 /// What happens where surfaces meet.
 struct Edges<'a, P> {
     level: Level,
-    given: &'a Layer,
+    grid: Grid,
     anchors: Option<(Source<'a, P>, Source<'a, P>)>,
     /// Whether depth says nothing.
     is_flat: bool,
-    /// Whether depth is good enough to draw surfaces out over their rims.
-    can_dilate: bool,
+    /// Whether motion and depth are good enough to draw surfaces out over their rims.
+    can_draw_out: bool,
 }
 
 impl<P: Colour> Edges<'_, P> {
-    /// Asks for what a rough tile will be judged by.
+    /// Asks for the pixels that a tile will be judged by.
     #[inline(always)]
-    fn fetch(&self, column: usize, row: usize) {
-        let index = row * self.given.grid.columns + column;
-        let tile = &self.given.tiles[index];
-        if tile.kind == Kind::Rough {
-            Layer::fetch_keys(&self.given.keys[index]);
-            if let Some((previous, current)) = self.anchors.filter(|_| self.is_flat) {
-                let at = [64 * (column * TILE) as i32, 64 * (row * TILE) as i32];
-                current.fetch_tile(at, 0);
-                previous.fetch_tile([at[0] + tile.low[0], at[1] + tile.low[1]], 0);
-            }
+    fn fetch(&self, column: usize, row: usize, Ends(ends): &Ends) {
+        if let Some((previous, current)) = self.anchors {
+            let at = [64 * (column * TILE) as i32, 64 * (row * TILE) as i32];
+            current.fetch_tile(at, 0);
+            previous.fetch_tile([at[0] + ends[0], at[1] + ends[1]], 0);
         }
     }
 
-    /// Takes a tile over from what is given. Colours on the rim of a surface are mixed with what is behind it, so that
-    /// the rim moves with the surface in front: a pixel takes the key of the nearest around it.
-    #[inline(never)]
-    fn finish(&self, column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
-        let grid = self.given.grid;
-        let index = row * grid.columns + column;
-        let given = self.given.tiles[index];
-        *tile = given;
-        let is_apart = |other: &Tile| {
-            other.kind == Kind::Rough
-                || (0..2).any(|c| other.high[c].max(given.high[c]) - other.low[c].min(given.low[c]) > 64)
-        };
-        let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
-        let mut rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
-        let is_edge = given.kind == Kind::Rough
-            || (self.can_dilate || self.is_flat && self.anchors.is_some())
-                && rows.any(|r| self.given.row(r..r + 1)[columns.clone()].iter().any(is_apart));
-        if !is_edge {
+    /// The rows around a row that there are.
+    #[inline(always)]
+    fn lines<'b>(&self, row: usize, window: &'b [Line; 3]) -> impl Iterator<Item = &'b Line> + use<'b, P> {
+        (row.saturating_sub(1)..(row + 2).min(self.grid.rows)).map(|row| &window[row % 3])
+    }
+
+    /// What the tiles of a column around a row have in common.
+    #[inline(always)]
+    fn column(&self, column: usize, row: usize, window: &[Line; 3]) -> Ends {
+        let ends = self.lines(row, window).filter_map(|line| line.ends.get(column));
+        ends.fold(Ends::NONE, |all, ends| all.and(ends))
+    }
+
+    /// Takes a row over from what is given, and settles what lies where surfaces meet.
+    fn finish_row(&self, row: usize, window: &[Line; 3], tiles: &mut [Tile], keys: &mut [[Key; BLOCK]]) {
+        let line = &window[row % 3];
+        tiles.copy_from_slice(&line.tiles);
+        let (mut before, mut here) = (Ends::NONE, self.column(0, row, window));
+        let is_judged = self.is_flat || self.can_draw_out;
+        for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
+            if tile.kind == Kind::Rough {
+                *keys = line.keys[column];
+            }
+            if !is_judged {
+                continue;
+            }
+            let next = self.column(column + 1, row, window);
+            let all = before.and(&here).and(&next);
+            (before, here) = (here, next);
+            if let Some(ends) = line.ends.get(column + AHEAD).filter(|ends| ends.is_rough()) {
+                self.fetch(column + AHEAD, row, ends);
+            }
             if self.is_flat {
-                tile.key = layer::marked(given.key, UNKNOWN_MATCH);
-            }
-            return;
-        }
-        let is_rough = given.kind == Kind::Rough;
-        let start = |keys: &mut [Key; BLOCK]| match given.kind {
-            Kind::Rough => keys.copy_from_slice(&self.given.keys[index]),
-            Kind::Smooth => {
-                let [across, down] = grid.extent(column, row);
-                keys.fill(EMPTY);
-                (0..down).for_each(|j| keys[j * TILE..][..across].fill(given.key));
-            }
-        };
-        match self.anchors {
-            Some((previous, current)) if self.is_flat => {
-                start(keys);
-                self.find_matches(column, row, previous, current, keys);
-            }
-            _ => {
-                let mut nearest = [EMPTY; BLOCK];
-                let nearer = if self.can_dilate {
-                    claims::nearest_around(self.level, &self.given.around(column, row, false), ALIKE, &mut nearest)
-                } else {
-                    0
-                };
-                if nearer == 0 && !is_rough {
-                    return;
-                }
-                start(keys);
-                if !self.dilate([column * TILE, row * TILE], nearer, &nearest, keys) && !is_rough {
-                    return;
-                }
+                self.rank(column, row, window, &all, tile, keys);
+            } else if all.near() + i32::from(SAME_RANK) < line.ends[column].far() && !all.is_alike() {
+                // Else nothing around can be in front and move otherwise.
+                self.draw_out(column, row, window, tile, keys);
             }
         }
-        let [low, high] = claims::span(self.level, keys);
-        *tile = Tile { kind: Kind::Rough, holes: 0, key: EMPTY, low, high };
     }
 
-    /// Gives each pixel of a tile at `corner` that something is nearer to (`nearer`, bit `8 j + i`) the key of that, where
-    /// it fits better than its own. Says whether any does.
+    /// Where depth says nothing, and surfaces meet, marks each pixel of a tile with how badly it matches.
     #[inline(never)]
-    fn dilate(&self, corner: [usize; 2], mut nearer: u64, nearest: &[Key; BLOCK], keys: &mut [Key; BLOCK]) -> bool {
-        let mut has_changed = false;
-        while nearer != 0 {
-            let place = nearer.trailing_zeros() as usize;
-            nearer &= nearer - 1;
-            let (own, nearest) = (&mut keys[place], nearest[place]);
-            let at = [corner[0] + place % TILE, corner[1] + place / TILE];
-            let is_of_nearest = self.anchors.is_none_or(|(previous, current)| {
-                let of_nearest = distance(previous, current, at, nearest);
-                of_nearest <= RIM && of_nearest < distance(previous, current, at, *own)
-            });
-            if is_of_nearest {
-                *own = nearest;
-                has_changed = true;
-            }
-        }
-        has_changed
-    }
-
-    /// Marks each pixel with how badly it matches.
-    #[inline(never)]
-    fn find_matches(
+    fn rank(
         &self,
         column: usize,
         row: usize,
-        previous: Source<'_, P>,
-        current: Source<'_, P>,
+        window: &[Line; 3],
+        all: &Ends,
+        tile: &mut Tile,
         keys: &mut [Key; BLOCK],
     ) {
+        let own = &window[row % 3].ends[column];
+        let is_edge = tile.kind == Kind::Rough
+            || self.anchors.is_some()
+                && (all.is_rough()
+                    || !all.is_alike()
+                        && self.lines(row, window).any(|line| {
+                            let around = &line.ends[column.saturating_sub(1)..(column + 2).min(self.grid.columns)];
+                            around.iter().any(|other| !own.and(other).is_alike())
+                        }));
+        if !is_edge {
+            tile.key = layer::marked(tile.key, UNKNOWN_MATCH);
+            return;
+        }
+        let Some((previous, current)) = self.anchors else { return };
+        if tile.kind == Kind::Smooth {
+            let [across, down] = self.grid.extent(column, row);
+            keys.fill(EMPTY);
+            (0..down).for_each(|j| keys[j * TILE..][..across].fill(tile.key));
+            (tile.kind, tile.key) = (Kind::Rough, EMPTY);
+        }
         mark_matches(self.level, previous, current, [column * TILE, row * TILE], keys);
     }
-}
 
-at_every_level! {
-    /// Marks the claims of the pixels of a tile at `corner` with how badly they match, see [`match_of`].
-    fn mark_matches<P: Colour>(
-        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], keys: &mut [Key; BLOCK],
-    ) = mark_one_by_one | mark_side_by_side
-}
-
-fn mark_one_by_one<P: Colour>(
-    previous: Source<'_, P>,
-    current: Source<'_, P>,
-    [x, y]: [usize; 2],
-    keys: &mut [Key; BLOCK],
-) {
-    for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-        *key = layer::marked(*key, match_of(previous, current, [x + place % TILE, y + place / TILE], *key));
-    }
-}
-
-#[inline(always)]
-fn mark_side_by_side<P: Colour>(
-    previous: Source<'_, P>,
-    current: Source<'_, P>,
-    [x, y]: [usize; 2],
-    keys: &mut [Key; BLOCK],
-) {
-    for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
-        let here = current.pixels.get((y + j) * current.width + x..).and_then(|row| row.first_chunk::<TILE>());
-        let run = rows_of_run(previous, [x, y + j], keys);
-        let squares = if run.is_none() { squares_of(previous, [x, y + j], keys) } else { None };
-        let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
-        match (here, run, &squares) {
-            (Some(_), Some([above, below]), _) => {
-                let (above, below) = (P::lumas_of(above), P::lumas_of(below));
-                for i in 0..TILE {
-                    low[i] = above[i].min(above[i + 1]).min(below[i].min(below[i + 1]));
-                    high[i] = above[i].max(above[i + 1]).max(below[i].max(below[i + 1]));
-                }
-            }
-            (Some(_), None, Some([a, b, c, d])) => {
-                let (a, b, c, d) = (P::lumas_of(a), P::lumas_of(b), P::lumas_of(c), P::lumas_of(d));
-                for i in 0..TILE {
-                    low[i] = a[i].min(b[i]).min(c[i].min(d[i]));
-                    high[i] = a[i].max(b[i]).max(c[i].max(d[i]));
-                }
-            }
-            _ => {
-                for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-                    *key = layer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
-                }
-                continue;
+    /// Colours on the rim of a surface are mixed with what is behind it, so that the rim moves with the surface in front: a
+    /// pixel takes the key of the nearest around it, where that fits better than its own.
+    #[inline(never)]
+    fn draw_out(&self, column: usize, row: usize, window: &[Line; 3], tile: &mut Tile, keys: &mut [Key; BLOCK]) {
+        let around = self.around(column, row, window);
+        let mut nearest = [EMPTY; BLOCK];
+        let mut nearer = claims::nearest_around(self.level, &around, ALIKE, &mut nearest);
+        if nearer == 0 {
+            return;
+        }
+        if tile.kind == Kind::Smooth {
+            for (keys, line) in keys.chunks_mut(TILE).zip(&around[1..]) {
+                keys.copy_from_slice(&line[1..=TILE]);
             }
         }
-        let Some(here) = here.map(P::lumas_of) else { continue };
-        for i in 0..TILE {
-            let apart = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
-            keys[i] = layer::marked(keys[i], (apart as u8).min(WORST_MATCH));
+        if let Some((previous, current)) = self.anchors {
+            nearer = fitting(self.level, previous, current, [column * TILE, row * TILE], nearer, &nearest, keys);
+        }
+        if nearer != 0 {
+            (tile.kind, tile.key) = (Kind::Rough, EMPTY);
+        }
+        while nearer != 0 {
+            let place = nearer.trailing_zeros() as usize;
+            nearer &= nearer - 1;
+            keys[place] = nearest[place];
+            let vector = layer::vector(nearest[place]);
+            tile.low = [0, 1].map(|c| tile.low[c].min(vector[c]));
+            tile.high = [0, 1].map(|c| tile.high[c].max(vector[c]));
         }
     }
-}
 
-/// The two rows of the previous anchor between which a row of a tile comes from, if its pixels lie side by side there.
-#[inline(always)]
-fn rows_of_run<'a, P: Colour>(
-    previous: Source<'a, P>,
-    [x, y]: [usize; 2],
-    keys: &[Key; TILE],
-) -> Option<[&'a [P; 2 * TILE]; 2]> {
-    let whole = |key: Key| layer::vector(key).map(|v| v >> 6);
-    let [left, top] = whole(keys[0]);
-    let mut is_run = true;
-    for &key in keys {
-        let [u, v] = whole(key);
-        is_run &= (key != EMPTY) & (u == left) & (v == top);
-    }
-    // What is negative is far beyond.
-    let (u, v) = ((x as i32 + left) as u32 as usize, (y as i32 + top) as u32 as usize);
-    if !is_run || u.saturating_add(TILE) >= previous.width || v.saturating_add(1) >= previous.height {
-        return None;
-    }
-    let start = v * previous.width + u;
-    let row = |start: usize| previous.pixels.get(start..)?.first_chunk();
-    Some([row(start)?, row(start + previous.width)?])
-}
-
-/// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have claims and
-/// come from inside.
-#[inline(always)]
-fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Key; TILE]) -> Option<[[P; TILE]; 4]> {
-    let mut squares = [[P::OPAQUE_BLACK; TILE]; 4];
-    for (i, &key) in keys.iter().enumerate() {
-        let [vx, vy] = layer::vector(key);
-        // What is negative is far beyond.
-        let (u, v) = ((x + i) as i32 + (vx >> 6), y as i32 + (vy >> 6));
-        let (u, v) = (u as u32 as usize, v as u32 as usize);
-        if key == EMPTY || u + 1 >= previous.width || v + 1 >= previous.height {
-            return None;
+    /// The claims of a tile's pixels with one more on each side, [`EMPTY`] beyond the edges.
+    #[inline(always)]
+    fn around(&self, column: usize, row: usize, window: &[Line; 3]) -> Around {
+        let Grid { width, height, .. } = self.grid;
+        let (left, right) = (column * TILE, (column + 1) * TILE);
+        let fill = |row: usize, j: usize, to: &mut [Key; TILE + 2]| {
+            let line = &window[row % 3];
+            let claim = |column: usize, i: usize| match line.tiles[column].kind {
+                Kind::Smooth => line.tiles[column].key,
+                Kind::Rough => line.keys[column][j * TILE + i],
+            };
+            match line.tiles[column].kind {
+                Kind::Smooth => to[1..=TILE.min(width - left)].fill(line.tiles[column].key),
+                Kind::Rough => to[1..=TILE].copy_from_slice(&line.keys[column][j * TILE..][..TILE]),
+            }
+            if column > 0 {
+                to[0] = claim(column - 1, TILE - 1);
+            }
+            if right < width {
+                to[TILE + 1] = claim(column + 1, 0);
+            }
+        };
+        let mut around = [[EMPTY; TILE + 2]; TILE + 2];
+        if row > 0 {
+            fill(row - 1, TILE - 1, &mut around[0]);
         }
-        let start = v * previous.width + u;
-        let above = previous.pixels.get(start..start + 2)?;
-        let below = previous.pixels.get(start + previous.width..start + previous.width + 2)?;
-        (squares[0][i], squares[1][i], squares[2][i], squares[3][i]) = (above[0], above[1], below[0], below[1]);
-    }
-    Some(squares)
-}
-
-/// The levels by which the luma of a pixel of the current anchor lies outside those of the four pixels of the previous
-/// one around the place that a claim leads to.
-pub(super) fn match_of<P: Colour>(
-    previous: Source<'_, P>,
-    current: Source<'_, P>,
-    [x, y]: [usize; 2],
-    claim: Key,
-) -> u8 {
-    let (width, height) = (previous.width, previous.height);
-    let [vx, vy] = layer::vector(claim);
-    let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
-    let luma = current.pixels[y * width + x].luma();
-    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-    for v in [top, top + 1] {
-        for u in [left, left + 1] {
-            let u = u.clamp(0, width as i32 - 1) as usize;
-            let v = v.clamp(0, height as i32 - 1) as usize;
-            let there = previous.pixels[v * width + u].luma();
-            (low, high) = (low.min(there), high.max(there));
+        for j in 0..TILE.min(height - row * TILE) {
+            fill(row, j, &mut around[j + 1]);
         }
+        if (row + 1) * TILE < height {
+            fill(row + 1, 0, &mut around[TILE + 1]);
+        }
+        around
     }
-    let apart = (low - luma).max(luma - high).max(0.0);
-    (apart as u8).min(WORST_MATCH)
-}
-
-/// How far a pixel of the current anchor is from what is read bilinearly where a claim leads to in the previous one:
-/// the levels of the channel that differs most.
-pub(super) fn distance<P: Colour>(
-    previous: Source<'_, P>,
-    current: Source<'_, P>,
-    [x, y]: [usize; 2],
-    claim: Key,
-) -> f32 {
-    let [vx, vy] = layer::vector(claim);
-    let (u, v) = (64 * x as i32 + vx, 64 * y as i32 + vy);
-    let (fx, fy) = ((u & 63) as f32 / 64.0, (v & 63) as f32 / 64.0);
-    let at = |u: i32, v: i32| {
-        let u = u.clamp(0, previous.width as i32 - 1) as usize;
-        let v = v.clamp(0, previous.height as i32 - 1) as usize;
-        previous.pixels[v * previous.width + u].in_levels()
-    };
-    let (left, top) = (u >> 6, v >> 6);
-    let corners = [at(left, top), at(left + 1, top), at(left, top + 1), at(left + 1, top + 1)];
-    let here = current.pixels[y * current.width + x].in_levels();
-    // Plain loops over all channels: closures are at times left as functions of their own, one call to a channel.
-    let mut apart = [0.0_f32; 4];
-    for c in 0..4 {
-        let above = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
-        let below = corners[2][c] + (corners[3][c] - corners[2][c]) * fx;
-        apart[c] = (above + (below - above) * fy - here[c]).abs();
-    }
-    apart[2].max(apart[1].max(apart[0].max(0.0)))
 }

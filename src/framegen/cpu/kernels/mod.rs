@@ -20,7 +20,7 @@ mod scalar;
 mod tests;
 mod weights;
 
-pub use ranges::{Landing, RankRange, VectorRange, depth_ranges, land, motion_ranges};
+pub use ranges::{Landing, RankRange, VectorRange, claim_tile, depth_ranges, land, motion_ranges};
 pub use sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
 
 /// An instruction set that kernels are written for. That a value exists proves that this processor has it.

@@ -2,8 +2,8 @@
 
 use half::f16;
 
-use super::at_every_level;
-use super::sampled::TILE;
+use super::sampled::{BLOCK, TILE};
+use super::{at_every_level, fetch};
 
 /// The vectors of a tile, in 1/64 px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -81,6 +81,29 @@ at_every_level! {
         = scalar::land | land_in_vectors
 }
 
+at_every_level! {
+    /// The claims of a tile of 8 x 8 pixels, see [`Landing::keys`]. `motion` begins at its first pixel and has
+    /// `strides[0]` vectors to a row of the picture, `depth` likewise; a stride of 0 is one row for all.
+    ///
+    /// # Panics
+    /// When one of them ends before the tile does.
+    pub fn claim_tile(motion: &[[f16; 2]], depth: &[f32], strides: [usize; 2], limit: [i32; 2], keys: &mut [u64; BLOCK])
+        = scalar::claim_tile | claim_tile_in_vectors
+}
+
+/// Tiles ahead of the one that is looked at whose numbers are asked for. Processors foresee too few of eight rows.
+const AHEAD: usize = 16;
+
+/// Asks for what is [`AHEAD`] of a tile.
+#[inline(always)]
+fn fetch_ahead<T>(values: &[T], width: usize, tile: usize) {
+    // Two tiles to a line of the cache.
+    if tile % 2 == 0 {
+        let at = (tile + AHEAD) * TILE;
+        values.chunks(width).filter_map(|row| row.get(at)).for_each(fetch);
+    }
+}
+
 /// Numbers of a row of a tile of vectors.
 const ROW: usize = 2 * TILE;
 
@@ -94,6 +117,7 @@ fn in_order(bits: i16) -> i16 {
 fn motion_ranges_in_vectors(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
     // Rounding and limits keep the order, so that the range of the numbers as they are decides.
     for i in 0..out.len() {
+        fetch_ahead(motion, width, i);
         let mut low = [i16::MAX; ROW];
         let mut high = [i16::MIN; ROW];
         for row in motion.chunks(width) {
@@ -124,6 +148,7 @@ fn motion_ranges_in_vectors(motion: &[[f16; 2]], width: usize, limit: [i32; 2], 
 #[inline(always)]
 fn depth_ranges_in_vectors(depth: &[f32], width: usize, out: &mut [RankRange]) {
     for i in 0..out.len() {
+        fetch_ahead(depth, width, i);
         let (mut near, mut far) = ([1.0_f32; TILE], [0.0_f32; TILE]);
         for row in depth.chunks(width) {
             let Some(depths) = row.get(i * TILE..).and_then(|row| row.first_chunk::<TILE>()) else {
@@ -160,6 +185,32 @@ fn land_in_vectors(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32,
     let (Some(motion), Some(depth)) = (motion.first_chunk::<TILE>(), depth.first_chunk::<TILE>()) else {
         return scalar::land(motion, depth, at, reach, limit, out);
     };
+    let [x, y] = components(motion, limit);
+    for i in 0..TILE {
+        let landed = |vector: i32, from: i32| (64 * from + ((vector * reach + 512) >> 10) + 32) >> 6;
+        (out.x[i], out.y[i]) = (landed(x[i], at[0] + i as i32), landed(y[i], at[1]));
+    }
+    out.keys = claims(&[x, y], depth);
+}
+
+#[inline(always)]
+fn claim_tile_in_vectors(
+    motion: &[[f16; 2]],
+    depth: &[f32],
+    strides: [usize; 2],
+    limit: [i32; 2],
+    keys: &mut [u64; BLOCK],
+) {
+    for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
+        let motion = motion[j * strides[0]..].first_chunk().expect("a row of eight");
+        let depth = depth[j * strides[1]..].first_chunk().expect("a row of eight");
+        *keys = claims(&components(motion, limit), depth);
+    }
+}
+
+/// The components of eight vectors.
+#[inline(always)]
+fn components(motion: &[[f16; 2]; TILE], limit: [i32; 2]) -> [[i32; TILE]; 2] {
     let (mut x, mut y) = ([0; TILE], [0; TILE]);
     for i in 0..TILE {
         let bits = motion[i].map(f16::to_bits);
@@ -168,12 +219,18 @@ fn land_in_vectors(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32,
         x[i] = if is_finite { rounded(bits[0], limit[0]) } else { 0 };
         y[i] = if is_finite { rounded(bits[1], limit[1]) } else { 0 };
     }
+    [x, y]
+}
+
+/// What eight pixels claim.
+#[inline(always)]
+fn claims([x, y]: &[[i32; TILE]; 2], depth: &[f32; TILE]) -> [u64; TILE] {
+    let mut keys = [0; TILE];
     for i in 0..TILE {
-        let landed = |vector: i32, from: i32| (64 * from + ((vector * reach + 512) >> 10) + 32) >> 6;
-        (out.x[i], out.y[i]) = (landed(x[i], at[0] + i as i32), landed(y[i], at[1]));
-        let [x, y] = [x[i], y[i]].map(|v| (v + (1 << 19)) as u64);
-        out.keys[i] = u64::from(rank(depth[i])) << 48 | x << 20 | y;
+        let [x, y] = [x[i], y[i]].map(|v| (v + (1 << 19)) as u32 as u64);
+        keys[i] = u64::from(rank(depth[i])) << 48 | x << 20 | y;
     }
+    keys
 }
 
 /// A finite half float as a single one; exact.
@@ -234,6 +291,21 @@ mod scalar {
                     *range = RankRange { near: range.near.min(rank), far: range.far.max(rank) };
                 }
             }
+        }
+    }
+
+    pub(super) fn claim_tile(
+        motion: &[[f16; 2]],
+        depth: &[f32],
+        strides: [usize; 2],
+        limit: [i32; 2],
+        keys: &mut [u64; BLOCK],
+    ) {
+        let mut landing = Landing::default();
+        for (j, keys) in keys.chunks_mut(TILE).enumerate() {
+            let (motion, depth) = (&motion[j * strides[0]..][..TILE], &depth[j * strides[1]..][..TILE]);
+            land(motion, depth, [0; 2], 0, limit, &mut landing);
+            keys.copy_from_slice(&landing.keys);
         }
     }
 

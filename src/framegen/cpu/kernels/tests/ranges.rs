@@ -103,3 +103,28 @@ fn nearer_is_smaller_and_the_far_is_told_apart() {
     let ranks = ranks(&[-1.0, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999, 0.99999, 1.0]);
     assert!(ranks.is_sorted() && ranks.windows(2).all(|pair| pair[0] < pair[1]), "{ranks:?}");
 }
+
+#[test]
+fn all_levels_claim_the_same_for_tiles() {
+    let mut random = Random(5);
+    for _ in 0..500 {
+        let strides = [TILE + random.below(9) as usize, if random.below(3) == 0 { 0 } else { TILE }];
+        let motion: Vec<[f16; 2]> = (0..strides[0] * TILE).map(|_| motion(&mut random)).collect();
+        let depth: Vec<f32> = (0..BLOCK).map(|_| depth(&mut random)).collect();
+        let limit = [64 * (1 + random.below(8191) as i32), 64 * 4095];
+        let find = |level| {
+            let mut keys = [7; BLOCK];
+            claim_tile(level, &motion, &depth, strides, limit, &mut keys);
+            keys
+        };
+        let mut expected = [0; BLOCK];
+        for (j, keys) in expected.chunks_mut(TILE).enumerate() {
+            let mut landing = Landing::default();
+            land(Level::SCALAR, &motion[j * strides[0]..], &depth[j * strides[1]..], [0; 2], 0, limit, &mut landing);
+            keys.copy_from_slice(&landing.keys);
+        }
+        for level in Level::available() {
+            assert_eq!(find(level), expected, "{}", level.name());
+        }
+    }
+}

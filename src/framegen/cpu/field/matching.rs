@@ -1,0 +1,355 @@
+//! How well what claims a pixel fits what the anchors show.
+
+use super::super::colour::Colour;
+use super::super::kernels::{BLOCK, Source, TILE, at_every_level};
+use super::super::layer::{self, EMPTY, Key, WORST_MATCH};
+use super::RIM;
+
+at_every_level! {
+    /// Which of the pixels of a tile at `corner` that are asked for (bit `8 j + i`) the nearest claim fits better than
+    /// their own.
+    pub(super) fn fitting<P: Colour>(
+        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], asked: u64, nearest: &[Key; BLOCK],
+        own: &[Key; BLOCK],
+    ) -> u64 = fitting_one_by_one | fitting_side_by_side
+}
+
+fn fitting_one_by_one<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    asked: u64,
+    nearest: &[Key; BLOCK],
+    own: &[Key; BLOCK],
+) -> u64 {
+    let places = (0..BLOCK).filter(|place| asked >> place & 1 == 1);
+    let fits = places.filter(|&place| {
+        let at = [x + place % TILE, y + place / TILE];
+        let of_nearest = distance(previous, current, at, nearest[place]);
+        of_nearest <= RIM && of_nearest < distance(previous, current, at, own[place])
+    });
+    fits.fold(0, |all, place| all | 1 << place)
+}
+
+#[inline(always)]
+fn fitting_side_by_side<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    mut asked: u64,
+    nearest: &[Key; BLOCK],
+    own: &[Key; BLOCK],
+) -> u64 {
+    let mut fitting = 0;
+    while asked != 0 {
+        // Eight at a time; what is left over is looked at more than once.
+        let (mut places, mut place) = ([0; TILE], 0);
+        for next in &mut places {
+            place = if asked != 0 { asked.trailing_zeros() as usize } else { place };
+            asked &= asked.wrapping_sub(1);
+            *next = place;
+        }
+        let (mut at, mut of_nearest, mut of_own) = ([[0; 2]; TILE], [EMPTY; TILE], [EMPTY; TILE]);
+        let mut here = [P::OPAQUE_BLACK; TILE];
+        for (i, &place) in places.iter().enumerate() {
+            let [x, y] = [x + place % TILE, y + place / TILE];
+            (of_nearest[i], of_own[i]) = (nearest[place], own[place]);
+            at[i] = [x as i32, y as i32];
+            here[i] = current.pixels[y * current.width + x];
+        }
+        let nearest = distances(previous, &here, &at, &of_nearest);
+        if nearest.iter().all(|&distance| distance > RIM) {
+            continue;
+        }
+        let own = distances(previous, &here, &at, &of_own);
+        for (i, &place) in places.iter().enumerate() {
+            fitting |= u64::from(nearest[i] <= RIM && nearest[i] < own[i]) << place;
+        }
+    }
+    fitting
+}
+
+/// The [`distance`] of each of eight pixels.
+#[inline(always)]
+fn distances<P: Colour>(
+    previous: Source<'_, P>,
+    here: &[P; TILE],
+    at: &[[i32; 2]; TILE],
+    claims: &[Key; TILE],
+) -> [f32; TILE] {
+    const CHANNELS: usize = 4 * TILE;
+    let (mut fx, mut fy) = ([0.0; CHANNELS], [0.0; CHANNELS]);
+    let mut corners = [[P::OPAQUE_BLACK; TILE]; 4];
+    for i in 0..TILE {
+        let [vx, vy] = layer::vector(claims[i]);
+        let (u, v) = (64 * at[i][0] + vx, 64 * at[i][1] + vy);
+        fx[4 * i..][..4].fill((u & 63) as f32 / 64.0);
+        fy[4 * i..][..4].fill((v & 63) as f32 / 64.0);
+        let (left, top) = (u >> 6, v >> 6);
+        // What is negative is far beyond.
+        let is_inside = (left as u32 as usize) < previous.width - 1 && (top as u32 as usize) < previous.height - 1;
+        let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
+        let [left, right] = if is_inside {
+            [left as usize, left as usize + 1]
+        } else {
+            [left, left + 1].map(|at| on_axis(at, previous.width))
+        };
+        let [top, below] = if is_inside {
+            [top as usize, top as usize + 1]
+        } else {
+            [top, top + 1].map(|at| on_axis(at, previous.height))
+        };
+        let [above, below] = [&previous.pixels[top * previous.width..], &previous.pixels[below * previous.width..]];
+        (corners[0][i], corners[1][i], corners[2][i], corners[3][i]) =
+            (above[left], above[right], below[left], below[right]);
+    }
+    let levels = |pixels: &[P; TILE]| {
+        let mut levels = [0.0; CHANNELS];
+        for (levels, pixel) in levels.chunks_exact_mut(4).zip(pixels) {
+            levels.copy_from_slice(&pixel.in_levels());
+        }
+        levels
+    };
+    let [a, b, c, d] = [levels(&corners[0]), levels(&corners[1]), levels(&corners[2]), levels(&corners[3])];
+    let here = levels(here);
+    let mut apart = [0.0_f32; CHANNELS];
+    for k in 0..CHANNELS {
+        let above = a[k] + (b[k] - a[k]) * fx[k];
+        let below = c[k] + (d[k] - c[k]) * fx[k];
+        apart[k] = (above + (below - above) * fy[k] - here[k]).abs();
+    }
+    let mut distances = [0.0; TILE];
+    for (distance, apart) in distances.iter_mut().zip(apart.chunks_exact(4)) {
+        *distance = apart[2].max(apart[1].max(apart[0].max(0.0)));
+    }
+    distances
+}
+
+at_every_level! {
+    /// Marks the claims of the pixels of a tile at `corner` with how badly they match, see [`match_of`].
+    pub(super) fn mark_matches<P: Colour>(
+        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], keys: &mut [Key; BLOCK],
+    ) = mark_one_by_one | mark_side_by_side
+}
+
+fn mark_one_by_one<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    keys: &mut [Key; BLOCK],
+) {
+    for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+        *key = layer::marked(*key, match_of(previous, current, [x + place % TILE, y + place / TILE], *key));
+    }
+}
+
+#[inline(always)]
+fn mark_side_by_side<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    keys: &mut [Key; BLOCK],
+) {
+    // The least and the largest of each two of a row beside each other, for the row below.
+    let mut last: Option<(usize, [[f32; TILE]; 2])> = None;
+    for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
+        let here = current.pixels.get((y + j) * current.width + x..).and_then(|row| row.first_chunk::<TILE>());
+        let run = rows_of_run(previous, [x, y + j], keys);
+        let squares = if run.is_none() { squares_of(previous, [x, y + j], keys) } else { None };
+        let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
+        match (here, run, &squares) {
+            (Some(_), Some((start, [above, below])), _) => {
+                let [low_above, high_above] = match last {
+                    Some((place, ends)) if place == start => ends,
+                    _ => ends_of_pairs(&P::lumas_of(above)),
+                };
+                let [low_below, high_below] = ends_of_pairs(&P::lumas_of(below));
+                for i in 0..TILE {
+                    low[i] = low_above[i].min(low_below[i]);
+                    high[i] = high_above[i].max(high_below[i]);
+                }
+                last = Some((start + previous.width, [low_below, high_below]));
+            }
+            (Some(_), None, Some([a, b, c, d])) => {
+                let (a, b, c, d) = (P::lumas_of(a), P::lumas_of(b), P::lumas_of(c), P::lumas_of(d));
+                for i in 0..TILE {
+                    low[i] = a[i].min(b[i]).min(c[i].min(d[i]));
+                    high[i] = a[i].max(b[i]).max(c[i].max(d[i]));
+                }
+            }
+            _ => {
+                for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+                    *key = layer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
+                }
+                continue;
+            }
+        }
+        let Some(here) = here.map(P::lumas_of) else { continue };
+        for i in 0..TILE {
+            let apart = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
+            keys[i] = layer::marked(keys[i], (apart as u8).min(WORST_MATCH));
+        }
+    }
+}
+
+/// The least and the largest of each two beside each other.
+#[inline(always)]
+fn ends_of_pairs(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
+    let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
+    for i in 0..TILE {
+        low[i] = lumas[i].min(lumas[i + 1]);
+        high[i] = lumas[i].max(lumas[i + 1]);
+    }
+    [low, high]
+}
+
+/// The two rows of the previous anchor between which a row of a tile comes from, if its pixels lie side by side there, and
+/// where the first begins.
+#[inline(always)]
+fn rows_of_run<'a, P: Colour>(
+    previous: Source<'a, P>,
+    [x, y]: [usize; 2],
+    keys: &[Key; TILE],
+) -> Option<(usize, [&'a [P; 2 * TILE]; 2])> {
+    let whole = |key: Key| layer::vector(key).map(|v| v >> 6);
+    let [left, top] = whole(keys[0]);
+    let mut is_run = true;
+    for &key in keys {
+        let [u, v] = whole(key);
+        is_run &= (key != EMPTY) & (u == left) & (v == top);
+    }
+    // What is negative is far beyond.
+    let (u, v) = ((x as i32 + left) as u32 as usize, (y as i32 + top) as u32 as usize);
+    if !is_run || u.saturating_add(TILE) >= previous.width || v.saturating_add(1) >= previous.height {
+        return None;
+    }
+    let start = v * previous.width + u;
+    let row = |start: usize| previous.pixels.get(start..)?.first_chunk();
+    Some((start, [row(start)?, row(start + previous.width)?]))
+}
+
+/// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have claims and
+/// come from inside.
+#[inline(always)]
+fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Key; TILE]) -> Option<[[P; TILE]; 4]> {
+    let mut squares = [[P::OPAQUE_BLACK; TILE]; 4];
+    for (i, &key) in keys.iter().enumerate() {
+        let [vx, vy] = layer::vector(key);
+        // What is negative is far beyond.
+        let (u, v) = ((x + i) as i32 + (vx >> 6), y as i32 + (vy >> 6));
+        let (u, v) = (u as u32 as usize, v as u32 as usize);
+        if key == EMPTY || u + 1 >= previous.width || v + 1 >= previous.height {
+            return None;
+        }
+        let start = v * previous.width + u;
+        let above = previous.pixels.get(start..start + 2)?;
+        let below = previous.pixels.get(start + previous.width..start + previous.width + 2)?;
+        (squares[0][i], squares[1][i], squares[2][i], squares[3][i]) = (above[0], above[1], below[0], below[1]);
+    }
+    Some(squares)
+}
+
+/// The levels by which the luma of a pixel of the current anchor lies outside those of the four pixels of the previous
+/// one around the place that a claim leads to.
+pub(in super::super) fn match_of<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    claim: Key,
+) -> u8 {
+    let (width, height) = (previous.width, previous.height);
+    let [vx, vy] = layer::vector(claim);
+    let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
+    let luma = current.pixels[y * width + x].luma();
+    let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+    for v in [top, top + 1] {
+        for u in [left, left + 1] {
+            let u = u.clamp(0, width as i32 - 1) as usize;
+            let v = v.clamp(0, height as i32 - 1) as usize;
+            let there = previous.pixels[v * width + u].luma();
+            (low, high) = (low.min(there), high.max(there));
+        }
+    }
+    let apart = (low - luma).max(luma - high).max(0.0);
+    (apart as u8).min(WORST_MATCH)
+}
+
+/// How far a pixel of the current anchor is from what is read bilinearly where a claim leads to in the previous one:
+/// the levels of the channel that differs most.
+pub(in super::super) fn distance<P: Colour>(
+    previous: Source<'_, P>,
+    current: Source<'_, P>,
+    [x, y]: [usize; 2],
+    claim: Key,
+) -> f32 {
+    let [vx, vy] = layer::vector(claim);
+    let (u, v) = (64 * x as i32 + vx, 64 * y as i32 + vy);
+    let (fx, fy) = ((u & 63) as f32 / 64.0, (v & 63) as f32 / 64.0);
+    let at = |u: i32, v: i32| {
+        let u = u.clamp(0, previous.width as i32 - 1) as usize;
+        let v = v.clamp(0, previous.height as i32 - 1) as usize;
+        previous.pixels[v * previous.width + u].in_levels()
+    };
+    let (left, top) = (u >> 6, v >> 6);
+    let corners = [at(left, top), at(left + 1, top), at(left, top + 1), at(left + 1, top + 1)];
+    let here = current.pixels[y * current.width + x].in_levels();
+    // Plain loops over all channels: closures are at times left as functions of their own, one call to a channel.
+    let mut apart = [0.0_f32; 4];
+    for c in 0..4 {
+        let above = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
+        let below = corners[2][c] + (corners[3][c] - corners[2][c]) * fx;
+        apart[c] = (above + (below - above) * fy - here[c]).abs();
+    }
+    apart[2].max(apart[1].max(apart[0].max(0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::kernels::Level;
+    use super::*;
+
+    #[test]
+    fn all_levels_judge_alike() {
+        const SIZE: [usize; 2] = [40, 30];
+        // Numbers that look random (Knuth's MMIX generator), the same in every run.
+        let mut random = 7_u64;
+        let mut below = |end: u64| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (random >> 33) % end
+        };
+        let mut picture =
+            || -> Vec<[u8; 4]> { (0..SIZE[0] * SIZE[1]).map(|_| [0; 4].map(|_: u8| 100 + below(60) as u8)).collect() };
+        let pictures = [picture(), picture()];
+        let [previous, current] =
+            [0, 1].map(|i| Source { pixels: pictures[i].as_slice(), width: SIZE[0], height: SIZE[1] });
+        let mut fitted = 0;
+        for round in 0..2000 {
+            let corner = [0, 1].map(|c| TILE * below((SIZE[c] / TILE) as u64) as usize);
+            // A common vector, one of a few, or any; some places claim nothing.
+            let mut keys = || -> [Key; BLOCK] {
+                let common = [0, 1].map(|_| below(1280) as i32 - 640);
+                [EMPTY; BLOCK].map(|empty| match round % 4 {
+                    0 => layer::key(9, 0, common),
+                    1 => layer::key(9, 0, common.map(|v| v + below(3) as i32 * 64)),
+                    2 => layer::key(9, 0, [0, 1].map(|_| below(9000) as i32 - 4500)),
+                    _ if below(8) == 0 => empty,
+                    _ => layer::key(9, 0, common.map(|v| v + below(90) as i32)),
+                })
+            };
+            let (own, nearest) = (keys(), keys());
+            let asked = (0..BLOCK).filter(|&at| own[at] != EMPTY && nearest[at] != EMPTY && below(3) > 0);
+            let asked = asked.fold(0, |all, place| all | 1 << place);
+            let judge = |level| {
+                let mut marked = own;
+                mark_matches(level, previous, current, corner, &mut marked);
+                (marked, fitting(level, previous, current, corner, asked, &nearest, &own))
+            };
+            let expected = judge(Level::SCALAR);
+            fitted += expected.1.count_ones();
+            for level in Level::available() {
+                assert_eq!(judge(level), expected, "{} in round {round}", level.name());
+            }
+        }
+        assert!(fitted > 1000, "{fitted}");
+    }
+}
