@@ -87,9 +87,11 @@ impl CutDetector {
         self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
             let block = block_at(i);
             let given = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
-            *evidence = if !block.is_evident(previous) {
+            // Where it stands is compared for both.
+            let in_place = block.compare(previous, block.x, block.y);
+            *evidence = if !block.is_evident(&in_place) {
                 Evidence::None
-            } else if block.is_found_in(previous, &[[0, 0], given]) {
+            } else if block.is_like(&in_place) || block.is_found_in(previous, &[[0, 0], given]) {
                 Evidence::Found
             } else {
                 Evidence::Lost
@@ -295,10 +297,14 @@ impl<'a> Block<'a> {
         shifts.iter().copied().chain(shifts.iter().flat_map(around)).any(|shift| self.is_at(previous, shift))
     }
 
-    /// Whether there is detail here, in this picture or in `previous`.
-    fn is_evident(&self, previous: &Small) -> bool {
-        let [here, there] = self.compare(previous, self.x, self.y).moments(&self.sums).deviations();
+    /// Whether there is detail here, in this picture or in the previous one, which was compared in place.
+    fn is_evident(&self, in_place: &Cross) -> bool {
+        let [here, there] = in_place.moments(&self.sums).deviations();
         here.max(there) >= EVIDENT
+    }
+
+    fn is_like(&self, there: &Cross) -> bool {
+        there.moments(&self.sums).correlation() >= CORRELATION
     }
 
     fn is_at(&self, previous: &Small, [dx, dy]: [isize; 2]) -> bool {
@@ -306,7 +312,7 @@ impl<'a> Block<'a> {
         let fits = |at: isize, len: usize, of: usize| at >= 0 && at as usize + len <= of;
         fits(x, self.width, previous.width)
             && fits(y, self.height, previous.height)
-            && self.compare(previous, x as usize, y as usize).moments(&self.sums).correlation() >= CORRELATION
+            && self.is_like(&self.compare(previous, x as usize, y as usize))
     }
 
     /// The detail of `previous` at (x, y) beside this block's.
@@ -365,12 +371,17 @@ impl Small {
                 for y in rows.clone() {
                     P::add_levels(level, &pixels[y * width..][columns.clone()], &mut sums);
                 }
-                for (mean, square) in means.iter_mut().zip(sums[..columns.len()].chunks(factor)) {
+                let mut lumas = [0_i32; RUN];
+                let squares = sums[..columns.len()].chunks(factor);
+                for (luma, square) in lumas.iter_mut().zip(squares.clone()) {
                     let sum = sum_of(square);
                     // The weights of BT.601 over 256.
-                    let luma = 77 * sum[0] + 150 * sum[1] + 29 * sum[2];
-                    *mean = (luma as f32 / (256 * square.len() * rows.len()) as f32 + 0.5) as u8;
+                    *luma = (77 * sum[0] + 150 * sum[1] + 29 * sum[2]) as i32;
                 }
+                let mean = |luma: i32, len: usize| (luma as f32 / (256 * len * rows.len()) as f32 + 0.5) as u8;
+                means.iter_mut().zip(&lumas).for_each(|(to, &luma)| *to = mean(luma, factor));
+                let last = squares.len() - 1;
+                means[last] = mean(lumas[last], columns.len() - last * factor);
             }
         });
         self.find_detail()
@@ -392,12 +403,21 @@ impl Small {
             for x in 0..width {
                 before[x + 1] = before[x] + u32::from(columns[x]);
             }
-            for (x, detail) in row.iter_mut().enumerate() {
+            let luma = &luma[y * width..][..width];
+            // The half keeps whole quotients from falling below themselves.
+            let detail =
+                |v: u8, sum: u32, count: usize| i16::from(v) - ((sum as i32 as f32 + 0.5) / count as f32) as i16;
+            for x in (0..width.min(DETAIL_REACH)).chain(width.saturating_sub(DETAIL_REACH)..width) {
                 let columns = around(x, width);
-                let sum = before[columns.end] - before[columns.start];
-                // The half keeps whole quotients from falling below themselves.
-                let mean = (sum as f32 + 0.5) / (rows.len() * columns.len()) as f32;
-                *detail = i16::from(luma[y * width + x]) - mean as i16;
+                row[x] = detail(luma[x], before[columns.end] - before[columns.start], rows.len() * columns.len());
+            }
+            // Inside all means are over as many.
+            const REACHED: usize = 2 * DETAIL_REACH + 1;
+            let inside = DETAIL_REACH..width.saturating_sub(DETAIL_REACH).max(DETAIL_REACH);
+            let ends = before[..width + 1].iter().zip(before.get(REACHED..).unwrap_or_default());
+            let values = row.iter_mut().zip(luma).take(inside.end).skip(inside.start);
+            for ((to, &v), (start, end)) in values.zip(ends) {
+                *to = detail(v, end - start, rows.len() * REACHED);
             }
         });
         Ok(())

@@ -6,7 +6,7 @@ use parking_lot::Mutex;
 use rayon::prelude::*;
 
 use super::kernels::claims::{self, Places};
-use super::kernels::{BLOCK, Level, TILE};
+use super::kernels::{BLOCK, Level, TILE, at_every_level};
 use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile, key, landed};
 use super::perspective::Way;
 use super::{reserve, sized};
@@ -40,25 +40,45 @@ pub(super) enum Carried {
 /// What covers a tile while a band is filled.
 #[derive(Debug, Clone, Copy)]
 struct Cover {
-    low: [i32; 2],
-    high: [i32; 2],
+    /// The least of each component of the vectors, and of what is left of nothing when they are taken from it.
+    ends: [i32; 4],
     sum: [i64; 2],
-    area: u32,
     nearest: Key,
-    farthest: u16,
-    is_rough: bool,
+    area: u32,
+    farthest: u32,
 }
 
 impl Cover {
-    const NONE: Self = Self {
-        low: [i32::MAX; 2],
-        high: [i32::MIN; 2],
-        sum: [0; 2],
-        area: 0,
-        nearest: EMPTY,
-        farthest: 0,
-        is_rough: false,
-    };
+    const NONE: Self = Self { ends: [i32::MAX; 4], sum: [0; 2], nearest: EMPTY, area: 0, farthest: 0 };
+
+    fn low(&self) -> [i32; 2] {
+        [self.ends[0], self.ends[1]]
+    }
+
+    fn high(&self) -> [i32; 2] {
+        [self.ends[2], self.ends[3]].map(i32::wrapping_neg)
+    }
+}
+
+/// Where a tile lands.
+#[derive(Debug, Clone, Copy, Default)]
+struct Spot {
+    /// The corner of a smooth one. Of a rough one the least that any pixel of its first row gets down to,
+    at: [i32; 2],
+    /// and the most.
+    most: i32,
+}
+
+impl Spot {
+    /// Of what lands nowhere.
+    const NONE: Self = Self { at: [i32::MAX; 2], most: i32::MIN };
+}
+
+/// Where the tiles of a pass land, and for each row of them the least and the most.
+#[derive(Debug, Default)]
+struct Spots {
+    tiles: Vec<Spot>,
+    rows: Vec<[i32; 2]>,
 }
 
 /// Working memory of one thread: a band of places with its rim, and what covers its tiles.
@@ -67,30 +87,43 @@ pub(super) struct Band {
     /// [`EMPTY`] all over while no band is filled.
     places: Vec<Key>,
     covers: Vec<Cover>,
-    /// For each tile, and one more on each side, whether pixels of their own landed there.
+    /// For each tile, and one more on each side, whether pixels of their own landed there,
     is_rough: Vec<bool>,
-    /// For each [`TILE`] columns of places whether anything is written there.
+    /// whether anything is written there,
     is_used: Vec<bool>,
+    /// and whether a tile that turned out rough is there or beside that.
+    is_near: Vec<bool>,
 }
 
 /// Working memory of every thread of the pool.
 #[derive(Debug, Default)]
-pub(super) struct Bands(Vec<Mutex<Band>>);
+pub(super) struct Bands {
+    of_threads: Vec<Mutex<Band>>,
+    /// Of both passes.
+    spots: [Mutex<Spots>; 2],
+}
 
 impl Bands {
     /// Makes room for all threads of the current pool.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         let threads = rayon::current_num_threads();
-        if self.0.len() < threads {
-            reserve(&mut self.0, threads)?;
-            self.0.resize_with(threads, Mutex::default);
+        if self.of_threads.len() < threads {
+            reserve(&mut self.of_threads, threads)?;
+            self.of_threads.resize_with(threads, Mutex::default);
         }
-        for band in &mut self.0[..threads] {
+        let with_rim = (BAND + 2) * (grid.columns + 2);
+        for band in &mut self.of_threads[..threads] {
             let band = band.get_mut();
             sized(&mut band.places, stride(grid) * (BAND * TILE + 2 * RIM), EMPTY)?;
             sized(&mut band.covers, BAND * grid.columns, Cover::NONE)?;
-            sized(&mut band.is_rough, (BAND + 2) * (grid.columns + 2), false)?;
-            sized(&mut band.is_used, stride(grid).div_ceil(TILE), false)?;
+            sized(&mut band.is_rough, with_rim, false)?;
+            sized(&mut band.is_used, with_rim, false)?;
+            sized(&mut band.is_near, with_rim, false)?;
+        }
+        for spots in &mut self.spots {
+            let spots = spots.get_mut();
+            sized(&mut spots.tiles, grid.tiles(), Spot::NONE)?;
+            sized(&mut spots.rows, grid.rows, [0; 2])?;
         }
         Ok(())
     }
@@ -108,16 +141,68 @@ impl Layer {
         self.reserve(grid)?;
         // Where there are holes is known only when they are to be filled.
         sized(&mut self.borrowed, grid.tiles(), [EMPTY; BLOCK])?;
+        let mut spots = [bands.spots[0].lock(), bands.spots[1].lock()];
+        for (spots, pass) in spots.iter_mut().zip(passes) {
+            let Spots { tiles, rows } = &mut **spots;
+            tiles.par_chunks_mut(grid.columns).zip(rows).with_min_len(16).enumerate().for_each(
+                |(row, (spots, ends))| {
+                    *ends = find_spots(level, pass, row, spots);
+                },
+            );
+        }
+        let spots = [&*spots[0], &*spots[1]];
         let tiles = self.tiles.par_chunks_mut(BAND * grid.columns);
         let keys = self.keys.par_chunks_mut(BAND * grid.columns);
         tiles.zip(keys).enumerate().for_each(|(number, (tiles, keys))| {
             let thread = rayon::current_thread_index().unwrap_or(0);
-            let mut band = bands.0[thread].lock();
+            let mut band = bands.of_threads[thread].lock();
             let filling = Filling { level, grid, top: number * BAND, rows: tiles.len() / grid.columns };
-            filling.fill(passes, &mut band, tiles, keys);
+            filling.fill(passes, spots, &mut band, tiles, keys);
         });
         Ok(())
     }
+}
+
+at_every_level! {
+    /// Where the tiles of a row land; the least and the most of how far down.
+    fn find_spots(pass: &Pass<'_>, row: usize, spots: &mut [Spot]) -> [i32; 2] = spots_of_row | spots_of_row
+}
+
+#[inline(always)]
+fn spots_of_row(pass: &Pass<'_>, row: usize, spots: &mut [Spot]) -> [i32; 2] {
+    let Pass { layer, way, of } = *pass;
+    let y = (row * TILE) as i32;
+    let bounds = way.bounds();
+    let mut ends = [i32::MAX, i32::MIN];
+    let eights = layer.row(row..row + 1).chunks(TILE).zip(spots.chunks_mut(TILE));
+    for (number, (tiles, spots)) in eights.enumerate() {
+        let corner = |i: usize| ((number * TILE + i) * TILE) as i32;
+        let (mut keys, mut low, mut high) = ([0; TILE], [0; TILE], [0; TILE]);
+        for (i, tile) in tiles.iter().enumerate() {
+            (keys[i], low[i], high[i]) = (tile.key, tile.low[1], tile.high[1]);
+        }
+        let (mut u, mut v) = ([0; TILE], [0; TILE]);
+        let (mut least, mut most) = ([0; TILE], [0; TILE]);
+        for i in 0..TILE {
+            let reach = way.reach_of_tile(keys[i], [corner(i) as usize, y as usize]);
+            let vector = layer::vector(keys[i]);
+            (u[i], v[i]) = (landed(corner(i), vector[0], reach), landed(y, vector[1], reach));
+            let a = bounds.map(|reach| landed(y, low[i], reach));
+            let b = bounds.map(|reach| landed(y, high[i], reach));
+            least[i] = a[0].min(a[1]).min(b[0].min(b[1]));
+            most[i] = a[0].max(a[1]).max(b[0].max(b[1]));
+        }
+        for (i, (tile, spot)) in tiles.iter().zip(spots).enumerate() {
+            *spot = match (of, tile.kind) {
+                (Carried::Own, Kind::Smooth) => Spot { at: [u[i], v[i]], most: v[i] },
+                (Carried::Borrowed, _) if tile.holes == 0 => Spot::NONE,
+                _ if tile.low[1] > tile.high[1] => Spot::NONE,
+                _ => Spot { at: [0, least[i]], most: most[i] },
+            };
+            ends = [ends[0].min(spot.at[1]), ends[1].max(spot.most)];
+        }
+    }
+    ends
 }
 
 /// A band that is being filled.
@@ -130,98 +215,103 @@ struct Filling {
 }
 
 impl Filling {
-    fn fill(&self, passes: &[Pass<'_>], band: &mut Band, tiles: &mut [Tile], keys: &mut [[Key; BLOCK]]) {
+    fn fill(
+        &self,
+        passes: &[Pass<'_>],
+        spots: [&Spots; 2],
+        band: &mut Band,
+        tiles: &mut [Tile],
+        keys: &mut [[Key; BLOCK]],
+    ) {
+        let columns = self.grid.columns;
         band.covers.fill(Cover::NONE);
         band.is_rough.fill(false);
-        for pass in passes {
-            self.each_tile(pass, |column, row, tile| match (pass.of, tile.kind) {
-                (Carried::Own, Kind::Smooth) => self.cover(&pass.way, column, row, tile, &mut band.covers),
-                (Carried::Own, Kind::Rough) => {
-                    let keys = &pass.layer.keys[row * self.grid.columns + column];
-                    self.carry_pixels(pass.way, column, row, keys, band);
+        for (pass, spots) in passes.iter().zip(spots) {
+            for row in self.reaching(spots) {
+                let (tiles, spots) = (pass.layer.row(row..row + 1), &spots.tiles[row * columns..][..columns]);
+                if pass.of == Carried::Own {
+                    cover(self.level, self, row, tiles, spots, &mut band.covers);
                 }
-                (Carried::Borrowed, _) if tile.holes > 0 => {
-                    let keys = &pass.layer.borrowed[row * self.grid.columns + column];
-                    self.carry_pixels(pass.way, column, row, keys, band);
-                }
-                (Carried::Borrowed, _) => {}
-            });
-        }
-        let Band { covers, is_rough, is_used, .. } = band;
-        for line in is_rough.chunks(self.grid.columns + 2) {
-            // A group of columns holds parts of two tiles.
-            let groups = is_used.iter_mut().zip(line.windows(2));
-            groups.for_each(|(is_used, tiles)| *is_used |= tiles[0] | tiles[1]);
-        }
-        let mut rough = self.grid.columns..0;
-        let covers = covers.chunks_mut(self.grid.columns).zip(is_rough.chunks(self.grid.columns + 2).skip(1));
-        for ((row, tiles), (covers, is_rough)) in tiles.chunks_mut(self.grid.columns).enumerate().zip(covers) {
-            for ((column, tile), cover) in tiles.iter_mut().enumerate().zip(covers) {
-                cover.is_rough = is_rough[column + 1];
-                *tile = self.settle(cover, self.grid.extent(column, self.top + row));
-                cover.is_rough = tile.kind == Kind::Rough;
-                if cover.is_rough {
-                    rough = rough.start.min(column)..rough.end.max(column + 1);
+                let keys = if pass.of == Carried::Own { &pass.layer.keys } else { &pass.layer.borrowed };
+                let keys = &keys[row * columns..][..columns];
+                let is_carried = |column: usize| {
+                    let is_by_pixel = pass.of == Carried::Borrowed || tiles[column].kind == Kind::Rough;
+                    is_by_pixel && self.is_reached(&spots[column])
+                };
+                for column in 0..columns {
+                    if column + AHEAD < columns && is_carried(column + AHEAD) {
+                        Layer::fetch_keys(&keys[column + AHEAD]);
+                    }
+                    if is_carried(column) {
+                        self.carry_pixels(pass.way, column, row, &keys[column], band);
+                    }
                 }
             }
         }
-        for pass in passes.iter().filter(|pass| pass.of == Carried::Own && !rough.is_empty()) {
-            self.each_tile(pass, |column, row, tile| {
-                if tile.kind == Kind::Smooth {
-                    self.carry_tile(&pass.way, column, row, tile, &rough, band);
+        band.is_used.copy_from_slice(&band.is_rough);
+        band.is_near.fill(false);
+        let mut has_rough = false;
+        let covers = band.covers.chunks(columns).zip(band.is_rough.chunks(columns + 2).skip(1));
+        for ((row, tiles), (covers, is_rough)) in tiles.chunks_mut(columns).enumerate().zip(covers) {
+            for ((column, tile), cover) in tiles.iter_mut().enumerate().zip(covers) {
+                *tile = self.settle(cover, is_rough[column + 1], self.grid.extent(column, self.top + row));
+                if tile.kind == Kind::Rough {
+                    has_rough = true;
+                    (row..row + 3).for_each(|row| band.is_near[row * (columns + 2) + column..][..3].fill(true));
                 }
-            });
+            }
+        }
+        for (pass, spots) in passes.iter().zip(spots).filter(|(pass, _)| pass.of == Carried::Own && has_rough) {
+            for row in self.reaching(spots) {
+                let of_row = pass.layer.row(row..row + 1).iter().zip(&spots.tiles[row * columns..]);
+                for (column, (tile, spot)) in of_row.enumerate() {
+                    if tile.kind == Kind::Smooth && self.is_reached(spot) {
+                        self.carry_tile(spot.at, self.grid.extent(column, row), tile.key, band, &*tiles);
+                    }
+                }
+            }
         }
         for (index, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
             if tile.kind == Kind::Rough {
-                self.take(&band.places, index % self.grid.columns, index / self.grid.columns, tile, keys);
+                self.take(&band.places, index % columns, index / columns, tile, keys);
             }
         }
-        let stride = stride(self.grid);
-        for (group, is_used) in band.is_used.iter_mut().enumerate().filter(|(_, is_used)| **is_used) {
-            *is_used = false;
-            let columns = group * TILE..stride.min((group + 1) * TILE);
-            band.places.chunks_mut(stride).for_each(|line| line[columns.clone()].fill(EMPTY));
-        }
+        self.clear(band);
     }
 
-    /// Calls `visit` for each tile that may reach this band.
+    /// Takes back what was written.
     #[inline(never)]
-    fn each_tile(&self, pass: &Pass<'_>, mut visit: impl FnMut(usize, usize, &Tile)) {
-        let rim = RIM as i32;
-        let band = (self.top * TILE) as i32 - rim..((self.top + self.rows) * TILE) as i32 + rim;
-        let bounds = pass.way.bounds();
-        let reaches = |row: usize, low: i32, high: i32| {
-            let first = (row * TILE) as i32;
-            let [a, b] = bounds.map(|reach| [landed(first, low, reach), landed(first, high, reach)]);
-            let [least, most] = [a[0].min(a[1]).min(b[0]).min(b[1]), a[0].max(a[1]).max(b[0]).max(b[1])];
-            least < band.end && most + TILE as i32 > band.start
-        };
-        for row in 0..self.grid.rows {
-            let [low, high] = pass.layer.spans[row];
-            if low > high || !reaches(row, low, high) {
-                continue;
-            }
-            let first = row * self.grid.columns;
-            let keys = if pass.of == Carried::Own { &pass.layer.keys } else { &pass.layer.borrowed };
-            let tiles = pass.layer.row(row..row + 1);
-            for (column, tile) in tiles.iter().enumerate() {
-                let next = tiles.get(column + AHEAD).filter(|next| next.kind == Kind::Rough);
-                if next.is_some_and(|next| pass.of == Carried::Own || next.holes > 0) {
-                    Layer::fetch_keys(&keys[first + column + AHEAD]);
-                }
-                if tile.low[1] <= tile.high[1] && reaches(row, tile.low[1], tile.high[1]) {
-                    visit(column, row, tile);
+    fn clear(&self, band: &mut Band) {
+        let stride = stride(self.grid);
+        for (row, is_used) in band.is_used.chunks(self.grid.columns + 2).enumerate() {
+            let lines = (row * TILE).saturating_sub(TILE - RIM)..(row * TILE + RIM).min(BAND * TILE + 2 * RIM);
+            let mut column = 0;
+            for run in is_used.chunk_by(|a, b| a == b) {
+                let first = (column * TILE).saturating_sub(TILE - RIM);
+                column += run.len();
+                let end = ((column - 1) * TILE + RIM).min(stride);
+                if run[0] {
+                    lines.clone().for_each(|line| band.places[line * stride..][first..end].fill(EMPTY));
                 }
             }
         }
     }
 
-    /// Where the corner of a smooth tile lands.
-    fn corner(&self, way: &Way, column: usize, row: usize, key: Key) -> [i32; 2] {
-        let [x, y] = layer::vector(key);
-        let reach = way.reach_of_tile(key, [column * TILE, row * TILE]);
-        [landed((column * TILE) as i32, x, reach), landed((row * TILE) as i32, y, reach)]
+    /// Whether a tile may reach this band.
+    #[inline(always)]
+    fn is_reached(&self, spot: &Spot) -> bool {
+        self.is_reached_by([spot.at[1], spot.most])
+    }
+
+    #[inline(always)]
+    fn is_reached_by(&self, [least, most]: [i32; 2]) -> bool {
+        let (rim, first, end) = (RIM as i32, (self.top * TILE) as i32, ((self.top + self.rows) * TILE) as i32);
+        least < end + rim && most.saturating_add(TILE as i32) > first - rim
+    }
+
+    /// The rows of tiles that may reach this band.
+    fn reaching<'a>(&'a self, spots: &'a Spots) -> impl Iterator<Item = usize> + 'a {
+        (0..self.grid.rows).filter(|&row| self.is_reached_by(spots.rows[row]))
     }
 
     /// The tiles of `tiles` that `from..from + len` touches.
@@ -229,35 +319,6 @@ impl Filling {
     fn touched(from: i32, len: usize, tiles: Range<usize>) -> Range<usize> {
         let until = ((from + len as i32 - 1) >> 3) + 1;
         (from >> 3).max(tiles.start as i32) as usize..until.clamp(0, tiles.end as i32) as usize
-    }
-
-    /// How much of it is on one of them.
-    #[inline(always)]
-    fn part(from: i32, len: usize, tile: usize) -> u32 {
-        let start = (tile * TILE) as i32;
-        ((from + len as i32).min(start + TILE as i32) - from.max(start)) as u32
-    }
-
-    /// Notes that a smooth tile covers parts of others.
-    #[inline(never)]
-    fn cover(&self, way: &Way, column: usize, row: usize, tile: &Tile, covers: &mut [Cover]) {
-        let [x, y] = self.corner(way, column, row, tile.key);
-        let [across, down] = self.grid.extent(column, row);
-        let vector = layer::vector(tile.key);
-        let columns = Self::touched(x, across, 0..self.grid.columns);
-        for r in Self::touched(y, down, self.top..self.top + self.rows) {
-            let height = Self::part(y, down, r);
-            for c in columns.clone() {
-                let cover = &mut covers[(r - self.top) * self.grid.columns + c];
-                let area = Self::part(x, across, c) * height;
-                cover.low = std::array::from_fn(|c| cover.low[c].min(vector[c]));
-                cover.high = std::array::from_fn(|c| cover.high[c].max(vector[c]));
-                cover.sum = std::array::from_fn(|c| cover.sum[c] + i64::from(vector[c]) * i64::from(area));
-                cover.area = cover.area.saturating_add(area);
-                cover.nearest = cover.nearest.min(tile.key);
-                cover.farthest = cover.farthest.max(layer::rank(tile.key));
-            }
-        }
     }
 
     /// Carries pixels one by one.
@@ -268,39 +329,51 @@ impl Filling {
         claims::carry(self.level, keys, at, shift, way, &mut places);
     }
 
-    /// What a tile is that is covered so.
-    #[inline(never)]
-    fn settle(&self, cover: &Cover, [across, down]: [usize; 2]) -> Tile {
+    /// What a tile is that is covered so, and on which pixels of their own landed or not.
+    #[inline(always)]
+    fn settle(&self, cover: &Cover, is_rough: bool, [across, down]: [usize; 2]) -> Tile {
         let whole = (across * down) as u32;
-        let is_surface = cover.farthest.saturating_sub(layer::rank(cover.nearest)) <= ONE_SURFACE;
+        let is_surface = cover.farthest.saturating_sub(layer::rank(cover.nearest).into()) <= ONE_SURFACE.into();
         // Between vectors given for whole tiles, the mean of those that meet is nearer to the truth than a step is.
         let apart = if is_surface { SLOPE } else { SMOOTH };
-        let is_smooth =
-            !cover.is_rough && 4 * cover.area >= 3 * whole && (0..2).all(|i| cover.high[i] - cover.low[i] <= apart);
+        let is_smooth = !is_rough
+            && u64::from(cover.area) * 4 >= u64::from(whole) * 3
+            && (0..2).all(|i| -cover.ends[i + 2] - cover.ends[i] <= apart);
         if !is_smooth {
             return Tile { kind: Kind::Rough, ..Tile::default() };
         }
         let area = i64::from(cover.area);
-        let mean = |sum: i64| ((2 * sum + area).div_euclid(2 * area)) as i32;
-        let vector = if cover.low == cover.high { cover.low } else { cover.sum.map(mean) };
+        let mean = |sum: i64| match (i32::try_from(2 * sum + area), i32::try_from(2 * area)) {
+            // Mostly they fit, and are divided sooner.
+            (Ok(sum), Ok(area)) => sum.div_euclid(area),
+            _ => (2 * sum + area).div_euclid(2 * area) as i32,
+        };
+        let vector = if cover.low() == cover.high() { cover.low() } else { cover.sum.map(mean) };
         let key = key(layer::rank(cover.nearest), layer::mark(cover.nearest), vector);
         Tile { kind: Kind::Smooth, holes: 0, key, low: vector, high: vector }
     }
 
-    /// Carries all of a smooth tile, if it touches one that is not; those lie within the columns `rough`.
-    #[inline(never)]
-    fn carry_tile(&self, way: &Way, column: usize, row: usize, tile: &Tile, rough: &Range<usize>, band: &mut Band) {
-        let [x, y] = self.corner(way, column, row, tile.key);
-        let [across, down] = self.grid.extent(column, row);
-        let rim = RIM as i32;
-        let columns = Self::touched(x - rim, across + 2 * RIM, rough.clone());
-        if columns.is_empty() {
-            return;
+    /// Carries all of a smooth tile that lands at (x, y), if it touches one of `tiles` that is not.
+    #[inline(always)]
+    fn carry_tile(&self, [x, y]: [i32; 2], [across, down]: [usize; 2], key: Key, band: &mut Band, tiles: &[Tile]) {
+        // What is negative is far beyond.
+        let (column, row) = (((x >> 3) + 1) as u32 as usize, ((y >> 3) + 1 - self.top as i32) as u32 as usize);
+        let is_near =
+            column < self.grid.columns + 2 && row < BAND + 2 && band.is_near[row * (self.grid.columns + 2) + column];
+        if is_near {
+            self.carry_near(x, y, [across, down], key, band, tiles);
         }
+    }
+
+    /// The same near a rough one.
+    #[inline(never)]
+    fn carry_near(&self, x: i32, y: i32, [across, down]: [usize; 2], key: Key, band: &mut Band, tiles: &[Tile]) {
+        let rim = RIM as i32;
+        let columns = Self::touched(x - rim, across + 2 * RIM, 0..self.grid.columns);
         let mut rows = Self::touched(y - rim, down + 2 * RIM, self.top..self.top + self.rows);
         let touches_rough = rows.any(|r| {
-            let covers = &band.covers[(r - self.top) * self.grid.columns..][..self.grid.columns];
-            columns.clone().any(|c| covers[c].is_rough)
+            let tiles = &tiles[(r - self.top) * self.grid.columns..][..self.grid.columns];
+            columns.clone().any(|c| tiles[c].kind == Kind::Rough)
         });
         if !touches_rough {
             return;
@@ -309,14 +382,17 @@ impl Filling {
         let columns = x.max(-rim)..(x + across as i32).min(width + rim);
         let first = (self.top * TILE) as i32 - rim;
         let lines = y.max(first)..(y + down as i32).min(first + (self.rows * TILE) as i32 + 2 * rim);
-        if columns.is_empty() {
+        if columns.is_empty() || lines.is_empty() {
             return;
         }
-        let [from, until] = [columns.start, columns.end - 1].map(|x| (x + rim) as usize / TILE);
-        band.is_used[from..=until].fill(true);
+        let [left, right] = [columns.start, columns.end - 1].map(|x| (x + TILE as i32) as usize / TILE);
+        let [above, below] = [lines.start, lines.end - 1].map(|y| (y - first + TILE as i32 - rim) as usize / TILE);
+        for row in above..=below {
+            band.is_used[row * (self.grid.columns + 2)..][left..=right].fill(true);
+        }
         let start = (lines.start - first) as usize * stride(self.grid) + (columns.start + rim) as usize;
         let extent = [columns.len(), lines.len()];
-        claims::lay(self.level, tile.key, &mut band.places, stride(self.grid), start, extent);
+        claims::lay(self.level, key, &mut band.places, stride(self.grid), start, extent);
     }
 
     /// Takes the keys of a rough tile from the band, and closes its cracks.
@@ -341,6 +417,57 @@ impl Filling {
         }
         if tile.key == 0 {
             tile.key = EMPTY;
+        }
+    }
+}
+
+at_every_level! {
+    /// Notes what parts of the tiles of a band the smooth ones of a row cover.
+    fn cover(filling: &Filling, row: usize, tiles: &[Tile], spots: &[Spot], covers: &mut [Cover])
+        = cover_parts | cover_parts
+}
+
+#[inline(always)]
+fn cover_parts(filling: &Filling, row: usize, tiles: &[Tile], spots: &[Spot], covers: &mut [Cover]) {
+    let &Filling { grid, top, rows, .. } = filling;
+    for (column, (tile, spot)) in tiles.iter().zip(spots).enumerate() {
+        if tile.kind != Kind::Smooth || !filling.is_reached(spot) {
+            continue;
+        }
+        let [x, y] = spot.at;
+        let extent = grid.extent(column, row).map(|len| len as i32);
+        // Of the first tile that is touched, and of the next.
+        let parts = |at: i32, len: i32| {
+            let part = (TILE as i32 - (at & 7)).min(len);
+            [part, len - part]
+        };
+        let (across, down) = (parts(x, extent[0]), parts(y, extent[1]));
+        let [u, v] = layer::vector(tile.key);
+        let ends = [u, v, -u, -v];
+        let rank = u32::from(layer::rank(tile.key));
+        for (j, &height) in down.iter().enumerate() {
+            // What is negative is far beyond.
+            let r = ((y >> 3) + j as i32 - top as i32) as u32 as usize;
+            if height <= 0 || r >= rows {
+                continue;
+            }
+            let covers = &mut covers[r * grid.columns..][..grid.columns];
+            for (i, &width) in across.iter().enumerate() {
+                let c = ((x >> 3) + i as i32) as u32 as usize;
+                if width <= 0 || c >= grid.columns {
+                    continue;
+                }
+                let cover = &mut covers[c];
+                let area = width * height;
+                for (end, of_tile) in cover.ends.iter_mut().zip(ends) {
+                    *end = of_tile.min(*end);
+                }
+                cover.sum[0] += i64::from(u * area);
+                cover.sum[1] += i64::from(v * area);
+                cover.nearest = cover.nearest.min(tile.key);
+                cover.area = cover.area.saturating_add(area as u32);
+                cover.farthest = cover.farthest.max(rank);
+            }
         }
     }
 }

@@ -33,10 +33,9 @@ impl Places<'_> {
         }
     }
 
-    /// The same for eight places.
+    /// The same for eight places, where there are `lines`.
     #[inline(always)]
-    fn claim_each(&mut self, x: &Row<i32>, y: &Row<i32>, keys: &Row<Key>) {
-        let lines = (self.keys.len() / self.stride) as u32;
+    fn claim_each(&mut self, x: &Row<i32>, y: &Row<i32>, keys: &Row<Key>, lines: u32) {
         let (stride, columns) = (self.stride as u32, ((self.stride - 2) / TILE + 2) as u32);
         let (mut place, mut tile) = ([0; TILE], [0; TILE]);
         for i in 0..TILE {
@@ -151,6 +150,7 @@ fn row(keys: &[Key]) -> &Row<Key> {
 #[inline(always)]
 fn carry_in_vectors(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
     let from = [at[0] + shift[0], at[1] + shift[1]];
+    let lines = (places.keys.len() / places.stride) as u32;
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
         let reaches = way.reaches(keys, [at[0], at[1] + j as i32]);
@@ -185,7 +185,7 @@ fn carry_in_vectors(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way
             places.is_rough[first] = true;
             places.is_rough[last] = true;
         } else {
-            places.claim_each(&x, &y, keys);
+            places.claim_each(&x, &y, keys, lines);
         }
     }
 }

@@ -98,7 +98,7 @@ const AHEAD: usize = 16;
 #[inline(always)]
 fn fetch_ahead<T>(values: &[T], width: usize, tile: usize) {
     // Two tiles to a line of the cache.
-    if tile % 2 == 0 {
+    if tile.is_multiple_of(2) {
         let at = (tile + AHEAD) * TILE;
         values.chunks(width).filter_map(|row| row.get(at)).for_each(fetch);
     }
