@@ -9,7 +9,7 @@
 use bytemuck::must_cast;
 use rayon::prelude::*;
 
-use super::kernels::{Level, Sampled};
+use super::kernels::{Level, Sampled, at_every_level, fetch};
 use super::sized;
 use crate::guidance::MotionField;
 use crate::{Raster, Result};
@@ -83,7 +83,7 @@ impl CutDetector {
 
         let (across, down) = (current.width.div_ceil(BLOCK), current.height.div_ceil(BLOCK));
         sized(&mut self.blocks, across * down, Evidence::None)?;
-        let block_at = |i: usize| Block::new(current, i % across * BLOCK, i / across * BLOCK);
+        let block_at = |i: usize| Block::new(level, current, i % across * BLOCK, i / across * BLOCK);
         self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
             let block = block_at(i);
             let given = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
@@ -271,6 +271,7 @@ fn histogram_distance(previous: &Small, current: &Small) -> f32 {
 
 /// A block of the current picture.
 struct Block<'a> {
+    level: Level,
     small: &'a Small,
     x: usize,
     y: usize,
@@ -281,11 +282,11 @@ struct Block<'a> {
 
 impl<'a> Block<'a> {
     /// The block at (x, y), cut off at the far edges.
-    fn new(small: &'a Small, x: usize, y: usize) -> Self {
+    fn new(level: Level, small: &'a Small, x: usize, y: usize) -> Self {
         let (width, height) = (BLOCK.min(small.width - x), BLOCK.min(small.height - y));
         let mut sums = Sums::default();
         (y..y + height).for_each(|y| sums.add(&small.detail[y * small.width + x..][..width]));
-        Self { small, x, y, width, height, sums }
+        Self { level, small, x, y, width, height, sums }
     }
 
     /// Whether `previous` has this block within the search of one of the shifts.
@@ -317,18 +318,45 @@ impl<'a> Block<'a> {
 
     /// The detail of `previous` at (x, y) beside this block's.
     fn compare(&self, previous: &Small, x: usize, y: usize) -> Cross {
-        let mut cross = Cross::default();
-        for row in 0..self.height {
-            let here = &self.small.detail[(self.y + row) * self.small.width + self.x..][..self.width];
-            let there = &previous.detail[(y + row) * previous.width + x..][..self.width];
-            match (here.first_chunk::<BLOCK>(), there.first_chunk::<BLOCK>()) {
-                // Of a known length, which makes vectors of it.
-                (Some(here), Some(there)) => cross.add(here, there),
-                _ => cross.add(here, there),
-            }
-        }
-        cross
+        let here = &self.small.detail[self.y * self.small.width + self.x..];
+        let there = &previous.detail[y * previous.width + x..];
+        cross(self.level, here, there, [self.small.width, previous.width], [self.width, self.height])
     }
+}
+
+at_every_level! {
+    /// The sums of a block of `extent`, whose rows begin `strides` after each other.
+    fn cross(here: &[i16], there: &[i16], strides: [usize; 2], extent: [usize; 2]) -> Cross
+        = cross_by_rows | cross_in_vectors
+}
+
+fn cross_by_rows(here: &[i16], there: &[i16], strides: [usize; 2], [width, height]: [usize; 2]) -> Cross {
+    let mut cross = Cross::default();
+    for row in 0..height {
+        cross.add(&here[row * strides[0]..][..width], &there[row * strides[1]..][..width]);
+    }
+    cross
+}
+
+#[inline(always)]
+fn cross_in_vectors(here: &[i16], there: &[i16], strides: [usize; 2], [width, height]: [usize; 2]) -> Cross {
+    if width != BLOCK {
+        return cross_by_rows(here, there, strides, [width, height]);
+    }
+    // Of a column at most 16 squares of 255, so that all fit.
+    let (mut sums, mut squares, mut products) = ([0_i32; BLOCK], [0_i32; BLOCK], [0_i32; BLOCK]);
+    for row in 0..height {
+        let here: &[i16; BLOCK] = here[row * strides[0]..].first_chunk().expect("a row of sixteen");
+        let there: &[i16; BLOCK] = there[row * strides[1]..].first_chunk().expect("a row of sixteen");
+        for i in 0..BLOCK {
+            let (a, b) = (i32::from(here[i]), i32::from(there[i]));
+            sums[i] += b;
+            squares[i] += b * b;
+            products[i] += a * b;
+        }
+    }
+    let [sum, squares, products] = [sums, squares, products].map(|of_columns| of_columns.iter().sum::<i32>().into());
+    Cross { sum, squares, products }
 }
 
 /// The sums of channels that were summed over at most [`ROWS_READ`] rows.
@@ -368,6 +396,9 @@ impl Small {
             for (run, means) in row.chunks_mut(in_run).enumerate() {
                 let columns = run * in_run * factor..width.min((run + 1) * in_run * factor);
                 let mut sums = [[0; 4]; RUN];
+                // Processors do not foresee that the other row comes in between.
+                let next = columns.end..width.min(columns.end + in_run * factor);
+                rows.clone().for_each(|y| pixels[y * width..][next.clone()].iter().step_by(16).for_each(fetch));
                 for y in rows.clone() {
                     P::add_levels(level, &pixels[y * width..][columns.clone()], &mut sums);
                 }

@@ -33,26 +33,6 @@ impl Places<'_> {
         }
     }
 
-    /// The same for eight places, where there are `lines`.
-    #[inline(always)]
-    fn claim_each(&mut self, x: &Row<i32>, y: &Row<i32>, keys: &Row<Key>, lines: u32) {
-        let (stride, columns) = (self.stride as u32, ((self.stride - 2) / TILE + 2) as u32);
-        let (mut place, mut tile) = ([0; TILE], [0; TILE]);
-        for i in 0..TILE {
-            // As unsigned numbers, what is negative is far beyond.
-            let (u, v) = (x[i] as u32, y[i] as u32);
-            let is_here = (u < stride) & (v < lines) & (keys[i] != EMPTY);
-            place[i] = if is_here { v.wrapping_mul(stride).wrapping_add(u) } else { u32::MAX };
-            tile[i] = (v.wrapping_add(7) >> 3).wrapping_mul(columns).wrapping_add(u.wrapping_add(7) >> 3);
-        }
-        for i in 0..TILE {
-            if let Some(place) = self.keys.get_mut(place[i] as usize) {
-                *place = (*place).min(keys[i]);
-                self.is_rough[tile[i] as usize] = true;
-            }
-        }
-    }
-
     /// The number of the tile that holds a place.
     #[inline(always)]
     fn tile(&self, x: usize, y: usize) -> usize {
@@ -137,6 +117,9 @@ fn move_within(a: Key, b: Key, limit: i32) -> bool {
     is_near(a >> 20, b >> 20) & is_near(a, b)
 }
 
+/// A place that is none of those that are filled.
+const NOWHERE: u32 = u32::MAX;
+
 /// Lanes of a row of a tile.
 type Row<T> = [T; TILE];
 
@@ -151,41 +134,46 @@ fn row(keys: &[Key]) -> &Row<Key> {
 fn carry_in_vectors(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
     let from = [at[0] + shift[0], at[1] + shift[1]];
     let lines = (places.keys.len() / places.stride) as u32;
+    let (stride, columns) = (places.stride as u32, ((places.stride - 2) / TILE + 2) as u32);
+    // All are found before any is written: one by one they would be taken out of vectors.
+    let (mut found, mut tiles) = ([NOWHERE; BLOCK], [0; BLOCK]);
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
         let reaches = way.reaches(keys, [at[0], at[1] + j as i32]);
-        let (mut x, mut y) = ([0; TILE], [0; TILE]);
-        let (mut common, mut is_any_empty) = (EMPTY, false);
         for i in 0..TILE {
             let [vx, vy] = vector(keys[i]);
-            x[i] = landed(from[0] + i as i32, vx, reaches[i]);
-            y[i] = landed(from[1] + j as i32, vy, reaches[i]);
-            common &= keys[i];
-            is_any_empty |= keys[i] == EMPTY;
+            // As unsigned numbers, what is negative is far beyond.
+            let u = landed(from[0] + i as i32, vx, reaches[i]) as u32;
+            let v = landed(from[1] + j as i32, vy, reaches[i]) as u32;
+            let is_here = (u < stride) & (v < lines) & (keys[i] != EMPTY);
+            found[j * TILE + i] = if is_here { v.wrapping_mul(stride).wrapping_add(u) } else { NOWHERE };
+            tiles[j * TILE + i] = (v.wrapping_add(7) >> 3).wrapping_mul(columns).wrapping_add(u.wrapping_add(7) >> 3);
         }
-        if common == EMPTY {
-            continue;
-        }
-        let mut apart = 0;
+    }
+    for j in 0..TILE {
+        let keys = row(&keys[j * TILE..]);
+        let found: &Row<u32> = found[j * TILE..].first_chunk().expect("a row of eight");
+        let tiles: &Row<u32> = tiles[j * TILE..].first_chunk().expect("a row of eight");
+        let (mut apart, mut all) = (0, NOWHERE);
         for i in 0..TILE {
-            apart |= (x[i] - x[0] - i as i32) | (y[i] - y[0]);
+            apart |= found[i] ^ found[0].wrapping_add(i as u32);
+            all &= found[i];
         }
         // Mostly they stay side by side.
-        let start = (y[0] as u32 as usize).saturating_mul(places.stride) + x[0] as u32 as usize;
-        let is_run = apart == 0
-            && !is_any_empty
-            && x[0] as u32 as usize + TILE <= places.stride
-            && start + TILE <= places.keys.len();
-        if is_run {
-            let run: &mut Row<Key> = places.keys[start..].first_chunk_mut().expect("it fits");
+        if apart == 0 && found[0] != NOWHERE {
+            let run: &mut Row<Key> = places.keys[found[0] as usize..].first_chunk_mut().expect("it fits");
             for i in 0..TILE {
                 run[i] = run[i].min(keys[i]);
             }
-            let [first, last] = [x[0], x[7]].map(|x| places.tile(x as usize, y[0] as usize));
-            places.is_rough[first] = true;
-            places.is_rough[last] = true;
-        } else {
-            places.claim_each(&x, &y, keys, lines);
+            places.is_rough[tiles[0] as usize] = true;
+            places.is_rough[tiles[7] as usize] = true;
+        } else if all != NOWHERE {
+            for i in 0..TILE {
+                if let Some(place) = places.keys.get_mut(found[i] as usize) {
+                    *place = (*place).min(keys[i]);
+                    places.is_rough[tiles[i] as usize] = true;
+                }
+            }
         }
     }
 }
