@@ -41,6 +41,17 @@ pub(super) trait Colour: Sampled {
         lumas.iter_mut().zip(pixels).for_each(|(luma, pixel)| *luma = pixel.luma());
         lumas
     }
+
+    /// The sum of the pixels of a tile, one after the other; `pixels` begin with its first, rows being `width` apart.
+    #[inline(always)]
+    fn sum_of_tile(pixels: &[Self], width: usize) -> [f32; 4] {
+        let mut sum = [0.0; 4];
+        for pixel in pixels.chunks(width).take(TILE).flat_map(|row| &row[..TILE]) {
+            let levels = pixel.in_levels();
+            (0..4).for_each(|c| sum[c] += levels[c]);
+        }
+        sum
+    }
 }
 
 impl Colour for [u8; 4] {
@@ -85,6 +96,18 @@ impl Colour for [u8; 4] {
             *luma = 0.299 * r + 0.587 * g + 0.114 * b;
         }
         lumas
+    }
+
+    /// Whole numbers of which singles hold every sum, so that the order is all the same.
+    #[inline(always)]
+    fn sum_of_tile(pixels: &[Self], width: usize) -> [f32; 4] {
+        let mut sums = [0_u16; 4 * TILE];
+        for row in pixels.chunks(width).take(TILE) {
+            for (sum, &channel) in sums.iter_mut().zip(row[..TILE].as_flattened()) {
+                *sum += u16::from(channel);
+            }
+        }
+        std::array::from_fn(|c| sums.iter().skip(c).step_by(4).sum::<u16>().into())
     }
 }
 

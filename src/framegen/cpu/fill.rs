@@ -10,8 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use super::colour::Colour;
+use super::kernels::beside::{self, Beside, Beyond, Orders, SIDES};
 use super::kernels::{self, BLOCK, Source, TILE, claims};
-use super::layer::{self, EMPTY, Grid, HOLE, Key, Layer, alike, is_nearer, key, part};
+use super::layer::{self, EMPTY, Grid, HOLE, Key, Layer, Tile, alike, is_nearer, key, part};
 use super::leaving::Leaving;
 use super::past::Past;
 use super::perspective::Way;
@@ -20,21 +21,40 @@ use crate::Result;
 
 /// Tiles ahead of the one that is filled whose keys and pixels are asked for.
 const AHEAD: usize = 1;
+/// The same where it is only looked what claims them.
+const FAR_AHEAD: usize = 6;
+/// Places ahead of the one for which a candidate is chosen.
+const PLACES_AHEAD: usize = 6;
 /// Candidates are looked for up to this many pixels away.
 pub(super) const NEAR: usize = 24;
+/// Tiles that are as near as that.
+const TILES: usize = NEAR / TILE;
+const _: () = assert!(NEAR == TILES * TILE && TILES == 3);
 
-/// Fills layers; keeps its pyramid.
+/// Fills layers; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct Filler {
+    /// For each tile the places that something claims: bit `8 j + i`.
+    claims: Vec<u64>,
+    /// For each tile with holes what became of it.
+    filled: Vec<Filled>,
     levels: Vec<Level>,
 }
 
-/// Keys of a grid half as wide and high as the one below: the farthest of what is there.
+/// A tile whose holes have been filled where there are candidates.
+#[derive(Debug, Clone, Copy, Default)]
+struct Filled {
+    /// The places for which there were none.
+    left: u64,
+    /// The least and the largest of each component of what was borrowed.
+    span: [[i32; 2]; 2],
+}
+
+/// A grid half as wide and high as the one below, with the farthest of what is there: one more than its key, or 0.
 #[derive(Debug, Default)]
 struct Level {
     columns: usize,
-    rows: usize,
-    keys: Vec<Key>,
+    farthest: Vec<Key>,
 }
 
 /// What a candidate is judged by.
@@ -63,373 +83,412 @@ impl Filler {
     ) -> Result<usize> {
         let grid = layer.grid;
         self.reserve(grid)?;
-        let holes = layer.tiles.iter().map(|tile| usize::from(tile.holes)).sum();
+        let holes = self.find_claims(level, layer);
         if holes == 0 {
             return Ok(0);
         }
+        let Self { claims, filled, levels } = self;
         let mut borrowed = std::mem::take(&mut layer.borrowed);
-        let (filled, is_left) = (&*layer, AtomicBool::new(false));
-        borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
-            for (column, keys) in tiles.iter_mut().enumerate() {
-                let next = row * grid.columns + column + AHEAD;
-                if column + AHEAD < grid.columns && filled.tiles[next].holes > 0 {
-                    Layer::fetch_keys(&filled.keys[next]);
-                    if let Some(shown) = evidence.shown {
-                        shown.fetch_tile([64 * ((column + AHEAD) * TILE) as i32, 64 * (row * TILE) as i32], 0);
+        let (filling, is_left) = (Filling { level, layer, claims, evidence }, AtomicBool::new(false));
+        let rows = borrowed.par_chunks_mut(grid.columns).zip(filled.par_chunks_mut(grid.columns));
+        rows.enumerate().for_each(|(row, (borrowed, filled))| {
+            let mut work = Work { beside: Beside::NOTHING, orders: [[u32::MAX; BLOCK]; SIDES] };
+            for (column, (keys, filled)) in borrowed.iter_mut().zip(filled).enumerate() {
+                filling.fetch(column + AHEAD, row);
+                if filling.layer.tiles[row * grid.columns + column].holes > 0 {
+                    *filled = filling.fill_tile([column, row], &mut work, keys);
+                    if filled.left != 0 {
+                        is_left.store(true, Ordering::Relaxed);
                     }
-                }
-                if filled.tiles[row * grid.columns + column].holes > 0
-                    && !fill_tile(level, filled, evidence, column, row, keys)
-                {
-                    is_left.store(true, Ordering::Relaxed);
                 }
             }
         });
         // Mostly there is a candidate for every place.
         if is_left.into_inner() {
-            self.build(filled);
-            let far = &self.levels[0].keys;
-            borrowed.par_chunks_mut(grid.columns).enumerate().for_each(|(row, tiles)| {
-                for (column, keys) in tiles.iter_mut().enumerate() {
-                    let tile = row * grid.columns + column;
-                    if filled.tiles[tile].holes > 0 {
-                        borrow_far(&filled.keys[tile], far[tile], evidence.mark, grid.extent(column, row), keys);
-                    }
-                }
-            });
+            build(levels, layer);
         }
-        layer.borrowed = borrowed;
-        let columns = grid.columns;
-        let tiles = layer.tiles.par_chunks_mut(columns).zip(layer.borrowed.par_chunks(columns));
-        tiles.zip(&mut layer.spans).for_each(|((tiles, borrowed), span)| {
+        let rows = layer.tiles.par_chunks_mut(grid.columns).zip(borrowed.par_chunks_mut(grid.columns));
+        let rows = rows.zip(filled.par_chunks(grid.columns)).zip(&mut layer.spans);
+        rows.enumerate().for_each(|(row, (((tiles, borrowed), filled), span))| {
             *span = [i32::MAX, i32::MIN];
-            for (tile, keys) in tiles.iter_mut().zip(borrowed) {
-                let has_holes = tile.holes > 0;
-                [tile.low, tile.high] =
-                    if has_holes { claims::span(level, keys) } else { [[i32::MAX; 2], [i32::MIN; 2]] };
+            for (column, ((tile, keys), filled)) in tiles.iter_mut().zip(borrowed).zip(filled).enumerate() {
+                [tile.low, tile.high] = match (tile.holes, filled.left) {
+                    (0, _) => [[i32::MAX; 2], [i32::MIN; 2]],
+                    (_, 0) => filled.span,
+                    (_, left) => {
+                        borrow_far(left, layer::marked(farthest(levels, tile, column, row), evidence.mark), keys);
+                        claims::span(level, keys)
+                    }
+                };
                 *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
             }
         });
+        layer.borrowed = borrowed;
         Ok(holes)
     }
 
     /// Makes room for the pyramid of a grid.
     fn reserve(&mut self, grid: Grid) -> Result<()> {
+        sized(&mut self.claims, grid.tiles(), 0)?;
+        sized(&mut self.filled, grid.tiles(), Filled::default())?;
         let mut size = [grid.columns, grid.rows];
-        let count = 1 + size[0].max(size[1]).next_power_of_two().ilog2() as usize;
+        let count = size[0].max(size[1]).next_power_of_two().ilog2() as usize;
         super::reserve(&mut self.levels, count)?;
         self.levels.resize_with(count, Level::default);
         for level in &mut self.levels {
-            [level.columns, level.rows] = size;
-            sized(&mut level.keys, size[0] * size[1], EMPTY)?;
             size = size.map(|len| len.div_ceil(2));
+            level.columns = size[0];
+            sized(&mut level.farthest, size[0] * size[1], 0)?;
         }
         Ok(())
     }
 
-    /// Pulls the farthest key of each tile up a pyramid until one is left, and pushes keys back down where there are
-    /// none.
-    #[inline(never)]
-    fn build(&mut self, layer: &Layer) {
-        let levels = &mut self.levels;
-        levels[0].keys.iter_mut().zip(&layer.tiles).for_each(|(key, tile)| *key = tile.key);
-        for number in 1..levels.len() {
-            let (below, above) = levels.split_at_mut(number);
-            let (below, level) = (&below[number - 1], &mut above[0]);
-            for (index, key) in level.keys.iter_mut().enumerate() {
-                let (column, row) = (2 * (index % level.columns), 2 * (index / level.columns));
-                let children = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| below.at(column + i, row + j));
-                *key = children.into_iter().filter(|&key| key != EMPTY).max().unwrap_or(EMPTY);
+    /// Looks which places something claims, and returns how many nothing does.
+    fn find_claims(&mut self, level: kernels::Level, layer: &Layer) -> usize {
+        let grid = layer.grid;
+        let is_part = |tile: &Tile| tile.holes > 0 && usize::from(tile.holes) < BLOCK;
+        let rows = layer.tiles.par_chunks(grid.columns).zip(layer.keys.par_chunks(grid.columns));
+        let rows = rows.zip(self.claims.par_chunks_mut(grid.columns)).enumerate();
+        rows.map(|(row, ((tiles, keys), claims))| {
+            let mut holes = 0;
+            for (column, (tile, claims)) in tiles.iter().zip(claims).enumerate() {
+                if tiles.get(column + FAR_AHEAD).is_some_and(is_part) {
+                    Layer::fetch_keys(&keys[column + FAR_AHEAD]);
+                }
+                let inside = inside(grid.extent(column, row));
+                holes += usize::from(tile.holes);
+                *claims = match usize::from(tile.holes) {
+                    0 => inside,
+                    BLOCK => 0,
+                    _ => inside & !claims::having(level, &keys[column], HOLE),
+                };
             }
-        }
-        for number in (1..levels.len()).rev() {
-            let (below, above) = levels.split_at_mut(number);
-            let (below, level) = (&mut below[number - 1], &above[0]);
-            let columns = below.columns;
-            for (index, key) in below.keys.iter_mut().enumerate().filter(|(_, key)| **key == EMPTY) {
-                *key = level.at(index % columns / 2, index / columns / 2);
-            }
-        }
+            holes
+        })
+        .sum()
     }
 }
 
-impl Level {
-    fn at(&self, column: usize, row: usize) -> Key {
-        if column < self.columns && row < self.rows { self.keys[row * self.columns + column] } else { EMPTY }
-    }
-}
-
-/// Fills the holes of a tile for which there is a candidate; whether that is all of them.
+/// Pulls the farthest key of each tile up a pyramid until one is left.
 #[inline(never)]
-fn fill_tile<P: Colour>(
-    level: kernels::Level,
-    layer: &Layer,
-    evidence: &Evidence<'_, P>,
-    column: usize,
-    row: usize,
-    keys: &mut [Key; BLOCK],
-) -> bool {
-    let grid = layer.grid;
-    let tile = row * grid.columns + column;
-    let own = &layer.keys[tile];
-    let holes = claims::having(level, own, HOLE);
-    let corner = [column * TILE, row * TILE];
-    let best = [(u64::MAX, EMPTY); BLOCK];
-    let mut sides = Sides { layer, evidence, own, holes, corner, lumas: [0.0; BLOCK], best };
-    if holes != u64::MAX || !is_far_from_claims(layer, [column, row]) {
-        sides.find_lumas(grid.extent(column, row));
-        // From the left, the right, above and below.
-        sides.look::<true, false>();
-        sides.look::<true, true>();
-        sides.look::<false, false>();
-        sides.look::<false, true>();
-    }
-    for (key, (_, found)) in keys.iter_mut().zip(sides.best) {
-        *key = if found == EMPTY { EMPTY } else { layer::marked(found, evidence.mark) };
-    }
-    if let Some(past) = evidence.past {
-        let claims = past.claims(level, corner, grid.extent(column, row));
-        for (place, key) in keys.iter_mut().enumerate().filter(|&(place, _)| own[place] == EMPTY) {
-            let at = [column * TILE + place % TILE, row * TILE + place / TILE];
-            if at[0] < grid.width && at[1] < grid.height {
-                *key = past.claim_or(evidence.field, at, claims[place], *key);
-            }
+fn build(levels: &mut [Level], layer: &Layer) {
+    let pull = |rows: [&[Key]; 2], farthest: &mut [Key]| {
+        for (column, farthest) in farthest.iter_mut().enumerate() {
+            let beside = rows.iter().flat_map(|row| row.iter().skip(2 * column).take(2));
+            *farthest = beside.copied().fold(0, Key::max);
         }
-    }
-    if let Some(leaving) = evidence.leaving {
-        for (place, key) in keys.iter_mut().enumerate().filter(|&(place, _)| own[place] == EMPTY) {
-            let [x, y] = [column * TILE + place % TILE, row * TILE + place / TILE];
-            if x < grid.width && y < grid.height {
-                *key = leaving.claim(x, y).unwrap_or(*key);
-            }
-        }
-    }
-    let found = keys.iter().filter(|&&key| key != EMPTY).count();
-    found == usize::from(layer.tiles[tile].holes)
-}
-
-/// Whether nothing claims a place as near as candidates are looked for, to the sides of a tile and above and below it.
-#[inline(always)]
-fn is_far_from_claims(layer: &Layer, [column, row]: [usize; 2]) -> bool {
-    const TILES: usize = NEAR.div_ceil(TILE);
-    let Grid { columns, rows, .. } = layer.grid;
-    let is_bare = |column: usize, row: usize| usize::from(layer.tiles[row * columns + column].holes) == BLOCK;
-    (column.saturating_sub(TILES)..(column + TILES + 1).min(columns)).all(|column| is_bare(column, row))
-        && (row.saturating_sub(TILES)..(row + TILES + 1).min(rows)).all(|row| is_bare(column, row))
-}
-
-/// Fills the holes of a tile for which there was no candidate with a claim from farther away.
-fn borrow_far(own: &[Key; BLOCK], far: Key, mark: u8, [across, down]: [usize; 2], keys: &mut [Key; BLOCK]) {
-    let far = if far == EMPTY { key(u16::MAX, 0, [0; 2]) } else { far };
-    let far = layer::marked(far, mark);
-    let rows = own.as_chunks::<TILE>().0.iter().zip(keys.as_chunks_mut::<TILE>().0);
-    for (own, keys) in rows.take(down) {
-        for i in 0..across {
-            keys[i] = if own[i] == EMPTY && keys[i] == EMPTY { far } else { keys[i] };
-        }
-    }
-}
-
-/// The candidates for the holes of a tile.
-struct Sides<'a, 'e, P> {
-    layer: &'a Layer,
-    evidence: &'a Evidence<'e, P>,
-    own: &'a [Key; BLOCK],
-    /// Those that nothing claims: bit `8 j + i`.
-    holes: u64,
-    corner: [usize; 2],
-    /// Where an anchor shows the tile, the lumas there.
-    lumas: [f32; BLOCK],
-    /// For each place the best so far, and what it costs.
-    best: [(u64, Key); BLOCK],
-}
-
-/// A claim that may go on at places beside it.
-#[derive(Clone, Copy)]
-struct Candidate {
-    key: Key,
-    /// How far away it is.
-    away: usize,
-    /// The luma where it stands.
-    luma: f32,
-}
-
-impl<P: Colour> Sides<'_, '_, P> {
-    #[inline(always)]
-    fn find_lumas(&mut self, [across, down]: [usize; 2]) {
-        if let Some(shown) = self.evidence.shown {
-            for (j, lumas) in self.lumas.as_chunks_mut::<TILE>().0.iter_mut().enumerate().take(down) {
-                let row = &shown.pixels[(self.corner[1] + j) * shown.width + self.corner[0]..][..across];
-                match row.first_chunk() {
-                    Some(row) => *lumas = P::lumas_of(row),
-                    None => lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma()),
+    };
+    let Some((first, _)) = levels.split_first_mut() else { return };
+    let columns = layer.grid.columns;
+    first.farthest.par_chunks_mut(first.columns).zip(layer.tiles.par_chunks(2 * columns)).for_each(
+        |(farthest, tiles)| {
+            farthest.fill(0);
+            for row in tiles.chunks(columns) {
+                for (farthest, tiles) in farthest.iter_mut().zip(row.chunks(2)) {
+                    *farthest = tiles.iter().fold(*farthest, |farthest, tile| farthest.max(tile.key.wrapping_add(1)));
                 }
             }
+        },
+    );
+    for number in 1..levels.len() {
+        let (below, above) = levels.split_at_mut(number);
+        let (below, level) = (&below[number - 1], &mut above[0]);
+        for (row, farthest) in level.farthest.chunks_mut(level.columns).enumerate() {
+            let (upper, lower) = below.farthest[2 * row * below.columns..].split_at(below.columns);
+            pull([upper, &lower[..below.columns.min(lower.len())]], farthest);
+        }
+    }
+}
+
+/// The farthest claim of the least square of tiles around a tile that holds any.
+fn farthest(levels: &[Level], tile: &Tile, column: usize, row: usize) -> Key {
+    if tile.key != EMPTY {
+        return tile.key;
+    }
+    let around = levels.iter().zip(1..);
+    let found = around.map(|(level, power)| level.farthest[(row >> power) * level.columns + (column >> power)]);
+    found.into_iter().find(|&farthest| farthest != 0).map_or(key(u16::MAX, 0, [0; 2]), |farthest| farthest - 1)
+}
+
+/// Lets the places `left` of a tile borrow a claim from farther away.
+fn borrow_far(left: u64, far: Key, keys: &mut [Key; BLOCK]) {
+    if left == u64::MAX {
+        keys.fill(far);
+    } else {
+        each(left, |place| keys[place] = far);
+    }
+}
+
+/// The places of a tile that are on the picture: bit `8 j + i`.
+#[inline(always)]
+fn inside([across, down]: [usize; 2]) -> u64 {
+    let row = 0xff_u64 >> (TILE - across);
+    (row * 0x0101_0101_0101_0101) & u64::MAX >> (TILE * (TILE - down))
+}
+
+#[inline(always)]
+fn each(mut places: u64, mut act: impl FnMut(usize)) {
+    while places != 0 {
+        act(places.trailing_zeros() as usize);
+        places &= places - 1;
+    }
+}
+
+/// What is found out about a tile, left over from one before where this has no holes.
+struct Work {
+    beside: Beside,
+    orders: Orders,
+}
+
+/// A layer whose holes are being filled.
+struct Filling<'a, 'e, P> {
+    level: kernels::Level,
+    layer: &'a Layer,
+    claims: &'a [u64],
+    evidence: &'a Evidence<'e, P>,
+}
+
+impl<P: Colour> Filling<'_, '_, P> {
+    /// Asks for what will be needed of a tile.
+    #[inline(always)]
+    fn fetch(&self, column: usize, row: usize) {
+        let grid = self.layer.grid;
+        let tile = row * grid.columns + column;
+        // Of what nothing claims it is known.
+        if column < grid.columns && self.layer.tiles[tile].holes > 0 && self.claims[tile] != 0 {
+            Layer::fetch_keys(&self.layer.keys[tile]);
+            if let Some(shown) = self.evidence.shown {
+                shown.fetch_tile([column, row].map(|at| 64 * (at * TILE) as i32), 0);
+            }
         }
     }
 
-    /// Goes through the lines of the tile that have holes: the last claim before each hole, seen from one side, is the
-    /// nearest there.
-    #[inline(always)]
-    fn look<const ACROSS: bool, const BACK: bool>(&mut self) {
-        let grid = self.layer.grid;
-        let [across, down] = grid.extent(self.corner[0] / TILE, self.corner[1] / TILE);
-        let (lines, len) = if ACROSS { (down, across) } else { (across, down) };
-        for line in 0..lines {
-            let inside = (1_u32 << len) - 1;
-            let holes = u32::from(if ACROSS { row_of(self.holes, line) } else { column_of(self.holes, line) }) & inside;
-            if holes == 0 {
-                continue;
+    /// Fills the holes of a tile for which there is a candidate.
+    #[inline(never)]
+    fn fill_tile(&self, [column, row]: [usize; 2], work: &mut Work, keys: &mut [Key; BLOCK]) -> Filled {
+        let Self { level, layer, claims, evidence } = *self;
+        let grid = layer.grid;
+        let tile = row * grid.columns + column;
+        let (corner, extent) = ([column * TILE, row * TILE], grid.extent(column, row));
+        let (claims, holes) = (claims[tile], inside(extent) & !claims[tile]);
+
+        // What is at rest needs no candidates, but where it may be carried along with one.
+        let (mut nears, mut sure) = ([0.0; BLOCK], 0);
+        match evidence.past {
+            Some(past) => {
+                past.nears(level, corner, extent, &mut nears);
+                sure = past.claims(level, evidence.field, corner, &nears, holes, keys);
             }
-            let claims = !holes & inside;
-            let place = |along: usize| if ACROSS { line * TILE + along } else { along * TILE + line };
-            let at = |along: usize| {
-                let [x, y] = if ACROSS { [along, line] } else { [line, along] };
-                [self.corner[0] + x, self.corner[1] + y]
-            };
-            // Holes up to the first claim from this side on are beside what is outside.
-            let first = match (claims, BACK) {
-                (0, _) => len,
-                (_, false) => claims.trailing_zeros() as usize,
-                (_, true) => len - (u32::BITS - claims.leading_zeros()) as usize,
-            };
-            let outside = if first == 0 {
-                None
-            } else {
-                let run = (0..first).map(|step| place(if BACK { len - 1 - step } else { step }));
-                let far = run.map(|place| self.farthest(place)).max();
-                self.outside::<ACROSS, BACK>(at(if BACK { len - 1 } else { 0 }), far.unwrap_or(NEAR))
-            };
-            let mut left = holes;
-            while left != 0 {
-                let along = left.trailing_zeros() as usize;
-                left &= left - 1;
-                let before = if BACK { claims >> along } else { claims & ((1 << along) - 1) };
-                let inside =
-                    |from: usize, away| Candidate { key: self.own[place(from)], away, luma: self.lumas[place(from)] };
-                let candidate = match (before, outside) {
-                    (0, None) => continue,
-                    (0, Some(outside)) => {
-                        Candidate { away: outside.away + if BACK { len - 1 - along } else { along }, ..outside }
+            None => keys.fill(EMPTY),
+        }
+        let mut left = holes & !sure;
+        let lines = [self.lines::<true>(column, row), self.lines::<false>(column, row)];
+        if lines.iter().flatten().any(|&line| line != 0) {
+            let mut beyond = self.beyond(corner, holes, &lines);
+            let Work { beside, orders } = work;
+            beside::find(level, &layer.keys[tile], claims, holes, &beyond, beside);
+            let mut asked = left;
+            if let Some(past) = evidence.past.filter(|_| sure != 0) {
+                asked |= past.carried(level, keys, &nears, sure, beside);
+            }
+            if asked != 0 {
+                self.order(corner, extent, [claims, holes], &mut beyond, beside, orders);
+                let at = |place: usize| [corner[0] + place % TILE, corner[1] + place / TILE];
+                // What it takes to know is asked for some places ahead.
+                let mut ahead = asked;
+                for _ in 0..PLACES_AHEAD {
+                    evidence.fetch_next(&mut ahead, at, beside, orders);
+                }
+                each(asked, |place| {
+                    evidence.fetch_next(&mut ahead, at, beside, orders);
+                    let at = at(place);
+                    let found = evidence.best(grid, at, place, beside, orders);
+                    let is_sure = sure >> place & 1 == 1;
+                    let is_taken = match evidence.past {
+                        Some(past) if is_sure => past.is_carried(at, keys[place], found),
+                        _ => found != EMPTY,
+                    };
+                    if is_taken {
+                        keys[place] = layer::marked(found, evidence.mark);
+                        left &= !(1 << place);
                     }
-                    (_, _) if BACK => {
-                        let away = before.trailing_zeros() as usize;
-                        inside(along + away, away)
-                    }
-                    (_, _) => {
-                        let from = (u32::BITS - 1 - before.leading_zeros()) as usize;
-                        inside(from, along - from)
-                    }
+                });
+            }
+        }
+        if let Some(leaving) = evidence.leaving.filter(|leaving| leaving.is_in(corner, extent)) {
+            each(holes, |place| {
+                if let Some(claim) = leaving.claim(corner[0] + place % TILE, corner[1] + place / TILE) {
+                    keys[place] = claim;
+                    left &= !(1 << place);
+                }
+            });
+        }
+        Filled { left, span: claims::span(level, keys) }
+    }
+
+    /// For each row or column of a tile the places near it on that line that something claims: first those before it, bits 24
+    /// to 31 being its own.
+    #[inline(always)]
+    fn lines<const ACROSS: bool>(&self, column: usize, row: usize) -> [u64; TILE] {
+        let Grid { columns, rows, .. } = self.layer.grid;
+        let (at, len) = if ACROSS { (column, columns) } else { (row, rows) };
+        let mut lines = [0; TILE];
+        for step in (TILES - TILES.min(at))..(TILES + len - at).min(2 * TILES + 1) {
+            let there = at + step - TILES;
+            let tile = if ACROSS { row * columns + there } else { there * columns + column };
+            let claims = if ACROSS { self.claims[tile] } else { transposed(self.claims[tile]) };
+            for (i, line) in lines.iter_mut().enumerate() {
+                *line |= (claims >> (TILE * i) & 0xff) << (TILE * step);
+            }
+        }
+        lines
+    }
+
+    /// What is seen first beyond a tile from the holes at its rim.
+    #[inline(always)]
+    fn beyond(&self, [x, y]: [usize; 2], holes: u64, [rows, columns]: &[[u64; TILE]; 2]) -> Beyond {
+        let mut beyond = Beyond::NOTHING;
+        for i in 0..TILE {
+            for side in 0..SIDES {
+                let (line, place) = match side {
+                    0 => (rows[i], TILE * i),
+                    1 => (rows[i], TILE * i + TILE - 1),
+                    2 => (columns[i], i),
+                    _ => (columns[i], BLOCK - TILE + i),
                 };
-                if candidate.away > NEAR {
+                let is_before = side % 2 == 0;
+                let line = if is_before { line & ((1 << NEAR) - 1) } else { line >> (NEAR + TILE) };
+                if line == 0 || holes >> place & 1 == 0 {
                     continue;
                 }
-                let place = place(along);
-                let luma = self.lumas[place];
-                if let Some(cost) = self.evidence.cost_below(self.best[place], grid, at(along), luma, candidate) {
-                    self.best[place] = (cost, candidate.key);
-                }
+                let along = if is_before {
+                    (u64::BITS - line.leading_zeros()) as i32 - NEAR as i32 - 1
+                } else {
+                    TILE as i32 + line.trailing_zeros() as i32
+                };
+                let [u, v] = seen([x, y], side, i, along as u32);
+                beyond.keys[side][i] = self.layer.owner(u, v);
+                beyond.along[side][i] = along as u32;
             }
         }
+        beyond
     }
 
-    /// How far away a candidate can be that is better than the best so far.
+    /// How good what stands beside the holes of a tile is.
     #[inline(always)]
-    fn farthest(&self, place: usize) -> usize {
-        if self.evidence.shown.is_some() { NEAR.min((self.best[place].0 >> 16) as usize) } else { NEAR }
-    }
-
-    /// The nearest claim before a place, up to `far` away.
-    #[inline(always)]
-    fn outside<const ACROSS: bool, const BACK: bool>(&self, at: [usize; 2], far: usize) -> Option<Candidate> {
-        let Grid { width, height, .. } = self.layer.grid;
-        let (along, side) = if ACROSS { (at[0], width) } else { (at[1], height) };
-        let room = if BACK { side - 1 - along } else { along };
-        let (mut away, last) = (1, room.min(far));
-        while away <= last {
-            let [x, y] = moved::<ACROSS, BACK>(at, away);
-            if usize::from(self.layer.tiles[self.layer.grid.place(x, y).0].holes) == BLOCK {
-                // `at` is on the rim of a tile, so that all tiles are gone through from rim to rim.
-                away += TILE;
-                continue;
+    fn order(
+        &self,
+        corner: [usize; 2],
+        [across, down]: [usize; 2],
+        [claims, holes]: [u64; 2],
+        beyond: &mut Beyond,
+        beside: &Beside,
+        orders: &mut Orders,
+    ) {
+        let Some(shown) = self.evidence.shown else {
+            return beside::order_by_nearness(self.level, beside, orders);
+        };
+        let mut lumas = [0.0; BLOCK];
+        for (j, lumas) in lumas.as_chunks_mut::<TILE>().0.iter_mut().enumerate().take(down) {
+            let row = &shown.pixels[(corner[1] + j) * shown.width + corner[0]..][..across];
+            match row.first_chunk() {
+                Some(row) => *lumas = P::lumas_of(row),
+                None => lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma()),
             }
-            let key = self.layer.owner(x, y);
-            if key != EMPTY {
-                let luma = self.evidence.shown.map_or(0.0, |shown| shown.pixels[y * width + x].luma());
-                return Some(Candidate { key, away, luma });
-            }
-            away += 1;
         }
-        None
+        for side in 0..SIDES {
+            for i in (0..TILE).filter(|&i| beyond.keys[side][i] != EMPTY) {
+                let [x, y] = seen(corner, side, i, beyond.along[side][i]);
+                beyond.lumas[side][i] = shown.pixels[y * shown.width + x].luma();
+            }
+        }
+        beside::order_by_likeness(self.level, beside, &lumas, claims, holes, beyond, orders);
     }
 }
 
-/// The bits of a row of a tile.
+/// The pixel so far along a line of a tile: a row where one looks to the left or right, else a column.
 #[inline(always)]
-fn row_of(bits: u64, row: usize) -> u8 {
-    (bits >> (TILE * row)) as u8
+fn seen([x, y]: [usize; 2], side: usize, line: usize, along: u32) -> [usize; 2] {
+    let along = along as i32 as isize;
+    if side < 2 { [x.wrapping_add_signed(along), y + line] } else { [x + line, y.wrapping_add_signed(along)] }
 }
 
-/// The bits of a column of a tile, the upper row's lowest.
+/// The bits of a tile with rows and columns exchanged (H. S. Warren, Hacker's Delight, 2012, 7-3).
 #[inline(always)]
-fn column_of(bits: u64, column: usize) -> u8 {
-    // Each row's bit goes to a place of its own in the highest byte.
-    ((bits >> column & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8
-}
-
-/// The place `away` places before (x, y): to its left where one looks across from there, and so on.
-#[inline(always)]
-fn moved<const ACROSS: bool, const BACK: bool>([x, y]: [usize; 2], away: usize) -> [usize; 2] {
-    match (ACROSS, BACK) {
-        (true, false) => [x - away, y],
-        (true, true) => [x + away, y],
-        (false, false) => [x, y - away],
-        (false, true) => [x, y + away],
-    }
+fn transposed(bits: u64) -> u64 {
+    let swapped = |bits: u64, by: u32, which: u64| {
+        let changes = (bits ^ bits >> by) & which;
+        bits ^ changes ^ changes << by
+    };
+    let bits = swapped(bits, 7, 0x00aa_00aa_00aa_00aa);
+    let bits = swapped(bits, 14, 0x0000_cccc_0000_cccc);
+    swapped(bits, 28, 0x0000_0000_f0f0_f0f0)
 }
 
 impl<P: Colour> Evidence<'_, P> {
-    /// How bad a candidate is: whether the current anchor contradicts it first; then, for what an anchor shows, how
-    /// unlike it is and how far away it was found, for what none does, how near its surface is.
-    ///
-    /// Only where that is less than `best`, and with no more looks than it takes to know.
+    /// The best of what was found beside a place: of what the current anchor does not contradict the first in order, or, where
+    /// it contradicts all, the first.
     #[inline(always)]
-    fn cost_below(
-        &self,
-        (best, found): (u64, Key),
-        grid: Grid,
-        at: [usize; 2],
-        luma: f32,
-        Candidate { key, away, luma: there }: Candidate,
-    ) -> Option<u64> {
-        let unlike = if self.shown.is_some() { (luma - there).abs().min(255.0) as u64 } else { 0 };
-        let order = self.order(key, away, unlike);
-        if order >= best {
-            return None;
+    fn best(&self, grid: Grid, at: [usize; 2], place: usize, beside: &Beside, orders: &Orders) -> Key {
+        let key_of = |ranked: u64| beside.keys[ranked as usize % SIDES][place];
+        let rank = |side: usize| u64::from(orders[side][place]) << 2 | side as u64;
+        let mut ranked = [rank(0), rank(1), rank(2), rank(3)];
+        // Of equals the first side's.
+        for [a, b] in [[0, 1], [2, 3], [0, 2], [1, 3], [1, 2]] {
+            (ranked[a], ranked[b]) = (ranked[a].min(ranked[b]), ranked[a].max(ranked[b]));
         }
-        let is_contradicted = if key == found { best >> 40 != 0 } else { self.is_contradicted(grid, at, key) };
-        let cost = u64::from(is_contradicted) << 40 | order;
-        (cost < best).then_some(cost)
+        let first = key_of(ranked[0]);
+        let mut contradicted = EMPTY;
+        for n in 0..SIDES {
+            let key = key_of(ranked[n]);
+            if key == EMPTY {
+                break;
+            }
+            if key == contradicted {
+                continue;
+            }
+            // Mostly there is nothing else to choose from.
+            let is_only = || ranked[1..].iter().all(|&other| [first, EMPTY].contains(&key_of(other)));
+            if n == 0 && is_only() || !self.is_contradicted(grid, at, key) {
+                return key;
+            }
+            contradicted = key;
+        }
+        first
     }
 
+    /// Asks for what [`best`](Self::best) looks at first for the next of `places`.
     #[inline(always)]
-    fn order(&self, key: Key, step: usize, unlike: u64) -> u64 {
-        let (nearness, away) =
-            (u64::from(u16::MAX - layer::rank(key)), (unlike + step as u64).min(u64::from(u16::MAX)));
-        if self.shown.is_some() { away << 16 | nearness } else { nearness << 16 | away }
+    fn fetch_next(&self, places: &mut u64, at: impl Fn(usize) -> [usize; 2], beside: &Beside, orders: &Orders) {
+        if *places == 0 {
+            return;
+        }
+        let place = places.trailing_zeros() as usize;
+        *places &= *places - 1;
+        let rank = |side: usize| u64::from(orders[side][place]) << 2 | side as u64;
+        let first = rank(0).min(rank(1)).min(rank(2).min(rank(3)));
+        let key = beside.keys[first as usize % SIDES][place];
+        let is_only = beside.keys.iter().all(|keys| keys[place] == key || keys[place] == EMPTY);
+        if !is_only {
+            self.field.fetch(self.spot(at(place), key));
+        }
+    }
+
+    /// Where in the current anchor a candidate for a place leads to, in 1/64 px.
+    #[inline(always)]
+    fn spot(&self, at: [usize; 2], key: Key) -> [i32; 2] {
+        let ([vx, vy], at) = (layer::vector(key), at.map(|at| at as i32));
+        let reach = self.way.reach(key, at);
+        [64 * at[0] - part(vx, reach), 64 * at[1] - part(vy, reach)]
     }
 
     /// Whether a candidate for a place would have claimed it: it is neither hidden in the current anchor nor has it left
     /// that.
     #[inline(always)]
-    fn is_contradicted(&self, grid: Grid, [x, y]: [usize; 2], key: Key) -> bool {
-        let [vx, vy] = layer::vector(key);
-        let at = [x as i32, y as i32];
-        let reach = self.way.reach(key, at);
-        let there = [64 * at[0] - part(vx, reach), 64 * at[1] - part(vy, reach)];
-        grid.nearest(there).is_some_and(|[u, v]| {
+    fn is_contradicted(&self, grid: Grid, at: [usize; 2], key: Key) -> bool {
+        grid.nearest(self.spot(at, key)).is_some_and(|[u, v]| {
             let shown = self.field.owner(u, v);
-            alike(shown, key) || is_nearer(key, shown)
+            alike(shown, key) | is_nearer(key, shown)
         })
     }
 }

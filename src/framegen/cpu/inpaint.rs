@@ -3,14 +3,13 @@
 use rayon::prelude::*;
 
 use super::colour::Colour;
-use super::kernels::TILE;
+use super::kernels::{BLOCK, TILE, fetch};
 use super::layer::Grid;
 use super::sized;
 use crate::{Raster, Result};
 
-/// Tiles across and down of a square that has a pyramid of its own, and the levels of that: 16 x 16 to 1 x 1.
+/// Tiles across and down of a square that has a pyramid of its own: of 16 x 16, 8 x 8, 4 x 4, 2 x 2 and one.
 const SIDE: usize = 16;
-const LEVELS: usize = 5;
 /// What a coarser level's colour weighs in a cell, in pixels.
 const LENT: f32 = 1.0 / 16.0;
 
@@ -117,11 +116,17 @@ impl<P: Colour> Known<'_, P> {
         }
         let [across, down] = grid.extent(column, row);
         let mask = self.hidden[row * grid.columns + column];
+        if mask == 0 && [across, down] == [TILE; 2] {
+            // Mostly nothing of a tile is hidden.
+            let known = P::sum_of_tile(&self.pixels[row * TILE * grid.width + column * TILE..], grid.width);
+            sum[..4].copy_from_slice(&known);
+            sum[4] = BLOCK as f32;
+            return sum;
+        }
         for j in 0..down {
             let line = &self.pixels[(row * TILE + j) * grid.width + column * TILE..][..across];
             for (i, pixel) in line.iter().enumerate() {
-                // Mostly nothing of a tile is hidden.
-                if mask != 0 && mask >> (j * TILE + i) & 1 == 1 {
+                if mask >> (j * TILE + i) & 1 == 1 {
                     continue;
                 }
                 let levels = pixel.in_levels();
@@ -134,37 +139,54 @@ impl<P: Colour> Known<'_, P> {
         sum
     }
 
+    /// Asks for the pixels of a tile.
+    #[inline(always)]
+    fn fetch_tile(&self, column: usize, row: usize) {
+        for j in 0..TILE {
+            self.pixels.get((row * TILE + j) * self.grid.width + column * TILE).into_iter().for_each(fetch);
+        }
+    }
+
     /// Fills the cells of a square; says whether nothing is known of it.
     fn build(&self, corner: [usize; 2], cells: &mut [Sum; SIDE * SIDE]) -> bool {
         for (index, cell) in cells.iter_mut().enumerate() {
-            *cell = self.of_tile(corner[0] + index % SIDE, corner[1] + index / SIDE);
+            let [column, row] = [corner[0] + index % SIDE, corner[1] + index / SIDE];
+            self.fetch_tile(column, row + 1);
+            *cell = self.of_tile(column, row);
         }
-        let mut levels = [[[0.0; 5]; SIDE * SIDE]; LEVELS];
-        levels[0] = *cells;
-        for number in 1..LEVELS {
-            let side = SIDE >> number;
-            let (below, above) = levels.split_at_mut(number);
-            for (index, sum) in above[0][..side * side].iter_mut().enumerate() {
-                let (column, row) = (2 * (index % side), 2 * (index / side));
-                for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                    let child = below[number - 1][(row + j) * 2 * side + column + i];
-                    (0..5).for_each(|c| sum[c] += child[c]);
-                }
+        let mut levels = ([[0.0; 5]; 64], [[0.0; 5]; 16], [[0.0; 5]; 4], [[0.0; 5]; 1]);
+        pull(cells, &mut levels.0, 8);
+        pull(&levels.0, &mut levels.1, 4);
+        pull(&levels.1, &mut levels.2, 2);
+        pull(&levels.2, &mut levels.3, 1);
+        push(&levels.3, &mut levels.2, 1);
+        push(&levels.2, &mut levels.1, 2);
+        push(&levels.1, &mut levels.0, 4);
+        push(&levels.0, cells, 8);
+        levels.3[0][4] == 0.0
+    }
+}
+
+/// Adds up the cells of a level, four to a cell of the level above, which has `side` of them to a row.
+fn pull(below: &[Sum], above: &mut [Sum], side: usize) {
+    for (row, sums) in above.chunks_mut(side).enumerate() {
+        for (column, sum) in sums.iter_mut().enumerate() {
+            let first = 4 * row * side + 2 * column;
+            for child in [first, first + 1, first + 2 * side, first + 2 * side + 1] {
+                (0..5).for_each(|c| sum[c] += below[child][c]);
             }
         }
-        // Down again: what is known of a cell outweighs what its parent lends it.
-        for number in (1..LEVELS).rev() {
-            let side = SIDE >> number;
-            let (below, above) = levels.split_at_mut(number);
-            for (index, sum) in below[number - 1][..4 * side * side].iter_mut().enumerate() {
-                let (column, row) = (index % (2 * side), index / (2 * side));
-                let parent = above[0][row / 2 * side + column / 2];
-                let lent = LENT / parent[4].max(LENT);
-                (0..5).for_each(|c| sum[c] += parent[c] * lent);
-            }
+    }
+}
+
+/// Down again: what is known of a cell outweighs what its parent, of which there are `side` to a row, lends it.
+fn push(above: &[Sum], below: &mut [Sum], side: usize) {
+    for (row, sums) in below.chunks_mut(2 * side).enumerate() {
+        for (column, sum) in sums.iter_mut().enumerate() {
+            let parent = above[row / 2 * side + column / 2];
+            let lent = LENT / parent[4].max(LENT);
+            (0..5).for_each(|c| sum[c] += parent[c] * lent);
         }
-        *cells = levels[0];
-        levels[LEVELS - 1][0][4] == 0.0
     }
 }
 

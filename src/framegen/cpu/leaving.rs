@@ -86,6 +86,16 @@ impl Leaving {
         Ok(())
     }
 
+    /// Whether anything that leaves may be in a tile.
+    pub(super) fn is_in(&self, [x, y]: [usize; 2], [across, down]: [usize; 2]) -> bool {
+        let [width, height] = self.size;
+        let is_near = |runs: &[[Run; 2]], first: usize, rest: usize| {
+            runs.iter().any(|[near, far]| first < near.len || rest < far.len)
+        };
+        is_near(&self.runs[y..y + down], x, width - x - across)
+            || is_near(&self.runs[height + x..height + x + across], y, height - y - down)
+    }
+
     /// The claim of what leaves at a place, if anything does.
     pub(super) fn claim(&self, x: usize, y: usize) -> Option<Key> {
         let [width, height] = self.size;

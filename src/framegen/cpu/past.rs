@@ -6,8 +6,9 @@
 
 use rayon::prelude::*;
 
+use super::kernels::beside::{Beside, floor, packed};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};
-use super::layer::{self, EMPTY, Key, Kind, LONGEST, Layer, ORPHAN, Tile, alike, is_nearer};
+use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, ORPHAN, Tile, alike, is_nearer};
 use super::perspective::{Back, Perspective, Seen, nearness, rank_of};
 use crate::guidance::DepthMap;
 
@@ -15,18 +16,13 @@ use crate::guidance::DepthMap;
 const OTHER: f32 = 1.125;
 /// What is as far away differs by no more than this part.
 const AS_FAR: f32 = 1.0 / 32.0;
+/// Tiles ahead of the one that is uncovered whose keys are asked for.
+const AHEAD: usize = 2;
 
 /// How near what has a depth is; what is farthest, and what is no depth between the planes, is not near at all.
 #[inline(always)]
 fn nearness_of(depth: f32) -> f32 {
     if depth > 0.0 && depth < 1.0 { 1.0 - depth } else { 0.0 }
-}
-
-/// The largest whole number that is no larger; processors without an instruction for it need none.
-#[inline(always)]
-fn floored(v: f32) -> i32 {
-    let whole = v as i32;
-    whole - i32::from(whole as f32 > v)
 }
 
 /// What a pixel claims that shows something so near, or [`EMPTY`]; no component of its vector is beyond `limit`.
@@ -35,7 +31,12 @@ fn claim_of(back: &Back, limit: [f32; 2], [x, y]: [usize; 2], near: f32) -> Key 
     let at = [x as i32 as f32, y as i32 as f32];
     let (was, there, can_be) = back.follow(at, near);
     // What is longer has left the picture all the same.
-    let along = |c: usize| floored((64.0 * (at[c] - was[c])).clamp(-limit[c], limit[c]) + 0.5);
+    let along = |c: usize| {
+        let along = 64.0 * (at[c] - was[c]);
+        let along = if along < limit[c] { along } else { limit[c] };
+        let along = if along > -limit[c] { along } else { -limit[c] };
+        floor(along + 0.5)
+    };
     let key = layer::key(rank_of(there), ORPHAN, [along(0), along(1)]);
     if can_be & (near > 0.0) { key } else { EMPTY }
 }
@@ -56,6 +57,154 @@ fn claims_in_rows(back: &Back, limit: [f32; 2], [x, y]: [usize; 2], nears: &[f32
 }
 
 at_every_level! {
+    /// Keeps the claims of a tile that are asked for (bit `8 j + i`), with [`EMPTY`] in place of others. For each where it
+    /// leads to in the current anchor, tile by tile; the bits of the result say which there are, and which lead into the
+    /// picture.
+    fn lead(claims: &mut [Key; BLOCK], asked: u64, corner: [usize; 2], grid: Grid, places: &mut [u32; BLOCK]) -> [u64; 2]
+        = scalar::lead | lead_in_rows
+}
+
+#[inline(always)]
+fn lead_in_rows(
+    claims: &mut [Key; BLOCK],
+    asked: u64,
+    corner: [usize; 2],
+    grid: Grid,
+    places: &mut [u32; BLOCK],
+) -> [u64; 2] {
+    let [width, height, columns] = [grid.width, grid.height, grid.columns].map(|len| len as u32);
+    let (mut some, mut inside) = (0, 0);
+    for j in 0..TILE {
+        let (mut is_there, mut leads_inside) = ([0; TILE], [0; TILE]);
+        let asked = (asked >> (j * TILE) & 0xff) as u32;
+        for (i, (is_there, leads_inside)) in is_there.iter_mut().zip(&mut leads_inside).enumerate() {
+            let place = j * TILE + i;
+            let key = claims[place];
+            let is_some = (key != EMPTY) & (asked & 1 << i != 0);
+            let [x, y] = layer::vector(key);
+            // As unsigned numbers, what is negative is far beyond.
+            let u = ((64 * (corner[0] + i) as i32 - x + 32) >> 6) as u32;
+            let v = ((64 * (corner[1] + j) as i32 - y + 32) >> 6) as u32;
+            let is_inside = is_some & (u < width) & (v < height);
+            let tile = (v >> 3).wrapping_mul(columns).wrapping_add(u >> 3);
+            places[place] = tile << 6 | (v & 7) << 3 | (u & 7);
+            claims[place] = if is_some { key } else { EMPTY };
+            *is_there = u8::from(is_some);
+            *leads_inside = u8::from(is_inside);
+        }
+        some |= packed(is_there) << (j * TILE);
+        inside |= packed(leads_inside) << (j * TILE);
+    }
+    [some, inside]
+}
+
+at_every_level! {
+    /// How near what the pixels of a tile show is, and the nearest of it; nothing is near beyond the far edges. `depths`
+    /// begin with its first, rows being `width` apart.
+    fn nears_of(depths: &[f32], width: usize, extent: [usize; 2], nears: &mut [f32; BLOCK]) -> f32
+        = scalar::nears | nears_in_rows
+}
+
+#[inline(always)]
+fn nears_in_rows(depths: &[f32], width: usize, [across, down]: [usize; 2], nears: &mut [f32; BLOCK]) -> f32 {
+    if [across, down] != [TILE; 2] {
+        return scalar::nears(depths, width, [across, down], nears);
+    }
+    let mut nearest = [0.0; TILE];
+    for j in 0..TILE {
+        let depths: &[f32; TILE] = depths[j * width..].first_chunk().expect("a row of eight");
+        for i in 0..TILE {
+            let near = nearness_of(depths[i]);
+            nears[j * TILE + i] = near;
+            nearest[i] = if near > nearest[i] { near } else { nearest[i] };
+        }
+    }
+    nearest.into_iter().fold(0.0, |a, b| if b > a { b } else { a })
+}
+
+at_every_level! {
+    /// Which of these are nearer than `bound`: bit `8 j + i`.
+    fn nearer(nears: &[f32; BLOCK], bound: f32) -> u64 = nearer_in_rows | nearer_in_rows
+}
+
+#[inline(always)]
+fn nearer_in_rows(nears: &[f32; BLOCK], bound: f32) -> u64 {
+    let mut nearer = 0;
+    for (j, nears) in nears.as_chunks::<TILE>().0.iter().enumerate() {
+        nearer |= packed(nears.map(|near| u8::from(near > bound))) << (j * TILE);
+    }
+    nearer
+}
+
+/// Whether what is as near as `near`, and is taken to be at rest, rather goes with what was found beside it.
+#[inline(always)]
+fn is_carried(claim: Key, near: f32, found: Key) -> bool {
+    (found != EMPTY) & !alike(found, claim) & ((nearness(found) - near).abs() <= AS_FAR * near)
+}
+
+at_every_level! {
+    /// Which of the pixels of a tile that are asked for (bit `8 j + i`) [`is_carried`] by any of what stands beside them.
+    fn carried(claims: &[Key; BLOCK], nears: &[f32; BLOCK], asked: u64, beside: &Beside) -> u64
+        = carried_in_rows | carried_in_rows
+}
+
+#[inline(always)]
+fn carried_in_rows(claims: &[Key; BLOCK], nears: &[f32; BLOCK], asked: u64, beside: &Beside) -> u64 {
+    let mut carried = 0;
+    for j in 0..TILE {
+        if asked >> (j * TILE) & 0xff == 0 {
+            continue;
+        }
+        let mut is = [0; TILE];
+        for keys in &beside.keys {
+            for (i, is) in is.iter_mut().enumerate() {
+                let place = j * TILE + i;
+                *is |= u8::from(is_carried(claims[place], nears[place], keys[place]));
+            }
+        }
+        carried |= packed(is) << (j * TILE);
+    }
+    carried & asked
+}
+
+/// The same, place by place.
+mod scalar {
+    use super::{BLOCK, EMPTY, Grid, Key, TILE, layer, nearness_of};
+
+    pub(super) fn lead(
+        claims: &mut [Key; BLOCK],
+        asked: u64,
+        corner: [usize; 2],
+        grid: Grid,
+        places: &mut [u32; BLOCK],
+    ) -> [u64; 2] {
+        let (mut some, mut inside) = (0, 0);
+        for (place, claim) in claims.iter_mut().enumerate() {
+            if *claim == EMPTY || asked >> place & 1 == 0 {
+                *claim = EMPTY;
+                continue;
+            }
+            some |= 1 << place;
+            let ([x, y], at) = (layer::vector(*claim), [corner[0] + place % TILE, corner[1] + place / TILE]);
+            if let Some([u, v]) = grid.nearest([64 * at[0] as i32 - x, 64 * at[1] as i32 - y]) {
+                let (tile, at) = grid.place(u, v);
+                places[place] = (tile * BLOCK + at) as u32;
+                inside |= 1 << place;
+            }
+        }
+        [some, inside]
+    }
+
+    pub(super) fn nears(depths: &[f32], width: usize, [across, down]: [usize; 2], nears: &mut [f32; BLOCK]) -> f32 {
+        nears.fill(0.0);
+        for (row, nears) in depths.chunks(width).zip(nears.chunks_mut(TILE)).take(down) {
+            nears.iter_mut().zip(&row[..across]).for_each(|(near, &depth)| *near = nearness_of(depth));
+        }
+        nears.iter().copied().fold(0.0, f32::max)
+    }
+}
+
+at_every_level! {
     /// Which pixels of a tile show something nearer than [`other`] says of what claims them: bit `8 j + i`.
     fn others_of(perspective: &Perspective, corner: [usize; 2], keys: &[Key; BLOCK], nears: &[f32; BLOCK]) -> u64
         = others_in_rows | others_in_rows
@@ -63,21 +212,28 @@ at_every_level! {
 
 #[inline(always)]
 fn others_in_rows(perspective: &Perspective, [x, y]: [usize; 2], keys: &[Key; BLOCK], nears: &[f32; BLOCK]) -> u64 {
-    let mut others = [0; TILE];
+    let mut others = 0;
     for j in 0..TILE {
-        for (i, others) in others.iter_mut().enumerate() {
+        let mut is = [0; TILE];
+        for (i, is) in is.iter_mut().enumerate() {
             let place = j * TILE + i;
-            let is_other = (keys[place] != EMPTY) & (nears[place] > other(perspective, keys[place], [x + i, y + j]));
-            *others |= u64::from(is_other) << place;
+            *is = u8::from((keys[place] != EMPTY) & (nears[place] > other(perspective, keys[place], [x + i, y + j])));
         }
+        others |= packed(is) << (j * TILE);
     }
-    others.into_iter().fold(0, |all, bits| all | bits)
+    others
 }
 
 /// How near something in the previous anchor is at least that is not what claims a pixel there.
 #[inline(always)]
 fn other(perspective: &Perspective, key: Key, at: [usize; 2]) -> f32 {
     OTHER * nearness(key) / (1.0 + perspective.change(key, at.map(|at| at as i32)))
+}
+
+/// Whether the current anchor shows a claim, or what is behind it, where it shows what claims to be there as `shown`.
+#[inline(always)]
+fn is_shown(shown: Key, claim: Key) -> bool {
+    alike(shown, claim) | is_nearer(claim, shown)
 }
 
 /// The world at rest, as the previous anchor shows it.
@@ -105,72 +261,96 @@ impl<'a> Past<'a> {
         nearness_of(self.depth.depth()[(y >> shift) * self.depth.columns() as usize + (x >> shift)])
     }
 
-    /// How near the nearest thing is that it shows in a tile.
+    /// How near what it shows in a tile is, and the nearest of it; nothing is near beyond the far edges.
     #[inline(always)]
-    fn nearest(&self, [x, y]: [usize; 2], [across, down]: [usize; 2]) -> f32 {
+    pub(super) fn nears(&self, level: Level, [x, y]: [usize; 2], extent: [usize; 2], nears: &mut [f32; BLOCK]) -> f32 {
         if self.depth.tile() > 1 {
-            return self.near([x, y]);
+            let near = self.near([x, y]);
+            nears.fill(if extent == [TILE; 2] { near } else { 0.0 });
+            if extent != [TILE; 2] {
+                nears.chunks_mut(TILE).take(extent[1]).for_each(|row| row[..extent[0]].fill(near));
+            }
+            return near;
         }
         let width = self.depth.width() as usize;
-        let mut nearest = [0.0; TILE];
-        for row in self.depth.depth()[y * width..].chunks(width).take(down) {
-            for (nearest, &depth) in nearest.iter_mut().zip(&row[x..x + across]) {
-                let near = nearness_of(depth);
-                *nearest = if near > *nearest { near } else { *nearest };
-            }
-        }
-        nearest.into_iter().fold(0.0, f32::max)
-    }
-
-    /// How near what it shows in a tile is; nothing is near beyond the far edges.
-    #[inline(always)]
-    fn nears(&self, [x, y]: [usize; 2], [across, down]: [usize; 2]) -> [f32; BLOCK] {
-        let mut nears = [0.0; BLOCK];
-        let width = self.depth.width() as usize;
-        for (j, nears) in nears.as_chunks_mut::<TILE>().0.iter_mut().enumerate().take(down) {
-            if self.depth.tile() > 1 {
-                nears[..across].fill(self.near([x, y]));
-            } else {
-                let depths = &self.depth.depth()[(y + j) * width + x..][..across];
-                nears.iter_mut().zip(depths).for_each(|(near, &depth)| *near = nearness_of(depth));
-            }
-        }
-        nears
+        nears_of(level, &self.depth.depth()[y * width + x..], width, extent, nears)
     }
 
     /// What a pixel of the previous anchor claims if it is at rest, or [`EMPTY`]. What is farthest claims nothing.
-    #[inline(always)]
+    #[cfg(test)]
     pub(super) fn claim(&self, at: [usize; 2]) -> Key {
         claim_of(&self.back, self.limit, at, self.near(at))
     }
 
-    /// The same for the pixels of a tile.
+    /// What those pixels of a tile claim that are asked for (bit `8 j + i`), given how near what they show is, where it can
+    /// be; [`EMPTY`] elsewhere. The bits of the result say where it can.
     #[inline(always)]
-    pub(super) fn claims(&self, level: Level, corner: [usize; 2], extent: [usize; 2]) -> [Key; BLOCK] {
-        let mut claims = [EMPTY; BLOCK];
-        claims_of(level, &self.back, self.limit, corner, &self.nears(corner, extent), &mut claims);
-        claims
+    pub(super) fn claims(
+        &self,
+        level: Level,
+        field: &Layer,
+        corner: [usize; 2],
+        nears: &[f32; BLOCK],
+        asked: u64,
+        claims: &mut [Key; BLOCK],
+    ) -> u64 {
+        claims_of(level, &self.back, self.limit, corner, nears, claims);
+        let mut places = [0; BLOCK];
+        let [mut can_be, mut inside] = lead(level, claims, asked, corner, field.grid, &mut places);
+        while inside != 0 {
+            let place = inside.trailing_zeros() as usize;
+            inside &= inside - 1;
+            let (tile, at) = (places[place] as usize / BLOCK, places[place] as usize % BLOCK);
+            let shown = match field.tiles[tile].kind {
+                Kind::Smooth => field.tiles[tile].key,
+                Kind::Rough => field.keys[tile][at],
+            };
+            if is_shown(shown, claims[place]) {
+                claims[place] = EMPTY;
+                can_be &= !(1 << place);
+            }
+        }
+        can_be
+    }
+
+    /// Which of the pixels of a tile that are asked for (bit `8 j + i`) may go with some of what is beside them, although what
+    /// they claim can be.
+    #[inline(always)]
+    pub(super) fn carried(
+        &self,
+        level: Level,
+        claims: &[Key; BLOCK],
+        nears: &[f32; BLOCK],
+        asked: u64,
+        beside: &Beside,
+    ) -> u64 {
+        carried(level, claims, nears, asked, beside)
     }
 
     /// Whether a claim from the previous anchor cannot be: the current one shows it, or what is behind it.
-    #[inline(always)]
-    pub(super) fn is_contradicted(&self, field: &Layer, [x, y]: [usize; 2], claim: Key) -> bool {
+    #[cfg(test)]
+    fn is_contradicted(&self, field: &Layer, [x, y]: [usize; 2], claim: Key) -> bool {
         let [vx, vy] = layer::vector(claim);
-        field.grid.nearest([64 * x as i32 - vx, 64 * y as i32 - vy]).is_some_and(|[u, v]| {
-            let shown = field.owner(u, v);
-            alike(shown, claim) || is_nearer(claim, shown)
-        })
+        field
+            .grid
+            .nearest([64 * x as i32 - vx, 64 * y as i32 - vy])
+            .is_some_and(|[u, v]| is_shown(field.owner(u, v), claim))
     }
 
     /// What claims a pixel of the previous anchor that nothing in the current one does: what is at rest there (`claim`),
     /// if that can be, or `found` beside it. What is as far away as that and moves otherwise is carried along.
-    #[inline(always)]
+    #[cfg(test)]
     pub(super) fn claim_or(&self, field: &Layer, at: [usize; 2], claim: Key, found: Key) -> Key {
         if claim == EMPTY || self.is_contradicted(field, at, claim) {
             return found;
         }
-        let is_carried = || (nearness(found) - self.near(at)).abs() <= AS_FAR * self.near(at);
-        if found != EMPTY && !alike(found, claim) && is_carried() { found } else { claim }
+        if self.is_carried(at, claim, found) { found } else { claim }
+    }
+
+    /// Whether what a pixel claims, which can be, rather goes with what was found beside it.
+    #[inline(always)]
+    pub(super) fn is_carried(&self, at: [usize; 2], claim: Key, found: Key) -> bool {
+        is_carried(claim, self.near(at), found)
     }
 
     /// How near something in the previous anchor is at least that is not what claims a pixel there.
@@ -187,7 +367,7 @@ impl<'a> Past<'a> {
 
     /// Whether something stands in front of what claims a pixel of the previous anchor, and nearer than `other`, of which
     /// the current anchor knows nothing.
-    #[inline(always)]
+    #[cfg(test)]
     pub(super) fn is_covered(&self, field: &Layer, at: [usize; 2], other: f32) -> bool {
         let claim = if self.near(at) > other { self.claim(at) } else { EMPTY };
         claim != EMPTY && !self.is_contradicted(field, at, claim)
@@ -198,8 +378,11 @@ impl<'a> Past<'a> {
         let grid = owners.grid;
         let tiles = owners.tiles.par_chunks_mut(grid.columns).zip(owners.keys.par_chunks_mut(grid.columns));
         tiles.enumerate().for_each(|(row, (tiles, keys))| {
-            for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
-                self.uncover_tile(level, [column, row], field, tile, keys);
+            for column in 0..tiles.len() {
+                if tiles.get(column + AHEAD).is_some_and(|next| next.kind == Kind::Rough && next.key != EMPTY) {
+                    Layer::fetch_keys(&keys[column + AHEAD]);
+                }
+                self.uncover_tile(level, [column, row], field, &mut tiles[column], &mut keys[column]);
             }
         });
     }
@@ -218,31 +401,31 @@ impl<'a> Past<'a> {
         let is_smooth = tile.kind == Kind::Smooth;
         let of_tile =
             if is_smooth { self.other(tile.key, corner.map(|at| at + TILE / 2)) } else { self.least(tile.key) };
-        if self.nearest(corner, extent) <= of_tile {
+        let mut nears = [0.0; BLOCK];
+        if self.nears(level, corner, extent, &mut nears) <= of_tile {
             return;
         }
-        let nears = self.nears(corner, extent);
-        let mut others = if is_smooth {
+        let others = if is_smooth {
             // What is beyond the far edges is not near.
-            (0..BLOCK).fold(0, |others, place| others | u64::from(nears[place] > of_tile) << place)
+            nearer(level, &nears, of_tile)
         } else {
             others_of(level, &self.perspective, corner, keys, &nears)
         };
-        while others != 0 {
-            let place = others.trailing_zeros() as usize;
-            others &= others - 1;
-            let at = [corner[0] + place % TILE, corner[1] + place / TILE];
-            let other = if is_smooth { of_tile } else { self.other(keys[place], at) };
-            if self.is_covered(field, at, other) {
-                tile.free(keys, extent, place);
-            }
+        if others == 0 {
+            return;
+        }
+        let mut claims = [EMPTY; BLOCK];
+        let mut covered = self.claims(level, field, corner, &nears, others, &mut claims);
+        while covered != 0 {
+            tile.free(keys, extent, covered.trailing_zeros() as usize);
+            covered &= covered - 1;
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::layer::{Grid, rank};
+    use super::super::layer::rank;
     use super::super::perspective::tests::{SIZE, guidance, key_of, seen, shown, walk};
     use super::super::standing::Standing;
     use super::*;

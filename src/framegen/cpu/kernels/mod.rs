@@ -10,6 +10,7 @@
 //!
 //! Public for the benches; not part of what the library promises.
 
+pub(super) mod beside;
 mod bytes;
 pub(super) mod claims;
 mod halves;

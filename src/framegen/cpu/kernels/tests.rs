@@ -1,5 +1,6 @@
 //! Every level against the scalar twins, and the twins against what they promise.
 
+mod beside;
 mod claims;
 mod pictures;
 mod ranges;
