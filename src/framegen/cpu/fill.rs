@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::colour::Colour;
 use super::kernels::beside::{self, Beside, Beyond, Orders, SIDES};
 use super::kernels::{self, BLOCK, Source, TILE, claims};
-use super::layer::{self, EMPTY, Grid, HOLE, Key, Layer, Tile, alike, is_nearer, key, part};
+use super::layer::{self, EMPTY, Grid, Key, Layer, Tile, alike, is_nearer, key, part};
 use super::leaving::Leaving;
 use super::past::Past;
 use super::perspective::Way;
@@ -160,7 +160,7 @@ impl Filler {
                 *claims = match usize::from(tile.holes) {
                     0 => inside,
                     BLOCK => 0,
-                    _ => inside & !claims::having(level, &keys[column], HOLE),
+                    _ => inside & beside::claimed(level, &keys[column]),
                 };
             }
             holes

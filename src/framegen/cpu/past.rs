@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::kernels::beside::{Beside, floor, packed};
+use super::kernels::beside::{Beside, all, floor, packed};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};
 use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, ORPHAN, Tile, alike, is_nearer};
 use super::perspective::{Back, Perspective, Seen, nearness, rank_of};
@@ -73,11 +73,10 @@ fn lead_in_rows(
     places: &mut [u32; BLOCK],
 ) -> [u64; 2] {
     let [width, height, columns] = [grid.width, grid.height, grid.columns].map(|len| len as u32);
-    let (mut some, mut inside) = (0, 0);
-    for j in 0..TILE {
-        let (mut is_there, mut leads_inside) = ([0; TILE], [0; TILE]);
+    let (mut some, mut inside) = ([0; TILE], [0; TILE]);
+    for j in (0..TILE).rev() {
         let asked = (asked >> (j * TILE) & 0xff) as u32;
-        for (i, (is_there, leads_inside)) in is_there.iter_mut().zip(&mut leads_inside).enumerate() {
+        for (i, (some, inside)) in some.iter_mut().zip(&mut inside).enumerate() {
             let place = j * TILE + i;
             let key = claims[place];
             let is_some = (key != EMPTY) & (asked & 1 << i != 0);
@@ -89,13 +88,11 @@ fn lead_in_rows(
             let tile = (v >> 3).wrapping_mul(columns).wrapping_add(u >> 3);
             places[place] = tile << 6 | (v & 7) << 3 | (u & 7);
             claims[place] = if is_some { key } else { EMPTY };
-            *is_there = u8::from(is_some);
-            *leads_inside = u8::from(is_inside);
+            *some = *some << TILE | u64::from(is_some);
+            *inside = *inside << TILE | u64::from(is_inside);
         }
-        some |= packed(is_there) << (j * TILE);
-        inside |= packed(leads_inside) << (j * TILE);
     }
-    [some, inside]
+    [some, inside].map(all)
 }
 
 at_every_level! {
@@ -212,16 +209,15 @@ at_every_level! {
 
 #[inline(always)]
 fn others_in_rows(perspective: &Perspective, [x, y]: [usize; 2], keys: &[Key; BLOCK], nears: &[f32; BLOCK]) -> u64 {
-    let mut others = 0;
-    for j in 0..TILE {
-        let mut is = [0; TILE];
-        for (i, is) in is.iter_mut().enumerate() {
+    let mut others = [0; TILE];
+    for j in (0..TILE).rev() {
+        for (i, others) in others.iter_mut().enumerate() {
             let place = j * TILE + i;
-            *is = u8::from((keys[place] != EMPTY) & (nears[place] > other(perspective, keys[place], [x + i, y + j])));
+            let is_other = (keys[place] != EMPTY) & (nears[place] > other(perspective, keys[place], [x + i, y + j]));
+            *others = *others << TILE | u64::from(is_other);
         }
-        others |= packed(is) << (j * TILE);
     }
-    others
+    all(others)
 }
 
 /// How near something in the previous anchor is at least that is not what claims a pixel there.

@@ -44,6 +44,11 @@ impl Beside {
 pub(in super::super) type Orders = [[u32; BLOCK]; SIDES];
 
 at_every_level! {
+    /// Which places something claims: bit `8 j + i`.
+    pub(in super::super) fn claimed(keys: &[Key; BLOCK]) -> u64 = scalar::claimed | claimed_in_vectors
+}
+
+at_every_level! {
     /// The nearest claims beside those places of a tile that nothing claims (`holes`, bit `8 j + i`); `claims` are places that
     /// something does.
     pub(in super::super) fn find(own: &[Key; BLOCK], claims: u64, holes: u64, beyond: &Beyond, beside: &mut Beside)
@@ -92,6 +97,12 @@ pub(in super::super) fn floor(v: f32) -> i32 {
 pub(in super::super) fn packed(row: [u8; TILE]) -> u64 {
     // Each byte's bit goes to a place of its own in the highest byte.
     u64::from_le_bytes(row).wrapping_mul(0x0102_0408_1020_4080) >> 56
+}
+
+/// All bits of a tile from those of its columns, the upper row's the lowest of each eight.
+#[inline(always)]
+pub(in super::super) fn all(columns: [u64; TILE]) -> u64 {
+    columns.into_iter().zip(0..).fold(0, |all, (bits, column)| all | bits << column)
 }
 
 /// Row `j` of a tile.
@@ -192,6 +203,18 @@ const ALONG: [[u32; BLOCK]; 2] = {
 };
 
 #[inline(always)]
+fn claimed_in_vectors(keys: &[Key; BLOCK]) -> u64 {
+    let mut claimed = [0; TILE];
+    for j in (0..TILE).rev() {
+        let keys = row(keys, j);
+        for (i, claimed) in claimed.iter_mut().enumerate() {
+            *claimed = *claimed << TILE | u64::from(keys[i] != EMPTY);
+        }
+    }
+    all(claimed)
+}
+
+#[inline(always)]
 fn find_in_vectors(own: &[Key; BLOCK], claims: u64, holes: u64, beyond: &Beyond, beside: &mut Beside) {
     let mut wide = [0; BLOCK];
     for i in 0..BLOCK {
@@ -261,6 +284,10 @@ mod scalar {
             }
         }
         (None, (along as i32).abs_diff(own as i32) as usize)
+    }
+
+    pub(super) fn claimed(keys: &[Key; BLOCK]) -> u64 {
+        keys.iter().enumerate().fold(0, |all, (place, &key)| all | u64::from(key != EMPTY) << place)
     }
 
     fn each(holes: u64) -> impl Iterator<Item = (usize, usize, usize)> {

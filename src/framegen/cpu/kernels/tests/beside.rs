@@ -48,6 +48,7 @@ fn all_levels_find_the_same_beside_holes() {
                 })
                 .collect::<Vec<_>>()
         };
+        assert!(Level::available().all(|level| beside::claimed(level, &own) == claims), "{claims:x}");
         let truth = found(Level::SCALAR);
         assert!(Level::available().all(|level| found(level) == truth), "{claims:x} {holes:x}");
         assert!(truth.iter().all(|&(key, away, _)| key == EMPTY || (1..=24).contains(&away)));
