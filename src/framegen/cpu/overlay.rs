@@ -6,7 +6,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::colour::Colour;
-use super::kernels::{Level, Source, TILE, at_every_level};
+use super::kernels::{Level, Positions, Source, TILE, at_every_level};
 use super::layer::Grid;
 use super::reserve;
 use crate::Result;
@@ -97,6 +97,30 @@ impl Stills {
     #[inline(always)]
     pub(super) fn holds<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, [x, y]: [usize; 2]) -> bool {
         self.of_tile(level, anchors, [x / TILE, y / TILE]) >> self.grid.place(x, y).1 & 1 == 1
+    }
+
+    /// [`Self::holds`] for the pixels nearest to some positions, all of them on the picture: those that are asked for, bit
+    /// `8 j + i`.
+    #[inline(never)]
+    pub(super) fn at_each<P: Colour>(
+        &self,
+        level: Level,
+        anchors: &Overlays<'_, P>,
+        at: &Positions,
+        mut asked: u64,
+    ) -> u64 {
+        let (mut found, mut last, mut of_last) = (0, [usize::MAX; 2], 0);
+        while asked != 0 {
+            let place = asked.trailing_zeros();
+            asked &= asked - 1;
+            let [x, y] = [at.x[place as usize], at.y[place as usize]].map(|v| ((v + 32) >> 6) as usize);
+            let tile = [x / TILE, y / TILE];
+            if tile != last {
+                (last, of_last) = (tile, self.of_tile(level, anchors, tile));
+            }
+            found |= (of_last >> (y % TILE * TILE + x % TILE) & 1) << place;
+        }
+        found
     }
 
     /// Whether a pixel of an anchor lies on an overlay, see [`Overlays`]. The vector is that of the claim, from the current

@@ -227,33 +227,38 @@ impl<P: Colour> Between<'_, P> {
         let (leaving, entering) = (orphans & beyond[1] & !beyond[0], beyond[0] & !beyond[1]);
         let overlays = self.overlays();
         let stills = if questionable == 0 { 0 } else { self.stills.of_tile(self.level, &overlays, [column, row]) };
-        let plain = (leaving | entering) & !stills;
-        each_bit(mask, |place| {
-            let [i, j] = [place % TILE, place / TILE];
-            if i >= across || j >= down {
-                return;
+        // What leaves where nothing stands still, as mostly, needs no other look than for what may show over it.
+        let mut plain = leaving & !stills & !has_rim;
+        if plain != 0 {
+            plain &= !self.stills.at_each(self.level, &overlays, &before, plain);
+            for place in 0..BLOCK {
+                let is_plain = plain >> place & 1 == 1;
+                block.merged[place] = if is_plain { block.before[place] } else { block.merged[place] };
             }
+        }
+        let entering = entering & !stills;
+        let inside = u64::MAX >> (TILE * (TILE - down)) & (0x0101_0101_0101_0101 * (0xff >> (TILE - across)));
+        each_bit(mask & !plain & inside, |place| {
+            let [i, j] = [place % TILE, place / TILE];
             let at = [corner[0] + i, corner[1] + j];
             let spots = Spots { before: [before.x[place], before.y[place]], after: [after.x[place], after.y[place]] };
-            if has_front >> place & 1 == 1 {
-                let is_seen = self.is_seen(keys[place], spots);
-                let own = if is_seen { apart(block.before[place], block.after[place]) } else { unseen(self.is_found) };
-                let apart = apart(rims.before[place], rims.after[place]);
-                if has_rim >> place & 1 == 1 && apart <= RIM && apart < own {
+            if has_rim >> place & 1 == 1 {
+                let of_rim = apart(rims.before[place], rims.after[place]);
+                let own = |is_seen| match is_seen {
+                    true => apart(block.before[place], block.after[place]),
+                    false => unseen(self.is_found),
+                };
+                if of_rim <= RIM && of_rim < own(self.is_seen(keys[place], spots)) {
                     block.merged[place] = rims.merged[place];
                     return;
                 }
             }
-            // Nothing stands still there, as mostly.
-            if plain >> place & 1 == 1 {
-                let is_leaving = leaving >> place & 1 == 1;
-                let there = grid.nearest(if is_leaving { spots.before } else { spots.after });
+            if entering >> place & 1 == 1 {
                 let is_shown = |[x, y]: [usize; 2]| {
-                    (is_leaving || alike(self.field.owner(x, y), keys[place]))
-                        && !self.stills.holds(self.level, &overlays, [x, y])
+                    alike(self.field.owner(x, y), keys[place]) && !self.stills.holds(self.level, &overlays, [x, y])
                 };
-                if there.is_some_and(is_shown) {
-                    block.merged[place] = if is_leaving { block.before[place] } else { block.after[place] };
+                if grid.nearest(spots.after).is_some_and(is_shown) {
+                    block.merged[place] = block.after[place];
                     return;
                 }
             }
@@ -373,8 +378,11 @@ impl<P: Colour> Between<'_, P> {
         let (from, to) = (grid.nearest(spots.before), grid.nearest(spots.after));
         let mark = layer::mark(key);
         let mut is_before = from.is_some_and(|[x, y]| {
+            if mark == ORPHAN {
+                return true;
+            }
             let owner = self.owners.claim(x, y);
-            mark == ORPHAN || alike(owner, key) || layer::mark(owner) == ORPHAN && !is_nearer(owner, key)
+            alike(owner, key) || layer::mark(owner) == ORPHAN && !is_nearer(owner, key)
         });
         let mut is_after = to.is_some_and(|[x, y]| {
             let shown = self.field.owner(x, y);

@@ -340,13 +340,14 @@ fn spots_in_vectors(
 #[inline(always)]
 fn having_in_vectors(keys: &[Key; BLOCK], mark: u8) -> u64 {
     let mut having = [0; TILE];
-    for j in 0..TILE {
+    for j in (0..TILE).rev() {
+        let keys = row(&keys[j * TILE..]);
         for i in 0..TILE {
-            let is_having = keys[j * TILE + i] >> 40 & 0xff == u64::from(mark);
-            having[i] |= u64::from(is_having) << (j * TILE + i);
+            having[i] = having[i] << TILE | u64::from(keys[i] >> 40 & 0xff == u64::from(mark));
         }
     }
-    having.into_iter().fold(0, |all, bits| all | bits)
+    // Of each column a bit to a row.
+    having.into_iter().enumerate().fold(0, |all, (i, of_column)| all | of_column << i)
 }
 
 /// The same, place by place.
