@@ -24,7 +24,7 @@ use matching::{fitting, mark_matches};
 /// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: three quarters of a pixel.
 pub(super) const SMOOTH: i32 = 48;
 /// Levels within which a pixel on the rim of a surface is that surface's.
-pub(super) const RIM: f32 = 28.0;
+pub(super) const RIM: f32 = 38.0;
 /// Tiles ahead of the one that is looked at whose keys and pixels are asked for.
 const AHEAD: usize = 3;
 /// Rows of tiles that are made together at least.

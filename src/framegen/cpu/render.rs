@@ -33,7 +33,7 @@ pub(super) const RIM: f32 = 45.0;
 /// The levels that count where an anchor does not show what a pixel claims to be. Where motion was found in pictures, less
 /// is sure of who shows what.
 pub(super) const fn unseen(is_found: bool) -> f32 {
-    if is_found { 40.0 } else { 20.0 }
+    if is_found { 40.0 } else { 30.0 }
 }
 
 /// What a picture between two anchors is made of.

@@ -4,7 +4,7 @@
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
 
-static const float RIM = 28;
+static const float RIM = 38;
 static const float WORST_MATCH = 250;
 static const uint UNKNOWN_MATCH = 24;
 

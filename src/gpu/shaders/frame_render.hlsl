@@ -8,7 +8,7 @@
 #include "frame_soften.hlsli"
 
 static const float RIM = 45;
-static const float UNSEEN = 20;
+static const float UNSEEN = 30;
 static const float UNSEEN_IF_FOUND = 40;
 // In 1/64 px.
 static const int DISTINCT = 8;

@@ -194,9 +194,9 @@ fn letterbox_bars_stay_black_and_the_picture_between_them_moves() {
         };
         // Once with guidance that knows the bars, once with guidance that does not.
         let knowing = guide(WIDTH, HEIGHT, |_, y| if on_bar(y) { ([0.0; 2], 0.0) } else { ([-dx, -dy], 0.5) });
-        assert_exact_but(3, &scene, &knowing, anywhere);
+        assert_exact_but(6, &scene, &knowing, anywhere);
         let unknowing = guide(WIDTH, HEIGHT, |_, _| ([-dx, -dy], 0.5));
-        assert_exact_but(3, &scene, &unknowing, anywhere);
+        assert_exact_but(6, &scene, &unknowing, anywhere);
     }
 }
 
