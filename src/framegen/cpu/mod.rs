@@ -66,7 +66,7 @@ use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases,
 use crate::{Error, ErrorKind, Raster, Result};
 
 /// Generates frames on the CPU, its rows in parallel on the current rayon pool, with the best instructions that the
-/// processor has. Keeps working memory of about 50 bytes per pixel from call to call, and after the first allocates
+/// processor has. Keeps working memory of about 45 bytes per pixel from call to call, and after the first allocates
 /// nothing more until a picture of another size or a pool with more threads comes.
 #[derive(Debug)]
 pub struct CpuGenerator {
