@@ -23,6 +23,7 @@ from rollout import Rollout
 from cairn.build import PRESETS, BuildError
 from cairn.build.checkpoint import Checkpoint, open_checkpoint
 from cairn.build.cli import main
+from cairn.build.config import read_config
 from cairn.build.names import meaning
 from cairn.build.tensor_files import TensorFiles, to_half
 from cairn.build.weights import autoencoder_weights, transformer_weights
@@ -179,8 +180,57 @@ def test_a_wrong_config_is_refused_by_name(tmp_path, capsys, name, value):
     write_checkpoint(tmp_path / "c", TINY)
     (tmp_path / "c" / "config.yaml").write_text(yaml.safe_dump(config(TINY) | {name: value}))
     assert main(["checkpoint", str(tmp_path / "c"), "--out", str(tmp_path / "out"), "--max-window", "256", "--quiet"]) == 2
-    assert capsys.readouterr().err.startswith("error: ")
+    message = capsys.readouterr().err
+    assert message.startswith("error: ") and NAMED_OTHERWISE.get((name, str(value)), name) in message
     assert not (tmp_path / "out").exists()
+
+
+# Where the fault lies in what the key leads to.
+NAMED_OTHERWISE = {
+    ("n_heads", "5"): "heads",
+    ("n_layers", "1000000000"): "layers",
+    ("scheduler_sigmas", "[1.0, 1.0, 0.0]"): "schedule",
+}
+
+
+@pytest.mark.parametrize(
+    "change, name",
+    [
+        ({"quilt_factor": 2}, "config.yaml: quilt_factor"),
+        ({"n_experts": None}, "config.yaml: n_experts"),
+        ({"N_layers": 8}, "config.yaml: N_layers"),
+        ({7: 8}, "config.yaml: 7"),
+        ({"conv_kw": {"kernel_size": [2, 2], "stride": [2, 2], "dilation": [2, 2]}}, "config.yaml: conv_kw: dilation"),
+    ],
+)
+def test_a_key_that_the_builder_does_not_know_is_refused_by_name(tmp_path, capsys, change, name):
+    write_checkpoint(tmp_path / "c", TINY)
+    (tmp_path / "c" / "config.yaml").write_text(yaml.safe_dump(config(TINY) | change))
+    assert main(["checkpoint", str(tmp_path / "c"), "--out", str(tmp_path / "out"), "--max-window", "64", "--quiet"]) == 2
+    message = capsys.readouterr().err
+    assert name in message and "does not know" in message
+    assert not (tmp_path / "out").exists()
+
+
+# What the released engine assumes where a file does not say.
+DEFAULTS = {
+    "auto_aspect_ratio": True,
+    "prompt_encoder_uri": "google/umt5-xl",
+    "rope_nyquist_frac": 0.8,
+    "rope_theta": 10000.0,
+}
+
+
+@pytest.mark.parametrize("grid", [(16, 32), (8, 16)])
+@pytest.mark.parametrize("further", [{}, DEFAULTS])
+def test_the_released_configurations_are_read(tmp_path, grid, further):
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump(config(PRESETS["720p"][1]) | {
+        "height": grid[0], "width": grid[1], "tokens_per_frame": grid[0] * grid[1]
+    } | further))
+    geometry = read_config(path, 512)
+    assert geometry.tokens == grid[0] * grid[1]
+    assert geometry == PRESETS["720p" if grid == (16, 32) else "360p"][1]
 
 
 def test_missing_files_are_named(tmp_path, capsys):

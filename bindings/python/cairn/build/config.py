@@ -23,12 +23,22 @@ _FIXED = {
     "causal": True,
     "temporal_compression": AUTOENCODER_TEMPORAL,
     "n_buttons": 256,
+    "auto_aspect_ratio": True,
 }
 _REQUIRED = (
     "model_type n_layers n_heads n_kv_heads d_model mlp_ratio channels tokens_per_frame height width patch local_window "
     "global_window global_pinned_dilation global_attn_period global_attn_offset ctrl_conditioning_period scheduler_sigmas "
     "base_fps inference_fps temporal_compression"
 ).split()
+# Read where they are there.
+_OPTIONAL = ("rope_nyquist_frac", "rope_theta", "conv_kw")
+# What changes nothing of the graphs: where the autoencoder was published, how training went, and the prompt's part, which a model
+# without `prompt_conditioning` does not have.
+_WITHOUT_EFFECT = (
+    "ae_uri n_frames ctrl_cond_dropout prompt_cond_dropout prompt_conditioning_period prompt_embedding_dim prompt_encoder_uri"
+).split()
+_KNOWN = frozenset((*_FIXED, *_REQUIRED, *_OPTIONAL, *_WITHOUT_EFFECT))
+_KNOWN_OF_CONVOLUTION = frozenset(("kernel_size", "stride"))
 _LIMIT = 1 << 20
 
 
@@ -47,6 +57,7 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
     missing = [name for name in _REQUIRED if name not in config]
     if missing:
         raise BuildError("config.yaml does not name it", field=missing[0], remedy="Fetch it again.")
+    _refuse_unknown(config, _KNOWN, "config.yaml")
     for name, wanted in _FIXED.items():
         if name in config and (config[name] != wanted or isinstance(config[name], bool) != isinstance(wanted, bool)):
             raise BuildError(
@@ -55,6 +66,17 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
                 remedy="Only Waypoint-1.5 checkpoints can become bundles.",
             )
     return _geometry(config, max_window, autoencoder)
+
+
+def _refuse_unknown(config: dict, known: frozenset[str], place: str) -> None:
+    """A later model may keep every name and add one: built without it, its bundle would run and show something else."""
+    for name in config:
+        if name not in known:
+            raise BuildError(
+                "this builder does not know it, so the checkpoint may be of another model",
+                field=f"{place}: {name}",
+                remedy="Use a newer builder, or remove the key if the model does not depend on it.",
+            )
 
 
 def _geometry(config: dict, max_window: int, autoencoder: dict) -> Geometry:
@@ -97,8 +119,10 @@ def _geometry(config: dict, max_window: int, autoencoder: dict) -> Geometry:
         schedule=_numbers(config, "scheduler_sigmas", None, float),
         **autoencoder,
     )
-    conv = config.get("conv_kw")
-    if isinstance(conv, dict) and any(list(conv.get(k, patch)) != list(patch) for k in ("kernel_size", "stride")):
+    conv = config.get("conv_kw", {})
+    if isinstance(conv, dict):
+        _refuse_unknown(conv, _KNOWN_OF_CONVOLUTION, "config.yaml: conv_kw")
+    if not isinstance(conv, dict) or any(conv.get(k, list(patch)) != list(patch) for k in _KNOWN_OF_CONVOLUTION):
         raise BuildError(f"{conv!r} is not the patch {list(patch)}", field="config.yaml: conv_kw", remedy="Fetch it again.")
     return geometry
 
