@@ -239,22 +239,43 @@ fn a_picture_may_be_appended_at_any_time_and_is_committed_in_every_mode() {
 #[test]
 fn every_window_that_divides_by_the_dilation_runs_and_a_wider_one_remembers_more() {
     let (device, bundle) = (common::device(), common::bundle("tiny"));
-    let latent_at = |g| {
-        let options = WorldOptions { global_window: Some(g), ..Default::default() };
-        let world = World::load(&device, &bundle, options).expect("a world");
-        let mut rollout = seeded(&world, &point(&world), 2);
-        steps(&mut rollout, 0..12);
-        rollout.latent().expect("a latent").to_vec()
+    let load = |g| World::load(&device, &bundle, WorldOptions { global_window: Some(g), ..Default::default() });
+    // Which latents, by their age, change the next one through the global layers: each slot of the ring is hidden in turn.
+    let remembered = |g: u32| -> Vec<u64> {
+        let world = load(g).expect("a world");
+        let geometry = &world.manifest().geometry;
+        let (dilation, buckets) = (u64::from(geometry.global.dilation), u64::from(g / geometry.global.dilation));
+        let one_pass = OperatingPoint { schedule: Schedule::Explicit(vec![1.0, 0.0]), ..point(&world) };
+        let mut rollout = seeded(&world, &one_pass, 2);
+        // More than the widest window holds, and between two writes of the global layers.
+        steps(&mut rollout, 0..u64::from(WIDEST) + dilation / 2);
+        let plan = rollout.planner().plan_step(&controls(77)).expect("a plan");
+        let mut noise = vec![0.0; world.latent_len()];
+        plan.noise.expect("noise").fill(&mut noise);
+        let all = rollout.probe(&plan, 1.0, &noise).expect("a pass").velocity;
+        let newest = (rollout.planner().ring_clock() - 1) / dilation;
+        let changes = |&age: &u64| {
+            let mut less = plan.clone();
+            let slot = &mut less.global.visible[((newest - age) % buckets) as usize];
+            let was_visible = std::mem::replace(slot, false);
+            let without = rollout.probe(&less, 1.0, &noise).expect("a pass").velocity;
+            let furthest = without.iter().zip(&all).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert_eq!(was_visible, furthest > 1e-6, "g{g}, bucket {age} before the newest: {furthest}");
+            was_visible
+        };
+        (0..buckets).filter(changes).map(|age| age * dilation).collect()
     };
-    let (narrow, stock, wide) = (latent_at(4), latent_at(16), latent_at(64));
-    assert!(narrow != stock, "g4 has forgotten what g16 still sees");
-    assert_eq!(stock.len(), wide.len());
+    assert_eq!(remembered(4), [0]);
+    assert_eq!(remembered(16), [0, 4, 8, 12]);
+    assert_eq!(remembered(WIDEST), (0..16).map(|bucket| 4 * bucket).collect::<Vec<u64>>());
     for g in [0, 3, 18, 68] {
-        let options = WorldOptions { global_window: Some(g), ..Default::default() };
-        let error = World::load(&device, &bundle, options).expect_err("no such window");
+        let error = load(g).expect_err("no such window");
         assert_eq!(error.kind(), ErrorKind::InvalidArgument, "g{g}: {error}");
     }
 }
+
+/// The widest window of the test world, in latents.
+const WIDEST: u32 = 64;
 
 #[test]
 fn one_two_or_four_pictures_of_a_latent_are_the_last_the_second_and_last_or_all() {
