@@ -673,6 +673,15 @@ public:
         return detail::filled<step_info>([&](step_info *to) { return cairn_rollout_append(get(), &given, to); });
     }
 
+    /** Appends pictures as one latent, on the calling thread: cairn_rollout_append_pictures. */
+    result<step_info> append(const picture *given, std::uint32_t count)
+    {
+        return detail::filled<step_info>([&](step_info *to) { return cairn_rollout_append_pictures(get(), given, count, to); });
+    }
+
+    /** Keeps the encoder's stream from one appended picture to the next, or not: cairn_rollout_keep_encoder_stream. */
+    result<void> keep_encoder_stream(bool keep) { return detail::done(cairn_rollout_keep_encoder_stream(get(), keep)); }
+
 #if defined(_WIN32)
     /** Appends a texture in a D3D12_RESOURCE_STATES, which it is left in: cairn_rollout_append_d3d12. */
     result<step_info> append_d3d12(ID3D12Resource *given, std::uint32_t state)
@@ -719,6 +728,13 @@ public:
     {
         return detail::filled_or_none<std::uint64_t>(
             [&](std::uint64_t *to) { return cairn_rollout_submit_picture(get(), &given, to); });
+    }
+
+    /** Queues the append of pictures as one latent: cairn_rollout_submit_pictures. */
+    result<std::optional<std::uint64_t>> submit(const picture *given, std::uint32_t count) const
+    {
+        return detail::filled_or_none<std::uint64_t>(
+            [&](std::uint64_t *to) { return cairn_rollout_submit_pictures(get(), given, count, to); });
     }
 
     /** The result of a queued step, or none while it waits or runs: cairn_rollout_poll. */

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use cairn::bundle::Precision;
 use cairn::world::{CacheMode, CachePass, ControlInput, OperatingPoint, Part, Rollout, Schedule, World, WorldOptions};
 use cairn::{ErrorKind, Picture};
 
@@ -234,6 +235,88 @@ fn a_picture_may_be_appended_at_any_time_and_is_committed_in_every_mode() {
         assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut other).expect("bits"));
         steps(&mut rollout, 3..5);
     }
+}
+
+#[test]
+fn four_pictures_are_one_latent_and_one_is_a_still() {
+    let world = world("tiny");
+    let [first, second] = [1, 2].map(|seed| picture(64, 40, seed));
+    let latent_of = |pictures: &[&Picture]| {
+        let mut rollout = Rollout::new(&world, &point(&world), 9).expect("a rollout");
+        let info = rollout.append_pictures(pictures).expect("an append");
+        assert_eq!((info.latent, info.committed, info.stages.encode.count), (0, true, 1));
+        (rollout.latent().expect("a latent").to_vec(), fingerprint(&mut rollout).expect("bits"))
+    };
+    let still = latent_of(&[&first]);
+    assert!(still == latent_of(&[&first; 4]), "a still is one picture four times");
+    let moving = latent_of(&[&first, &first, &second, &second]);
+    assert!(moving.0 != still.0 && moving.0 != latent_of(&[&second]).0);
+    assert!(moving.0 != latent_of(&[&second, &second, &first, &first]).0, "their order counts");
+    let mut rollout = Rollout::new(&world, &point(&world), 9).expect("a rollout");
+    for count in [0, 2, 3, 5] {
+        let error = rollout.append_pictures(&vec![&first; count]).expect_err("no latent");
+        assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("pictures")), "{count}");
+        assert_eq!(rollout.planner().latents(), 0);
+    }
+}
+
+#[test]
+fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
+    let world = world("stream");
+    let pictures = [1, 2, 3].map(|seed| picture(64, 40, seed));
+    let start = || Rollout::new(&world, &point(&world), 9).expect("a rollout");
+    let streaming = || {
+        let mut rollout = start();
+        rollout.keep_encoder_stream(true).expect("a stream");
+        assert!(rollout.keeps_encoder_stream());
+        rollout
+    };
+    let appended = |rollout: &mut Rollout, i: usize| {
+        // An encoding that is not appended changes nothing, and says what an append would make.
+        let encoded = rollout.encode(&pictures[i]).expect("a latent");
+        rollout.append(&pictures[i]).expect("an append");
+        assert_eq!(rollout.latent().expect("a latent"), encoded);
+        encoded
+    };
+    let latents = |mut rollout: Rollout| [0, 1, 2].map(|i| appended(&mut rollout, i));
+    let (fresh, kept) = (latents(start()), latents(streaming()));
+    assert_eq!(fresh[0], kept[0], "both start at zero");
+    assert!(fresh[1] != kept[1] && fresh[2] != kept[2]);
+    assert_eq!(fresh[2], appended(&mut start(), 2), "a picture of its own depends on none before it");
+
+    // It is part of a saved state, and what fails leaves it as it was.
+    let mut rollout = streaming();
+    appended(&mut rollout, 0);
+    let state = rollout.save().expect("a state");
+    assert_eq!(state.len(), rollout.state_len().expect("a length"));
+    rollout.stop_flag().store(true, std::sync::atomic::Ordering::SeqCst);
+    assert_eq!(rollout.append(&pictures[2]).expect_err("it is stopped").kind(), ErrorKind::Cancelled);
+    rollout.stop_flag().store(false, std::sync::atomic::Ordering::SeqCst);
+    assert_eq!(appended(&mut rollout, 1), kept[1]);
+    let mut other = streaming();
+    other.restore(&state).expect("a state");
+    assert_eq!([appended(&mut other, 1), appended(&mut other, 2)], [kept[1].clone(), kept[2].clone()]);
+    let refused = start().restore(&state).expect_err("it has no stream");
+    assert_eq!(refused.offending_field(), Some("state.encoder_stream"), "{refused}");
+
+    // A reset and another stream begin anew.
+    other.reset().expect("a reset");
+    assert_eq!([appended(&mut other, 0), appended(&mut other, 1)], [kept[0].clone(), kept[1].clone()]);
+    other.keep_encoder_stream(false).expect("none");
+    assert_eq!(appended(&mut other, 2), fresh[2]);
+    other.keep_encoder_stream(true).expect("a stream");
+    assert_eq!(appended(&mut other, 1), fresh[1]);
+
+    // Another window takes the stream along.
+    let options = WorldOptions { global_window: Some(8), precision: Some(Precision::F32), ..Default::default() };
+    let narrow = World::load(&common::device(), &common::bundle("stream"), options).expect("a world");
+    let mut moved = streaming();
+    appended(&mut moved, 0);
+    moved.move_to(&narrow).expect("a narrower world");
+    assert_eq!(appended(&mut moved, 1), kept[1]);
+
+    let without = Rollout::new(&common::world("tiny"), &point(&world), 1).expect("a rollout").keep_encoder_stream(true);
+    assert_eq!(without.expect_err("its encoder has none").kind(), ErrorKind::Unsupported);
 }
 
 #[test]

@@ -226,7 +226,7 @@ pub unsafe extern "C" fn cairn_rollout_append_d3d12(
         let device = running.look()?.rollout.world().device().clone();
         // SAFETY: the host's promise about its objects.
         let picture = unsafe { behind::read(&device, picture, state) }?;
-        let made = running.run(&Job::Append(picture))?;
+        let made = running.run(&Job::Append(vec![picture]))?;
         info.into_iter().for_each(|info| info.write(&step_info(&made)));
         Ok(CAIRN_OK)
     })

@@ -13,6 +13,7 @@ use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{fixed_text, optional_text, required_text};
 use super::worker::{Job, Running};
 use super::world::cairn_world;
+use crate::Picture;
 use crate::world::{OperatingPoint, Rollout, Schedule, Stage, StepInfo};
 
 /// The longest queue there may be.
@@ -206,8 +207,62 @@ pub unsafe extern "C" fn cairn_rollout_append(
         let info = unsafe { Out::optional(info, "info") }?;
         // SAFETY: the host's promise about `picture`.
         let picture = unsafe { read_picture(picture, "picture") }?;
-        let made = running.run(&Job::Append(picture))?;
+        let made = running.run(&Job::Append(vec![picture]))?;
         info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Appends pictures of any sizes that follow each other as one latent, as cairn_rollout_append does one, which is a still: a scene that moves
+/// goes on moving. On the calling thread.
+///
+/// pictures: an array, the oldest first, with the same struct_size in each. count: 4, the pictures of a latent; or 1, for a still.
+/// info: may be null.
+///
+/// Ownership: the pictures are copied; info stays the caller's and is filled on success; on failure it is not written and the
+/// rollout is as it was.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+/// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED when a clock has run out.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_append_pictures(
+    rollout: *mut cairn_rollout,
+    pictures: *const cairn_picture,
+    count: u32,
+    info: *mut cairn_step_info,
+) -> cairn_result {
+    call("cairn_rollout_append_pictures", || {
+        let running = enter_alone(rollout)?;
+        // SAFETY: the host's promise about `info`.
+        let info = unsafe { Out::optional(info, "info") }?;
+        // SAFETY: the host's promise about `pictures`.
+        let pictures = unsafe { read_pictures(pictures, count) }?;
+        let made = running.run(&Job::Append(pictures))?;
+        info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        Ok(CAIRN_OK)
+    })
+}
+
+/// Says whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as it
+/// does unless told so here. The stream starts with this call, and again with cairn_rollout_reset; it is part of a saved state, which is
+/// restored only where this says the same.
+///
+/// keep: 1 to keep the stream, 0 to start anew.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED where the
+/// bundle's encoder is not handed its memories; CAIRN_ERROR_DEVICE.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_keep_encoder_stream(rollout: *mut cairn_rollout, keep: u32) -> cairn_result {
+    call("cairn_rollout_keep_encoder_stream", || {
+        let running = enter_alone(rollout)?;
+        if keep > 1 {
+            return Err(Failure::argument("keep", format!("{keep} is neither 0 nor 1")));
+        }
+        running.alone()?.rollout.keep_encoder_stream(keep == 1)?;
         Ok(CAIRN_OK)
     })
 }
@@ -309,6 +364,40 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
         unsafe { anchor.write(handle) };
         Ok(CAIRN_OK)
     })
+}
+
+/// The most pictures of a latent.
+const MAX_PICTURES: u32 = 4;
+
+/// Pictures that lie one behind the other, each as large as the first says.
+///
+/// # Safety
+/// Where it is neither null nor misaligned, `pictures` points to `count` structs, each of which [`read_picture`] may be given.
+pub(super) unsafe fn read_pictures(pictures: *const cairn_picture, count: u32) -> Outcome<Vec<Picture>> {
+    if !(1..=MAX_PICTURES).contains(&count) {
+        return Err(Failure::argument("count", format!("{count} pictures make no latent")).remedy("Give 1 or 4"));
+    }
+    // SAFETY: the caller's promise.
+    let first = unsafe { read_picture(pictures, "pictures[0]") }?;
+    let mut all = vec![first];
+    // SAFETY: as above; the first was read, so that this is neither null nor misaligned.
+    let size = unsafe { (*pictures).struct_size };
+    for i in 1..count as usize {
+        // SAFETY: as above.
+        let next = unsafe { pictures.byte_add(i * size as usize) };
+        if !next.is_aligned() {
+            return Err(Failure::argument("pictures[0].struct_size", "the pictures behind it are not aligned"));
+        }
+        // SAFETY: as above.
+        let other = unsafe { (*next).struct_size };
+        if other != size {
+            let cause = format!("it is {other}, the first picture's is {size}");
+            return Err(Failure::argument(&format!("pictures[{i}].struct_size"), cause));
+        }
+        // SAFETY: as above.
+        all.push(unsafe { read_picture(next, &format!("pictures[{i}]")) }?);
+    }
+    Ok(all)
 }
 
 /// Schedules with spaces between them.

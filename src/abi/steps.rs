@@ -8,7 +8,7 @@ use super::controls::{cairn_controls, read_controls};
 use super::handles::{enter, insert};
 use super::images::{cairn_picture, read_picture};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Outcome, cairn_result};
-use super::rollout::{cairn_rollout, cairn_step_info, step_info};
+use super::rollout::{cairn_rollout, cairn_step_info, read_pictures, step_info};
 use super::structs::{Out, check_out};
 use super::worker::{Job, Ticket};
 
@@ -60,7 +60,32 @@ pub unsafe extern "C" fn cairn_rollout_submit_picture(
         // SAFETY: the host's promise about `picture`.
         let picture = unsafe { read_picture(picture, "picture") }?;
         // SAFETY: the host's promise about `ticket`.
-        unsafe { submit(rollout, Job::Append(picture), ticket) }
+        unsafe { submit(rollout, Job::Append(vec![picture]), ticket) }
+    })
+}
+
+/// Queues the append of pictures, as cairn_rollout_append_pictures does it.
+///
+/// pictures, count: as there. ticket: gets the number to ask for the result with.
+///
+/// Ownership: the pictures are copied; *ticket is written on success only, not on failure.
+/// Threads: any thread, at any time. Returns at once.
+/// Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+/// CAIRN_ERROR_OUT_OF_MEMORY.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_submit_pictures(
+    rollout: *const cairn_rollout,
+    pictures: *const cairn_picture,
+    count: u32,
+    ticket: *mut u64,
+) -> cairn_result {
+    call("cairn_rollout_submit_pictures", || {
+        check_out(ticket, "ticket")?;
+        // SAFETY: the host's promise about `pictures`.
+        let pictures = unsafe { read_pictures(pictures, count) }?;
+        // SAFETY: the host's promise about `ticket`.
+        unsafe { submit(rollout, Job::Append(pictures), ticket) }
     })
 }
 

@@ -74,7 +74,8 @@ struct Queue {
 /// What can be submitted.
 pub(super) enum Job {
     Step(ControlInput),
-    Append(Picture),
+    /// One picture, or as many as a latent has.
+    Append(Vec<Picture>),
 }
 
 /// What a step on the worker made.
@@ -284,7 +285,7 @@ impl Core {
     fn run(&mut self, job: &Job) -> Outcome<StepInfo> {
         let (info, appended) = match job {
             Job::Step(controls) => (self.rollout.step(controls)?, false),
-            Job::Append(picture) => (self.rollout.append(picture)?, true),
+            Job::Append(pictures) => (self.rollout.append_pictures(pictures)?, true),
         };
         self.cut = appended || self.cut_next;
         self.cut_next = false;

@@ -127,6 +127,9 @@ pub struct Autoencoder {
     pub spatial: u32,
     /// `[channels, height, width]` of each decoder memory.
     pub memories: Vec<[u32; 3]>,
+    /// The same of each encoder memory, where the encoder's graph is handed them; else empty, and each clip starts at zero.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub encoder_memories: Vec<[u32; 3]>,
 }
 
 /// Noise levels the model was trained for.

@@ -18,7 +18,7 @@ pub(super) const MAX_MANIFEST: u64 = 1 << 20;
 pub(super) const MAX_FILES: usize = 4096;
 /// The one kind of model this library runs.
 const MODEL_TYPE: &str = "waypoint-1.5";
-/// Decoder memories of that kind of model.
+/// Decoder memories of that kind of model, and encoder memories where it is handed any.
 const MEMORIES: usize = 9;
 /// The largest side of anything in latent cells, and the largest channel count.
 const MAX_CELLS: u64 = 4096;
@@ -184,9 +184,20 @@ fn check_geometry(g: &Geometry) -> Result<()> {
         "the count of memories",
         MEMORIES as u64,
     )?;
-    for (i, shape) in g.autoencoder.memories.iter().enumerate() {
-        for (axis, &n) in shape.iter().enumerate() {
-            within(&format!("geometry.autoencoder.memories[{i}][{axis}]"), n, 1, MAX_SIDE.into())?;
+    if !g.autoencoder.encoder_memories.is_empty() {
+        equal(
+            "geometry.autoencoder.encoder_memories",
+            g.autoencoder.encoder_memories.len() as u64,
+            "the count of memories",
+            MEMORIES as u64,
+        )?;
+    }
+    for (name, shapes) in [("memories", &g.autoencoder.memories), ("encoder_memories", &g.autoencoder.encoder_memories)]
+    {
+        for (i, shape) in shapes.iter().enumerate() {
+            for (axis, &n) in shape.iter().enumerate() {
+                within(&format!("geometry.autoencoder.{name}[{i}][{axis}]"), n, 1, MAX_SIDE.into())?;
+            }
         }
     }
     Ok(())

@@ -157,14 +157,19 @@ impl Bundle {
         footprint(self.model(kind, precision)?.onnx, Subject { manifest: &self.manifest, kind, precision }, g)
     }
 
-    /// Numbers in the inputs and outputs of encoder and decoder: four pictures and a latent each, memories twice.
+    /// Numbers in the inputs and outputs of encoder and decoder: four pictures and a latent each, memories twice,
+    /// the encoder's three times.
     fn autoencoder_ports(&self) -> u64 {
         let geometry = self.geometry();
         let [width, height] = self.manifest.picture.decoded.map(u64::from);
-        let memories: u64 =
-            geometry.autoencoder.memories.iter().map(|m| m.iter().map(|&n| u64::from(n)).product::<u64>()).sum();
+        let numbers = |shapes: &[[u32; 3]]| -> u64 {
+            shapes.iter().map(|m| m.iter().map(|&n| u64::from(n)).product::<u64>()).sum()
+        };
+        let memories = numbers(&geometry.autoencoder.memories);
+        // Besides the two sides there are the zeroes that a clip of its own starts with.
+        let of_encoder = 3 * numbers(&geometry.autoencoder.encoder_memories);
         let pictures = u64::from(geometry.autoencoder.temporal) * 3 * width * height;
-        2 * (pictures + geometry.latent_len() as u64 + memories)
+        2 * (pictures + geometry.latent_len() as u64 + memories) + of_encoder
     }
 }
 

@@ -1,6 +1,6 @@
 //! A world on disk: reading, checking and describing a bundle. The format is `docs/bundle.md`.
 //!
-//! A bundle is untrusted input. [`Bundle::open`] makes every check of section 6 of that page before anything is
+//! A bundle is untrusted input. [`Bundle::open`] makes every check of section 7 of that page before anything is
 //! allocated or run on its behalf, reads each file once, and keeps the bytes it checked: those, not the files, are what
 //! ONNX Runtime is given later.
 

@@ -1,12 +1,14 @@
 //! Pictures to latents and back: the encoder, and the streaming decoder with its memories.
 
+use std::borrow::Borrow;
+
 use crate::bundle::Precision;
-use crate::runtime::{Backup, BindingId, BufferId, Lane};
+use crate::runtime::{Backup, BindingId, BufferId, Lane, LookId};
 use crate::world::contract::Shapes;
 use crate::world::numbers::{self, Uploader};
 use crate::world::resize::Bilinear;
 use crate::world::world::World;
-use crate::{Picture, Result};
+use crate::{Error, ErrorKind, Picture, Result};
 
 /// A set of the decoder's memories and the pictures that were decoded with them.
 struct Side {
@@ -24,6 +26,22 @@ impl Side {
     }
 }
 
+/// The encoder's memories, where its graph is handed them.
+struct EncoderMemories {
+    /// As after the last appended picture in one side, where the stream is kept; the encoder writes the other.
+    sides: [Vec<BufferId>; 2],
+    /// The side that counts.
+    current: usize,
+    /// `continued[i]` reads side i and writes the other.
+    continued: [BindingId; 2],
+    /// `fresh[i]` starts from zero and writes side i.
+    fresh: [BindingId; 2],
+    /// What both sides are checked with: [`Lane::not_finite`].
+    looks: [LookId; 2],
+    /// Whether a picture goes on where the one before it left off.
+    is_kept: bool,
+}
+
 /// A latent that was decoded and does not count yet.
 pub(super) struct Decoding {
     /// Where its memories and pictures are.
@@ -39,6 +57,31 @@ impl Decoding {
     }
 }
 
+impl EncoderMemories {
+    /// None where the graph is handed none.
+    fn new(lane: &mut dyn Lane, world: &World, rgb: BufferId, latent: BufferId) -> Result<Option<Self>> {
+        let element = crate::runtime::element_size(world.precision());
+        let shapes = &world.manifest().geometry.autoencoder.encoder_memories;
+        if shapes.is_empty() {
+            return Ok(None);
+        }
+        let mut set = || -> Result<Vec<BufferId>> {
+            let bytes = |m: &[u32; 3]| m.iter().map(|&n| n as usize).product::<usize>() * element;
+            shapes.iter().map(|shape| lane.buffer(bytes(shape))).collect()
+        };
+        let (zeroes, sides) = (set()?, [set()?, set()?]);
+        let mut bind = |from: &[BufferId], to: &[BufferId]| {
+            let tensors: Vec<_> = [&[rgb][..], from, &[latent], to].into_iter().flatten().copied().collect();
+            lane.bind(&world.encoder, &tensors)
+        };
+        let continued = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
+        let fresh = [bind(&zeroes, &sides[0])?, bind(&zeroes, &sides[1])?];
+        let precision = world.precision();
+        let looks = [lane.watch(&[&sides[0]], precision)?, lane.watch(&[&sides[1]], precision)?];
+        Ok(Some(Self { sides, current: 0, continued, fresh, looks, is_kept: false }))
+    }
+}
+
 /// A rollout's autoencoder.
 ///
 /// The decoder goes back and forth between two sides: it reads one side's memories and writes the other's, so that a
@@ -46,7 +89,9 @@ impl Decoding {
 pub(super) struct Autoencoder {
     shapes: Shapes,
     precision: Precision,
-    encode: BindingId,
+    /// Starts from zero in every clip; none where the graph is handed its memories.
+    clip: Option<BindingId>,
+    memories: Option<EncoderMemories>,
     encoder_rgb: BufferId,
     /// `decode[i]` reads side i and writes the other.
     decode: [BindingId; 2],
@@ -61,7 +106,11 @@ impl Autoencoder {
         let element = crate::runtime::element_size(world.precision());
         let pictures_bytes = world.shapes.pictures * world.shapes.picture_len() * element;
         let encoder_rgb = lane.buffer(pictures_bytes)?;
-        let encode = lane.bind(&world.encoder, &[encoder_rgb, latent])?;
+        let memories = EncoderMemories::new(lane, world, encoder_rgb, latent)?;
+        let clip = match memories {
+            Some(_) => None,
+            None => Some(lane.bind(&world.encoder, &[encoder_rgb, latent])?),
+        };
         let shapes = &world.manifest().geometry.autoencoder.memories;
         let mut side = || -> Result<Side> {
             let bytes = |m: &[u32; 3]| m.iter().map(|&n| n as usize).product::<usize>() * element;
@@ -76,18 +125,64 @@ impl Autoencoder {
         };
         let decode = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
         let (shapes, precision) = (world.shapes, world.precision());
-        Ok(Self { shapes, precision, encode, encoder_rgb, decode, sides, current: 0 })
+        Ok(Self { shapes, precision, clip, memories, encoder_rgb, decode, sides, current: 0 })
     }
 
-    /// Makes the latent of a still: `picture`, of any size, resized and repeated for each picture of a latent.
-    pub(super) fn encode(&self, lane: &mut dyn Lane, picture: &Picture) -> Result<()> {
+    /// Makes the latent of pictures of any sizes, each resized: as many as a latent has, or one, which is repeated. Where the encoder's
+    /// stream is kept, it counts with [`commit_encoding`](Self::commit_encoding). Whether its memories are finite numbers then,
+    /// which is waited for, is the answer.
+    pub(super) fn encode(&self, lane: &mut dyn Lane, pictures: &[impl Borrow<Picture>]) -> Result<bool> {
+        if pictures.len() != 1 && pictures.len() != self.shapes.pictures {
+            let cause = format!("{} pictures make no latent", pictures.len());
+            return Err(Error::new(ErrorKind::InvalidArgument, cause)
+                .field("pictures")
+                .remedy(format!("Give 1 or {}", self.shapes.pictures)));
+        }
         let [height, width] = self.shapes.decoded;
         let mut rgb = numbers::zeroed(self.shapes.pictures * self.shapes.picture_len())?;
-        let (first, rest) = rgb.split_at_mut(self.shapes.picture_len());
-        Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, first);
-        rest.chunks_exact_mut(first.len()).for_each(|copy| copy.copy_from_slice(first));
+        for (i, planes) in rgb.chunks_exact_mut(self.shapes.picture_len()).enumerate() {
+            let picture: &Picture = pictures[i % pictures.len()].borrow();
+            Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, planes);
+        }
         Uploader::new(self.precision, rgb.len())?.upload(lane, self.encoder_rgb, &rgb)?;
-        lane.run(self.encode)
+        match &self.memories {
+            Some(memories) if memories.is_kept => {
+                lane.run(memories.continued[memories.current])?;
+                Ok(lane.not_finite(memories.looks[1 - memories.current])?.is_none())
+            }
+            Some(memories) => lane.run(memories.fresh[1 - memories.current]).map(|()| true),
+            None => self.clip.map_or(Ok(()), |clip| lane.run(clip)).map(|()| true),
+        }
+    }
+
+    /// Lets the encoder's stream go on from the pictures that were encoded last.
+    pub(super) fn commit_encoding(&mut self) {
+        if let Some(memories) = self.memories.as_mut().filter(|memories| memories.is_kept) {
+            memories.current = 1 - memories.current;
+        }
+    }
+
+    /// Whether appended pictures go on in the encoder's stream.
+    pub(super) fn keeps_stream(&self) -> bool {
+        self.memories.as_ref().is_some_and(|memories| memories.is_kept)
+    }
+
+    /// Lets appended pictures go on in the encoder's stream, which starts at zero, or no more.
+    pub(super) fn keep_stream(&mut self, lane: &mut dyn Lane, is_kept: bool) -> Result<()> {
+        match &mut self.memories {
+            Some(memories) if memories.is_kept != is_kept => {
+                lane.clear(&memories.sides[memories.current])?;
+                memories.is_kept = is_kept;
+                Ok(())
+            }
+            None if is_kept => Err(Error::new(
+                ErrorKind::Unsupported,
+                "the bundle's encoder is not handed its memories, so that each appended picture starts anew",
+            )
+            .field("keep")
+            .remedy("Build the bundle with --streaming-encoder")),
+            _ => Ok(()),
+        }
     }
 
     /// Decodes the latent, after decoding it `prime` times for the memories' sake alone, for [`commit`](Self::commit) or
@@ -138,5 +233,11 @@ impl Autoencoder {
     /// last.
     pub(super) fn state(&self) -> impl Iterator<Item = BufferId> + '_ {
         self.sides[self.current].buffers.iter().copied()
+    }
+
+    /// The encoder's memories, where its stream is kept.
+    pub(super) fn stream(&self) -> impl Iterator<Item = BufferId> + '_ {
+        let kept = self.memories.iter().filter(|memories| memories.is_kept);
+        kept.flat_map(|memories| memories.sides[memories.current].iter().copied())
     }
 }

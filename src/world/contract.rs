@@ -121,21 +121,28 @@ pub(super) fn transformer(geometry: &Geometry, s: &Shapes, f: Precision) -> Cont
     Contract { inputs, outputs }
 }
 
-pub(super) fn encoder(s: &Shapes, f: Precision) -> Contract {
-    let [c, h, w] = s.latent;
-    let [height, width] = s.decoded;
-    Contract {
-        inputs: vec![TensorSpec::new("rgb", f, &[s.pictures, 3, height, width])],
-        outputs: vec![TensorSpec::new("latent", f, &[1, c, h, w])],
-    }
+pub(super) fn encoder(geometry: &Geometry, s: &Shapes, f: Precision) -> Contract {
+    with_memories(f, &geometry.autoencoder.encoder_memories, pictures(s, f), latent(s, f))
 }
 
 pub(super) fn decoder(geometry: &Geometry, s: &Shapes, f: Precision) -> Contract {
+    with_memories(f, &geometry.autoencoder.memories, latent(s, f), pictures(s, f))
+}
+
+fn latent(s: &Shapes, f: Precision) -> TensorSpec {
     let [c, h, w] = s.latent;
+    TensorSpec::new("latent", f, &[1, c, h, w])
+}
+
+fn pictures(s: &Shapes, f: Precision) -> TensorSpec {
     let [height, width] = s.decoded;
-    let mut inputs = vec![TensorSpec::new("latent", f, &[1, c, h, w])];
-    let mut outputs = vec![TensorSpec::new("rgb", f, &[s.pictures, 3, height, width])];
-    for (j, memory) in geometry.autoencoder.memories.iter().enumerate() {
+    TensorSpec::new("rgb", f, &[s.pictures, 3, height, width])
+}
+
+/// A graph from `input` to `output` that is handed memories of such shapes, `[channels, height, width]`, and hands them on.
+fn with_memories(f: Precision, shapes: &[[u32; 3]], input: TensorSpec, output: TensorSpec) -> Contract {
+    let (mut inputs, mut outputs) = (vec![input], vec![output]);
+    for (j, memory) in shapes.iter().enumerate() {
         let shape = [1, memory[0] as usize, memory[1] as usize, memory[2] as usize];
         inputs.push(TensorSpec::new(format!("past_mem.{j}"), f, &shape));
         outputs.push(TensorSpec::new(format!("present_mem.{j}"), f, &shape));

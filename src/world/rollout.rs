@@ -1,5 +1,6 @@
 //! The rollout: one running instance of a world.
 
+use std::borrow::Borrow;
 use std::cell::{Cell, OnceCell};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -142,16 +143,43 @@ impl Rollout {
     /// # Errors
     /// `Device` when a pass fails or gives a number that is not finite; `Unsupported` when a clock has run out.
     pub fn append(&mut self, picture: &Picture) -> Result<StepInfo> {
+        self.append_pictures(&[picture])
+    }
+
+    /// Appends pictures that follow each other, the oldest first, as one latent: as many as a latent has, so a moving scene goes on moving.
+    /// One is a still, as [`append`](Self::append) takes it.
+    ///
+    /// # Errors
+    /// As [`append`](Self::append), and `InvalidArgument` for another number of pictures.
+    pub fn append_pictures(&mut self, pictures: &[impl Borrow<Picture>]) -> Result<StepInfo> {
         self.with_plan(
             |planner, plan| planner.plan_append_into(plan),
             |rollout, plan| {
                 let mut run = Run::start(rollout);
                 let start = Instant::now();
-                rollout.autoencoder.encode(&mut *rollout.lane, picture)?;
+                if !rollout.autoencoder.encode(&mut *rollout.lane, pictures)? {
+                    return Err(device_not_finite("the encoder's memory"));
+                }
                 run.stages.encode.add(1, start);
-                rollout.finish(plan, run)
+                let made = rollout.finish(plan, run)?;
+                rollout.autoencoder.commit_encoding();
+                Ok(made)
             },
         )
+    }
+
+    /// Whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each,
+    /// as it does unless told so. The stream starts here, and again with a reset; it is part of a saved state.
+    ///
+    /// # Errors
+    /// `Unsupported` where the bundle's encoder is not handed its memories; `Device` when the device is lost.
+    pub fn keep_encoder_stream(&mut self, keep: bool) -> Result<()> {
+        self.autoencoder.keep_stream(&mut *self.lane, keep)
+    }
+
+    /// Whether [`keep_encoder_stream`](Self::keep_encoder_stream) was told to.
+    pub fn keeps_encoder_stream(&self) -> bool {
+        self.autoencoder.keeps_stream()
     }
 
     /// Appends a latent, `[C, h, w]`, as [`append`](Self::append) does the latent of a picture.
@@ -239,12 +267,12 @@ impl Rollout {
         Ok(Probe { velocity, keys, values })
     }
 
-    /// Encodes a picture of any size to a latent, `[C, h, w]`. The rollout stays as it is.
+    /// Encodes a picture of any size to the latent, `[C, h, w]`, that an append would make of it now. The rollout stays as it is.
     ///
     /// # Errors
     /// `Device` when the encoder fails or gives a number that is not finite.
     pub fn encode(&mut self, picture: &Picture) -> Result<Vec<f32>> {
-        self.autoencoder.encode(&mut *self.lane, picture)?;
+        self.autoencoder.encode(&mut *self.lane, &[picture])?;
         let mut latent = numbers::zeroed(self.world.latent_len())?;
         numbers::read(&*self.lane, self.world.precision(), self.passes.latent(), 0, &mut latent)?;
         match self.lane.not_finite(self.latent_look)? {

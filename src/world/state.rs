@@ -6,8 +6,8 @@
 //! u32       length of the head
 //! head      JSON: the bundle's digest, precision, operating point and seed
 //! u32       length of the planner's state, and the state
-//! payload   rings (K, V of layer 0, of layer 1, ...), last latent, decoder memories, decoded pictures: the device's
-//!           bytes, sizes as the bundle's geometry has them
+//! payload   rings (K, V of layer 0, of layer 1, ...), last latent, decoder memories, decoded pictures, and the encoder's
+//!           memories where its stream is kept: the device's bytes, sizes as the bundle's geometry has them
 //! 32 bytes  SHA-256 of all before
 //! ```
 //!
@@ -36,6 +36,9 @@ struct Head {
     precision: String,
     operating_point: String,
     seed: u64,
+    /// Whether the encoder's stream is kept; states of before have no such member, and none is.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    encoder_stream: bool,
 }
 
 impl Rollout {
@@ -66,8 +69,8 @@ impl Rollout {
         Ok(out)
     }
 
-    /// Bytes that [`save`](Self::save) makes now. It depends on the world, the operating point and the seed, and on nothing
-    /// else.
+    /// Bytes that [`save`](Self::save) makes now. It depends on the world, the operating point, the seed and whether the
+    /// encoder's stream is kept, and on nothing else.
     ///
     /// # Errors
     /// None that a caller could bring about.
@@ -106,6 +109,13 @@ impl Rollout {
                 return Err(foreign(field, &format!("the state is of {field} {found:?}, this world of {expected:?}")));
             }
         }
+        if head.encoder_stream != mine.encoder_stream {
+            let has =
+                |kept: bool| if kept { "keeps the encoder's stream" } else { "does not keep the encoder's stream" };
+            let why =
+                format!("the rollout of the state {}, this one {}", has(head.encoder_stream), has(mine.encoder_stream));
+            return Err(foreign("encoder_stream", &why));
+        }
         let point: OperatingPoint =
             head.operating_point.parse().map_err(|e: Error| damaged(&format!("its operating point: {e}")))?;
         self.world.check_point(&point).map_err(|e| foreign("operating_point", &e.to_string()))?;
@@ -142,12 +152,13 @@ impl Rollout {
             precision: format!("{:?}", self.world.precision()).to_lowercase(),
             operating_point: self.point.to_string(),
             seed: self.planner.seed(),
+            encoder_stream: self.autoencoder.keeps_stream(),
         }
     }
 
     /// Every buffer that must be kept, in the order of the format.
     pub(super) fn state_buffers(&self) -> impl Iterator<Item = BufferId> + '_ {
-        self.kv.rings().chain([self.latent]).chain(self.autoencoder.state())
+        self.kv.rings().chain([self.latent]).chain(self.autoencoder.state()).chain(self.autoencoder.stream())
     }
 }
 

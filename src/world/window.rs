@@ -31,6 +31,7 @@ impl Rollout {
         }
         let point = OperatingPoint { global_window: world.global_window(), ..self.point.clone() };
         let mut moved = Self::with_stop(world, &point, self.planner.seed(), self.stop_flag().clone())?;
+        moved.keep_encoder_stream(self.keeps_encoder_stream())?;
         let slots = moved.planner.take_over(&self.planner);
         let mut contents = Vec::new();
         for (to, from) in moved.state_buffers().zip(self.state_buffers()) {

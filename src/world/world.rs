@@ -98,7 +98,7 @@ impl World {
             &contract::dimensions(&shapes),
             contract::transformer(geometry, &shapes, precision),
         )?;
-        let encoder = graph(GraphKind::Encoder, "encoder", &[], contract::encoder(&shapes, precision))?;
+        let encoder = graph(GraphKind::Encoder, "encoder", &[], contract::encoder(geometry, &shapes, precision))?;
         let decoder = graph(GraphKind::Decoder, "decoder", &[], contract::decoder(geometry, &shapes, precision))?;
         proceed(sessions)?;
         Ok(Arc::new(World {

@@ -128,6 +128,9 @@ struct row {
     C1(cairn_rollout_destroy, SHARED(ROLLOUT))                                                                        \
     C2(cairn_rollout_get_info, SHARED(ROLLOUT), FILLED(cairn_rollout_info))                                           \
     C3(cairn_rollout_append, ALONE(ROLLOUT), READ(cairn_picture), FILLED_OR_NULL(cairn_step_info))                    \
+    C4(cairn_rollout_append_pictures, ALONE(ROLLOUT), READ(cairn_picture), CHOICE(1, 1),                              \
+       FILLED_OR_NULL(cairn_step_info))                                                                               \
+    C2(cairn_rollout_keep_encoder_stream, ALONE(ROLLOUT), CHOICE(0, 0))                                               \
     C3(cairn_rollout_step, ALONE(ROLLOUT), READ(cairn_controls), FILLED_OR_NULL(cairn_step_info))                     \
     C3(cairn_rollout_set_budget, ALONE(ROLLOUT), NUMBER(100000000), TEXT)                                             \
     C2(cairn_rollout_govern, ALONE(ROLLOUT), READ_OR_NULL(cairn_budget))                                              \
@@ -135,6 +138,7 @@ struct row {
     C2(cairn_rollout_get_anchor, SHARED(ROLLOUT), RESULT(cairn_anchor *))                                             \
     C3(cairn_rollout_submit, SHARED(QUEUE), READ(cairn_controls), RESULT(uint64_t))                                   \
     C3(cairn_rollout_submit_picture, SHARED(QUEUE), READ(cairn_picture), RESULT(uint64_t))                            \
+    C4(cairn_rollout_submit_pictures, SHARED(QUEUE), READ(cairn_picture), CHOICE(1, 1), RESULT(uint64_t))             \
     C4(cairn_rollout_poll, SHARED(QUEUE), NUMBER(1), FILLED_OR_NULL(cairn_step_info), RESULT_OR_NULL(cairn_anchor *)) \
     C5(cairn_rollout_wait, SHARED(QUEUE), NUMBER(1), NUMBER(1000), FILLED_OR_NULL(cairn_step_info),                   \
        RESULT_OR_NULL(cairn_anchor *))                                                                                \

@@ -311,6 +311,17 @@ static void a_rollout_through_the_embedded_world()
     OK(rollout.resume());
     CHECK(pictured && rollout.wait(*pictured).code() == CAIRN_ERROR_CANCELLED);
 
+    /* Four pictures are one latent; the embedded world's encoder has no stream to keep. */
+    const cairn::picture four[] = {picture, picture, picture, picture};
+    CHECK(rollout.append(four, 4).value().latent == 2);
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, rollout.append(four, 3));
+    const auto several = rollout.submit(four, 4).value();
+    CHECK(several && rollout.wait(*several).value()->step.latent == 3);
+    OK(rollout.keep_encoder_stream(false));
+    ANSWERS(CAIRN_ERROR_UNSUPPORTED, rollout.keep_encoder_stream(true));
+    OK(rollout.restore(state));
+    OK(rollout.step(walk));
+
     OK(rollout.save_file("wrapper-state.bin"));
     OK(rollout.restart());
     CHECK(rollout.info().value().latents == 0);

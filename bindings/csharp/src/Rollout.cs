@@ -185,11 +185,52 @@ namespace Cairn
         }
 
         /// <summary>
+        /// Appends pictures that follow each other, the oldest first, as one latent: the four of a latent, so that a scene that moves goes on
+        /// moving, or one, a still. On the calling thread.
+        /// </summary>
+        /// <param name="first">The oldest; is copied.</param>
+        /// <param name="second">Is copied, as all are.</param>
+        /// <param name="third">The one after that.</param>
+        /// <param name="fourth">The newest.</param>
+        /// <exception cref="CairnException">As for <see cref="Append(PictureView)"/>.</exception>
+        public StepInfo Append(PictureView first, PictureView second, PictureView third, PictureView fourth)
+        {
+            fixed (byte* a = &MemoryMarshal.GetReference(first.Pixels))
+            fixed (byte* b = &MemoryMarshal.GetReference(second.Pixels))
+            fixed (byte* c = &MemoryMarshal.GetReference(third.Pixels))
+            fixed (byte* d = &MemoryMarshal.GetReference(fourth.Pixels))
+            {
+                Native.picture* pictures = stackalloc Native.picture[4];
+                pictures[0] = first.At(a);
+                pictures[1] = second.At(b);
+                pictures[2] = third.At(c);
+                pictures[3] = fourth.At(d);
+                Native.step_info info = EmptyInfo();
+                Done(Library.C.rollout_append_pictures(Value, pictures, 4, &info));
+                return new StepInfo(info);
+            }
+        }
+
+        /// <summary>
+        /// Says whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as
+        /// it does unless told so here. The stream starts with this call, and again with a reset; it is part of a saved state.
+        /// </summary>
+        /// <param name="keep">True to keep it.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.Unsupported"/> where the bundle's encoder is not handed its memories; <see cref="Result.Busy"/> while steps
+        /// are queued.
+        /// </exception>
+        public void KeepEncoderStream(bool keep)
+        {
+            Done(Library.C.rollout_keep_encoder_stream(Value, keep ? 1u : 0u));
+        }
+
+        /// <summary>
         /// Makes the next latent; the controls stand for one latent's span of world time. On the calling thread.
         /// </summary>
         /// <param name="controls">Of the step.</param>
         /// <exception cref="CairnException">
-        /// As for <see cref="Append"/>, and <see cref="Result.Unsupported"/> for a key that the world does not know.
+        /// As for <see cref="Append(PictureView)"/>, and <see cref="Result.Unsupported"/> for a key that the world does not know.
         /// </exception>
         public StepInfo Step(Controls controls = default(Controls))
         {
@@ -287,7 +328,7 @@ namespace Cairn
         }
 
         /// <summary>Queues the append of a picture, which is copied.</summary>
-        /// <param name="picture">See <see cref="Append"/>.</param>
+        /// <param name="picture">See <see cref="Append(PictureView)"/>.</param>
         /// <param name="ticket">To ask for the result with.</param>
         /// <returns>False where the queue is full.</returns>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
@@ -298,6 +339,34 @@ namespace Cairn
                 Native.picture native = picture.At(pixels);
                 ulong number = 0;
                 int result = Done(Library.C.rollout_submit_picture(Value, &native, &number));
+                ticket = (long)number;
+                return result == Native.OK;
+            }
+        }
+
+        /// <summary>Queues the append of four pictures, which are copied, as one latent.</summary>
+        /// <param name="first">The oldest; see <see cref="Append(PictureView, PictureView, PictureView, PictureView)"/>.</param>
+        /// <param name="second">The one after that.</param>
+        /// <param name="third">The one after that.</param>
+        /// <param name="fourth">The newest.</param>
+        /// <param name="ticket">To ask for the result with.</param>
+        /// <returns>False where the queue is full.</returns>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
+        public bool TrySubmitPictures(
+            PictureView first, PictureView second, PictureView third, PictureView fourth, out long ticket)
+        {
+            fixed (byte* a = &MemoryMarshal.GetReference(first.Pixels))
+            fixed (byte* b = &MemoryMarshal.GetReference(second.Pixels))
+            fixed (byte* c = &MemoryMarshal.GetReference(third.Pixels))
+            fixed (byte* d = &MemoryMarshal.GetReference(fourth.Pixels))
+            {
+                Native.picture* pictures = stackalloc Native.picture[4];
+                pictures[0] = first.At(a);
+                pictures[1] = second.At(b);
+                pictures[2] = third.At(c);
+                pictures[3] = fourth.At(d);
+                ulong number = 0;
+                int result = Done(Library.C.rollout_submit_pictures(Value, pictures, 4, &number));
                 ticket = (long)number;
                 return result == Native.OK;
             }

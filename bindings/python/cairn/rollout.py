@@ -6,7 +6,7 @@ import os
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
-from ctypes import POINTER, byref, c_char, c_float, c_size_t, c_uint64, c_void_p
+from ctypes import POINTER, Array, byref, c_char, c_float, c_size_t, c_uint64, c_void_p
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -178,6 +178,14 @@ class RolloutStatistics:
     governed_made: int
 
 
+def _array(pictures: Sequence[npt.ArrayLike], order: Order) -> tuple[Array[c.Picture], list[object]]:
+    """Pictures as the library reads them, and what owns their memory."""
+    made = [source(picture, order) for picture in pictures]
+    # An array of no pictures would have no first one to be refused.
+    structs = (c.Picture * max(1, len(made)))(*(struct for struct, _ in made))
+    return structs, [owner for _, owner in made]
+
+
 class Rollout(Object):
     """One running instance of a world: its memory of the past, its clocks and its noise.
 
@@ -209,6 +217,23 @@ class Rollout(Object):
         call("rollout_append", self._handle, byref(struct), byref(info))
         del owner
         return StepInfo._of(info)
+
+    def append_pictures(self, pictures: Sequence[npt.ArrayLike], *, order: Order = "rgba") -> StepInfo:
+        """Appends pictures that follow each other, the oldest first, as one latent: the 4 of a latent, so that a scene that moves goes on
+        moving, or 1, a still. See `append`."""
+        structs, owners = _array(pictures, order)
+        info = c.StepInfo()
+        call("rollout_append_pictures", self._handle, structs, len(pictures), byref(info))
+        del owners
+        return StepInfo._of(info)
+
+    def keep_encoder_stream(self, keep: bool) -> None:
+        """Whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as it
+        does unless told so. The stream starts here, and again with `reset`; it is part of a saved state.
+
+        Raises `Unsupported` where the bundle was built without `--streaming-encoder`, and `Busy` while steps are queued.
+        """
+        call("rollout_keep_encoder_stream", self._handle, int(keep))
 
     def step(self, controls: Controls = Controls()) -> StepInfo:  # noqa: B008 (it does not change)
         """Makes the next latent; the controls stand for one latent's span of world time. Raises `InvalidArgument`, `Busy`,
@@ -285,6 +310,14 @@ class Rollout(Object):
         ticket = self._submitted("rollout_submit_picture", struct)
         del owner
         return ticket
+
+    def submit_pictures(self, pictures: Sequence[npt.ArrayLike], *, order: Order = "rgba") -> int | None:
+        """Queues the append of pictures, which are copied, as one latent; see `append_pictures` and `submit`."""
+        structs, owners = _array(pictures, order)
+        ticket = c_uint64()
+        result = call("rollout_submit_pictures", self._handle, structs, len(pictures), byref(ticket))
+        del owners
+        return None if result == c.QUEUE_FULL else ticket.value
 
     def _submitted(self, function: str, struct: c.Sized) -> int | None:
         ticket = c_uint64()

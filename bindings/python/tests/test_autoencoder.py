@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from conftest import TINY, relative, session
 
+from cairn.build import PRESETS, build_bundle
+from cairn.build.manifest import Licence
 from cairn.build.random_weights import RandomWeights
 from cairn.build.weights import autoencoder_weights
 
@@ -71,6 +73,32 @@ def test_encoder_equals_the_numpy_one(tiny, weights):
     rgb = np.random.default_rng(1).random((4, 3, *reversed(TINY.decoded)))
     (latent,) = session(tiny, "encoder", "f32").run(None, {"rgb": rgb.astype(np.float32)})
     assert relative(latent, encode(weights, rgb)) < 1e-5
+
+
+@pytest.fixture(scope="module")
+def streaming(tmp_path_factory):
+    """A bundle like `tiny` whose encoder is handed its memories."""
+    g = PRESETS["stream"][1]
+    out = tmp_path_factory.mktemp("bundles") / "stream"
+    licence = Licence("CC0-1.0", "No rights reserved.\n")
+    return g, build_bundle(g, RandomWeights(g, 1), out, name="stream", provenance={"seed": "1"}, licence=licence)
+
+
+def test_streaming_encoder_equals_time_parallel_one(streaming, tiny, weights):
+    g, bundle = streaming
+    rgb = np.random.default_rng(4).random((16, 3, *reversed(g.decoded)))
+    latents = encode(weights, rgb)
+    encoder = session(bundle, "encoder", "f32")
+    clip = session(tiny, "encoder", "f32")
+    memories = [np.zeros((1, *shape), np.float32) for shape in g.encoder_memories]
+    assert [i.shape for i in encoder.get_inputs()[1:]] == [list(memory.shape) for memory in memories]
+    for q, latent in enumerate(latents):
+        pictures = {"rgb": rgb[4 * q : 4 * q + 4].astype(np.float32)}
+        found, *memories = encoder.run(None, pictures | {f"past_mem.{j}": m for j, m in enumerate(memories)})
+        assert relative(found[0], latent) < 1e-5
+        # Fresh memories give another latent, but for the first.
+        (fresh,) = clip.run(None, pictures)
+        assert (relative(fresh[0], latent) < 1e-5) == (q == 0)
 
 
 def test_streaming_decoder_equals_time_parallel_one(tiny, weights):

@@ -361,6 +361,44 @@ def test_a_saved_state_goes_on_bit_for_bit(world, tmp_path):
         assert other.info.latents == 4
 
 
+def test_four_pictures_are_one_latent(world):
+    pictures = [np.roll(runtime.pattern(72, 128), 8 * i, axis=1) for i in range(4)]
+    latents = []
+    for given in (pictures[:1], [pictures[0]] * 4, pictures):
+        with world.rollout(seed=7) as rollout:
+            assert rollout.append_pictures(given).latent == 0
+            with rollout.anchor() as anchor:
+                latents.append(anchor.latent())
+            ticket = rollout.submit_pictures(given)
+            rollout.wait(ticket)[1].close()
+            assert rollout.info.latents == 2
+    assert np.array_equal(latents[0], latents[1]) and not np.array_equal(latents[0], latents[2])
+    with world.rollout(seed=7) as rollout:
+        for count in (0, 2, 3, 5):
+            with pytest.raises(cairn.InvalidArgument):
+                rollout.append_pictures((pictures * 2)[:count])
+        with pytest.raises(cairn.InvalidArgument):
+            rollout.append_pictures([pictures[0], pictures[1][:, :, 0]] * 2)
+        assert rollout.info.latents == 0
+
+
+def test_the_encoder_s_stream_is_kept_where_it_is_asked_for(device, world):
+    picture, other = runtime.pattern(72, 128), runtime.pattern(72, 128)[::-1]
+
+    def second_latent(world, keep):
+        with world.rollout(seed=7) as rollout:
+            rollout.keep_encoder_stream(keep)
+            rollout.append(picture)
+            rollout.append(other)
+            with rollout.anchor() as anchor:
+                return anchor.latent()
+
+    with device.load_world(runtime.need_worlds() / "stream") as streaming:
+        assert not np.array_equal(second_latent(streaming, True), second_latent(streaming, False))
+    with pytest.raises(cairn.Unsupported, match="streaming-encoder"):
+        second_latent(world, True)
+
+
 def test_a_scene_edit_is_a_cut(rollout):
     rollout.step()
     rollout.append(np.full((36, 64, 3), 200, np.uint8))

@@ -49,7 +49,7 @@ impl Interface {
         };
         match kind {
             GraphKind::Transformer => transformer(f, manifest),
-            GraphKind::Encoder => Self { inputs: vec![rgb(f, manifest)], outputs: vec![latent("latent", f, manifest)] },
+            GraphKind::Encoder => encoder(f, manifest),
             GraphKind::Decoder => decoder(f, manifest),
         }
     }
@@ -119,16 +119,21 @@ fn transformer(f: Element, m: &Manifest) -> Interface {
     Interface { inputs, outputs }
 }
 
+fn encoder(f: Element, m: &Manifest) -> Interface {
+    with_memories(f, &m.geometry.autoencoder.encoder_memories, rgb(f, m), latent("latent", f, m))
+}
+
 fn decoder(f: Element, m: &Manifest) -> Interface {
-    let memories = |prefix: &str| -> Vec<Port> {
-        let shapes = m.geometry.autoencoder.memories.iter().enumerate();
-        shapes.map(|(j, &[c, h, w])| Port::fixed(format!("{prefix}.{j}"), f, &[1, c, h, w])).collect()
+    with_memories(f, &m.geometry.autoencoder.memories, latent("latent", f, m), rgb(f, m))
+}
+
+/// A graph from `input` to `output` that is handed memories of such shapes, `[channels, height, width]`, and hands them on.
+fn with_memories(f: Element, shapes: &[[u32; 3]], input: Port, output: Port) -> Interface {
+    let ports = |first, prefix: &str| {
+        let memory = |(j, &[c, h, w]): (usize, &[u32; 3])| Port::fixed(format!("{prefix}.{j}"), f, &[1, c, h, w]);
+        std::iter::once(first).chain(shapes.iter().enumerate().map(memory)).collect()
     };
-    let mut inputs = vec![latent("latent", f, m)];
-    inputs.extend(memories("past_mem"));
-    let mut outputs = vec![rgb(f, m)];
-    outputs.extend(memories("present_mem"));
-    Interface { inputs, outputs }
+    Interface { inputs: ports(input, "past_mem"), outputs: ports(output, "present_mem") }
 }
 
 fn compare(role: &str, expected: &[Port], found: &[ValueInfo<'_>]) -> Check<()> {

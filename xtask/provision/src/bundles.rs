@@ -9,8 +9,8 @@ use sha2::{Digest, Sha256};
 use crate::python::{python_env, python_path, text};
 use crate::{Error, Progress, Result, cache, process};
 
-/// The worlds that can be made: two for tests, one for the demo.
-pub const BUNDLES: [&str; 3] = ["tiny", "window", "demo"];
+/// The worlds that can be made: three for tests, one for the demo.
+pub const BUNDLES: [&str; 4] = ["tiny", "window", "stream", "demo"];
 
 /// The directory of the random-weight world `name`, one of [`BUNDLES`]; built on first use.
 ///

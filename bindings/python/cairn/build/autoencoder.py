@@ -1,4 +1,4 @@
-"""TAEHV-1.5 as two ONNX graphs: a clip encoder, and a streaming decoder that is handed its nine memories.
+"""TAEHV-1.5 as two ONNX graphs: an encoder of clips or of a stream, and a streaming decoder that is handed its nine memories.
 
 Frames lie along the batch axis, oldest first. A memory layer sees, beside each frame, the same layer's input one frame
 earlier; the decoder's memories are those inputs at the last frame of the call before.
@@ -18,7 +18,7 @@ _SCALES = np.array([1, 1, 2, 2], np.float32)
 
 
 def build_encoder(g: Geometry, precision: str, weights: dict[str, Placed]) -> Graph:
-    """`rgb [4, 3, H, W]` in [0, 1] -> `latent [1, C, h, w]`; memories start at zero."""
+    """`rgb [4, 3, H, W]` in [0, 1] -> `latent [1, C, h, w]`; memories start at zero, or are handed in and out as the decoder's."""
     o = Graph("encoder", precision, weights)
     width, height = g.decoded
     frames, p = AUTOENCODER_TEMPORAL, AUTOENCODER_PATCH
@@ -28,6 +28,8 @@ def build_encoder(g: Geometry, precision: str, weights: dict[str, Placed]) -> Gr
     x = o.reshape(x, [frames * 3, height, p, width, p], "unshuffle.split")
     x = o.transpose(x, [0, 2, 4, 1, 3], "unshuffle.turned")
     x = o.reshape(x, [frames, 3 * p * p, height, width], "unshuffle")
+    past = [o.input(f"past_mem.{j}", precision, [1, *shape]) for j, shape in enumerate(g.encoder_memories)]
+    present = []
     x = _relu(o, _conv(o, x, "encoder.0", 3), "encoder.1")
     for stage, pooled in enumerate(ENCODER_POOLING):
         first = 2 + stage * (2 + MEMORIES_PER_STAGE)
@@ -37,13 +39,19 @@ def build_encoder(g: Geometry, precision: str, weights: dict[str, Placed]) -> Gr
         x = _conv(o, x, f"encoder.{first}.conv", 1)
         x = _conv(o, x, f"encoder.{first + 1}", 3, stride=2)
         height, width = height // 2, width // 2
-        start = _frame(o, x, frames, 0, f"stage.{stage}.first")
-        empty = o.sub(start, start, f"stage.{stage}.empty")
+        if not past:
+            start = _frame(o, x, frames, 0, f"stage.{stage}.first")
+            empty = o.sub(start, start, f"stage.{stage}.empty")
         for m in range(MEMORIES_PER_STAGE):
             name = f"encoder.{first + 2 + m}"
-            x = _memory_block(o, x, empty, frames, name)
+            if past:
+                present.append(_frame(o, x, frames, frames - 1, f"{name}.last"))
+            memory = past[stage * MEMORIES_PER_STAGE + m] if past else empty
+            x = _memory_block(o, x, memory, frames, name)
     x = _conv(o, x, f"encoder.{2 + STAGES * (2 + MEMORIES_PER_STAGE)}", 3)
     o.output(x, "latent", [1, g.latent_channels, g.latent_height, g.latent_width])
+    for j, (memory, shape) in enumerate(zip(present, g.encoder_memories)):
+        o.output(memory, f"present_mem.{j}", [1, *shape])
     return o
 
 

@@ -78,6 +78,7 @@ def parser() -> argparse.ArgumentParser:
     checkpoint.add_argument("--name", help="shown to people; the directory's name unless given")
     checkpoint.add_argument("--licence", default="Apache-2.0", help="SPDX expression of the weights (Apache-2.0)")
     checkpoint.add_argument("--licence-file", type=Path, help="its text; LICENSE in the directory unless given")
+    _streaming(checkpoint)
     _output(checkpoint)
 
     presets = "".join(f"  {name:8} {what}\n" for name, (what, _) in PRESETS.items())
@@ -85,6 +86,7 @@ def parser() -> argparse.ArgumentParser:
         "random", help="with seeded random weights", description=RANDOM_HELP + presets, formatter_class=raw
     )
     _geometry(random)
+    _streaming(random)
     random.add_argument("--seed", type=int, default=1, help="0 to 2^64 - 1 (1)")
     random.add_argument("--name", help="shown to people")
     _output(random)
@@ -105,6 +107,14 @@ def parser() -> argparse.ArgumentParser:
     pack.add_argument("--out", type=Path, required=True, help="what to write")
     pack.add_argument("--replace", action="store_true", help="replace what is there")
     return top
+
+
+def _streaming(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--streaming-encoder",
+        action="store_true",
+        help="the encoder is handed its memories, so that rollouts may keep its stream from one appended picture to the next",
+    )
 
 
 def _output(command: argparse.ArgumentParser) -> None:
@@ -193,6 +203,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
 
 
+def _with_stream(options: argparse.Namespace, geometry: Geometry) -> Geometry:
+    return geometry.with_(streaming_encoder=True) if options.streaming_encoder else geometry
+
+
 def _build(options: argparse.Namespace, geometry: Geometry, source, **facts) -> int:
     progress = Printer(options.quiet)
     precisions = ("f32",) if options.precision == "f32" else ("f32", "f16")
@@ -215,7 +229,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
         licence = Licence(options.licence)
     result = _build(
         options,
-        found.geometry,
+        _with_stream(options, found.geometry),
         found,
         name=options.name or options.directory.resolve().name[:100],
         provenance={**found.provenance, "rounding": options.rounding},
@@ -230,7 +244,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
 def _random(options: argparse.Namespace) -> int:
     if not 0 <= options.seed < 1 << 64:
         raise BuildError(f"{options.seed} is outside 0 .. 2^64 - 1", field="--seed", remedy="Choose a seed in that range.")
-    geometry = chosen_geometry(options)
+    geometry = _with_stream(options, chosen_geometry(options))
     return _build(
         options,
         geometry,

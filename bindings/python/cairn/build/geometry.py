@@ -46,6 +46,8 @@ class Geometry:
     encoder_width: int = 64
     decoder_widths: tuple[int, int, int, int] = (256, 128, 64, 64)
     render: tuple[int, int] = field(default=(0, 0))
+    # Whether the encoder's graph is handed its memories, so that a rollout may keep its stream.
+    streaming_encoder: bool = False
 
     def __post_init__(self) -> None:
         positive = (
@@ -147,6 +149,17 @@ class Geometry:
             for _ in range(MEMORIES_PER_STAGE)
         ]
 
+    @property
+    def encoder_memories(self) -> list[tuple[int, int, int]]:
+        """The same of the encoder's, where its graph is handed them; else none."""
+        if not self.streaming_encoder:
+            return []
+        return [
+            (self.encoder_width, self.latent_height << halvings, self.latent_width << halvings)
+            for halvings in reversed(range(STAGES))
+            for _ in range(MEMORIES_PER_STAGE)
+        ]
+
     def is_global(self, layer: int) -> bool:
         """Whether `layer` attends to the dilated window."""
         return (layer - self.global_offset) % self.global_period == 0
@@ -215,6 +228,7 @@ PRESETS: dict[str, tuple[str, Geometry]] = {
         "tiny with the real windows 16 / 8 / 128",
         _TINY.with_(local_window=16, global_window=128, global_dilation=8, global_max_window=128),
     ),
+    "stream": ("tiny with an encoder that is handed its memories", _TINY.with_(streaming_encoder=True)),
     "demo": (
         "128 tokens, 512 x 256 decoded, up to g512: runs on two processor cores",
         Geometry(

@@ -66,6 +66,7 @@ def manifest(
                 "temporal": AUTOENCODER_TEMPORAL,
                 "spatial": g.spatial,
                 "memories": [list(m) for m in g.memories],
+                **({"encoder_memories": [list(m) for m in g.encoder_memories]} if g.streaming_encoder else {}),
             },
         },
         "sampler": {"schedule": list(g.schedule), "sigma_rounding": rounding},
@@ -108,6 +109,7 @@ def geometry_of(content: dict) -> Geometry:
             time_multiplier=content["rates"]["time_multiplier"],
             schedule=tuple(content["sampler"]["schedule"]),
             decoder_widths=(*stages, stages[2]),
+            streaming_encoder=bool(g["autoencoder"].get("encoder_memories")),
             render=tuple(content["picture"]["render"]),
         )
     except (KeyError, IndexError, TypeError, AttributeError) as error:
