@@ -15,8 +15,12 @@ mod allocations;
 #[path = "support/frame_cases.rs"]
 #[allow(dead_code, reason = "frames need more of it")]
 mod cases;
+#[path = "d3d12/hazards.rs"]
+mod hazards;
 #[path = "d3d12/pictures.rs"]
 mod pictures;
+#[path = "d3d12/tables.rs"]
+mod tables;
 use allocations::ALLOCATIONS;
 use cases::Dice;
 use pictures::{Kept, filled, read, texture};
@@ -148,6 +152,20 @@ fn walk(dice: &mut Dice, size: (u32, u32)) -> [Picture; 2] {
             ground(middle[0] + grows * (x - middle[0]) + turn[0], middle[1] + grows * (y - middle[1]) + turn[1])
         })
     })
+}
+
+#[test]
+fn no_dispatch_uses_what_an_earlier_one_may_still_write() {
+    let gpu = gpu();
+    let size = (96, 64);
+    let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 8);
+    let blank = Picture::new(size.0, size.1).expect("a picture");
+    let textures = [&blank, &blank].map(|picture| textured(&gpu, picture));
+    let checker = hazards::checked(gpu.device(), || {
+        extraction.bytes([&textures[0], &textures[1]], 4);
+    });
+    assert_eq!(checker.faults, [""; 0]);
+    assert!(checker.dispatches > 10, "{}", checker.dispatches);
 }
 
 #[test]

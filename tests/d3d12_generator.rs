@@ -23,8 +23,12 @@ mod allocations;
 mod cases;
 #[path = "d3d12/compared.rs"]
 mod compared;
+#[path = "d3d12/hazards.rs"]
+mod hazards;
 #[path = "d3d12/pictures.rs"]
 mod pictures;
+#[path = "d3d12/tables.rs"]
+mod tables;
 use allocations::ALLOCATIONS;
 use cases::Dice;
 use compared::{Compared, Guided, Tally, depth_texture, raster, target, textured};
@@ -109,6 +113,54 @@ where
         // Ten times fewer than is promised: all that may differ is how a device divides.
         assert!(10_000 * tally.far <= tally.pixels, "{tally:?}");
     }
+}
+
+#[test]
+fn no_dispatch_uses_what_an_earlier_one_may_still_write() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let (mut generator, scene) = (ShaderGenerator::new(&gpu, SIZE).expect("a generator"), Scene::new(&gpu));
+    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
+    let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
+    let checker = hazards::checked(gpu.device(), || {
+        generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &out, 4);
+        let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+        let mut frame = frames.begin().expect("a frame");
+        let (current, guidance) = (anchors[1].resting(), scene.guided.textures());
+        generator.extrapolate(&mut frame, &current, &guidance, false, 0.3, &out.resting()).expect("it is recorded");
+        frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
+    });
+    assert_eq!(checker.faults, [""; 0]);
+    assert!(checker.dispatches > 30, "{}", checker.dispatches);
+}
+
+#[test]
+fn the_checker_of_dispatches_finds_each_missing_barrier() {
+    let (written, other) = (100, 200);
+    let unordered = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
+    let read = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+    // The first dispatch writes `written`; the second uses it as `again` says, after `between`.
+    let faults = |is_unordered: bool, between: &dyn Fn(&mut hazards::Checker)| {
+        let mut checker = hazards::Checker::new(8);
+        checker.describe(8, other, false);
+        checker.describe(16, written, true);
+        checker.bind(8);
+        checker.dispatch();
+        checker.describe(24, written, is_unordered);
+        checker.bind(24);
+        between(&mut checker);
+        checker.dispatch();
+        checker.faults.len()
+    };
+    assert_eq!(faults(true, &|_| {}), 1, "written twice");
+    assert_eq!(faults(true, &|checker| checker.unordered_barrier(Some(other))), 1, "a barrier for something else");
+    assert_eq!(faults(true, &|checker| checker.unordered_barrier(Some(written))), 0);
+    assert_eq!(faults(true, &|checker| checker.unordered_barrier(None)), 0);
+    assert_eq!(faults(true, &hazards::Checker::close), 1, "nothing is bound in a new list");
+    assert_eq!(faults(false, &|_| {}), 1, "read after it was written");
+    assert_eq!(faults(false, &|checker| checker.transition(written, unordered, read)), 0);
+    assert_eq!(faults(true, &|checker| checker.transition(written, unordered, read)), 1, "written as it is to be read");
+    let twice = |checker: &mut hazards::Checker| (0..2).for_each(|_| checker.transition(written, unordered, read));
+    assert_eq!(faults(false, &twice), 1, "a barrier from a state that it is not in");
 }
 
 #[test]

@@ -12,9 +12,9 @@ use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::*;
 use cairn::gpu::windows::core::Interface as _;
 
-use crate::engine::Engine;
-use crate::pictures::Textures;
-use crate::stage::Stage;
+use super::engine::Engine;
+use super::pictures::Textures;
+use super::stage::Stage;
 
 pub(crate) const SIZE: Dimensions = Dimensions { width: 128, height: 96 };
 /// Pixels that the picture moves to the right from frame to frame.

@@ -99,6 +99,21 @@ pub(super) fn count(ended: &Ended) -> Tally {
     tally
 }
 
+/// The same where the command names tests or parts of their names: a name that stands for no test is a failure, as nothing of what it
+/// meant has run.
+pub(super) fn count_named(ended: &Ended, names: &[&str]) -> Tally {
+    let mut tally = count(ended);
+    let ran: Vec<&str> = ended.output.lines().filter_map(test_name).collect();
+    let missing = names.iter().filter(|name| !ran.iter().any(|test| test.contains(*name)));
+    tally.failures.extend(missing.map(|name| format!("no test of the name {name} has run: was it renamed?")));
+    tally
+}
+
+/// The test that a line of a test program tells the result of.
+fn test_name(line: &str) -> Option<&str> {
+    Some(line.strip_prefix("test ")?.split_once(" ... ")?.0.trim())
+}
+
 /// The number before `word` in `ok. 12 passed; 0 failed; ...`.
 fn counted(counts: &str, word: &str) -> usize {
     let words: Vec<&str> = counts.split([' ', ';']).filter(|word| !word.is_empty()).collect();
@@ -135,6 +150,15 @@ mod tests {
         assert_eq!(tally.to_string(), "13 passed, 1 failed, 1 skipped");
         assert_eq!(tally.failures, ["a::c"]);
         assert_eq!(tally.skips[0], Skip { name: "a::d".to_owned(), reason: "needs real-gpu".to_owned() });
+    }
+
+    #[test]
+    fn a_name_without_a_test_is_a_failure() {
+        let output = "test a::of_rollouts ... ok\ntest a::of_states - should panic ... ok\ntest result: ok. 2 passed; 0 failed;\n";
+        let ended = ended(true, output);
+        assert_eq!(count_named(&ended, &["a::of_rollouts", "of_states"]).to_string(), "2 passed, 0 failed, 0 skipped");
+        let renamed = count_named(&ended, &["a::of_rollouts", "a::of_worlds"]);
+        assert_eq!(renamed.failures, ["no test of the name a::of_worlds has run: was it renamed?"]);
     }
 
     #[test]

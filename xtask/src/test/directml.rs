@@ -14,9 +14,13 @@ const BUDGETS: &str = "rollout_budget";
 const TRACE: &str = "parity-trace";
 
 /// The tests of the short form that load no world besides their own: each world is gigabytes where a processor plays the device.
-const SHORT_STATES: [&str; 2] = ["a_restored_rollout_continues", "in_another_process"];
+const SHORT_STATES: [&str; 2] =
+    ["a_restored_rollout_continues_bit_for_bit", "a_state_continues_bit_for_bit_in_another_process"];
 /// Those that ask what only a device can answer: whether its memory is moved right, and what its clock says.
-const SHORT_BUDGETS: [&str; 2] = ["a_narrower_window_sees", "a_device_s_own_clock"];
+const SHORT_BUDGETS: [&str; 2] = [
+    "a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none",
+    "a_device_s_own_clock_says_what_latents_take",
+];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     all(context, log, true)
@@ -51,10 +55,10 @@ fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]
     lab::for_windows(&mut command)?;
     command.args(["--", "--test-threads=1"]);
     if let Some(short) = short {
-        command.args(short).env("CAIRN_TEST_SHORT", "1");
+        command.arg("--exact").args(short).env("CAIRN_TEST_SHORT", "1");
     }
     context.provide_windows_worlds(command.env("CAIRN_TEST_DEVICE", "d3d12"))?;
-    Ok(cargo::count(&log.run(&mut command)?))
+    Ok(cargo::count_named(&log.run(&mut command)?, short.unwrap_or_default()))
 }
 
 /// Rollouts against the whole history recomputed.

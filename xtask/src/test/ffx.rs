@@ -45,7 +45,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     command.env("CAIRN_ONNXRUNTIME", library);
     if let Some(folder) = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()) {
         let folder = std::path::absolute(PathBuf::from(folder)).map_err(|e| format!("{VARIABLE}: {e}"))?;
-        command.env(VARIABLE, folder).args(["--", "--include-ignored"]);
+        command.env(VARIABLE, folder);
     }
     tally.add(cargo::count(&log.run(&mut command)?));
     Ok(tally)

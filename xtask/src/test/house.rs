@@ -13,8 +13,16 @@ use crate::shell::Log;
 const LONGEST_FILE: usize = 600;
 
 /// Words that mark unfinished work, in halves so that this file may pass.
-const UNFINISHED: [(&str, &str); 6] =
-    [("TO", "DO"), ("FIX", "ME"), ("XX", "X:"), ("todo", "!("), ("unimplemented", "!("), ("#[ign", "ore]")];
+const UNFINISHED: [(&str, &str); 7] = [
+    ("TO", "DO"),
+    ("FIX", "ME"),
+    ("XX", "X:"),
+    ("todo", "!("),
+    ("unimplemented", "!("),
+    // A test that cannot run everywhere says so, with the reason, when it is run.
+    ("#[ign", "ore]"),
+    ("#[ign", "ore ="),
+];
 
 /// The rooms of the library from the top down: each may use those after it only.
 const ROOMS: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "ffx", "gpu"];

@@ -57,6 +57,9 @@ fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
 /// How many lives of a device, and of a world, the long run has.
 const DEVICES: &str = "1000";
 const WORLDS: &str = "20";
+/// The tests that have them.
+const CYCLES: [&str; 2] =
+    ["devices_come_and_go_and_leave_what_their_calls_leave_without_cairn", "worlds_come_and_go_and_memory_is_flat"];
 
 pub(super) fn run_cycles(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     if let Some(skip) = or_skip("lives of devices and worlds on Direct3D 12")? {
@@ -64,10 +67,10 @@ pub(super) fn run_cycles(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
     }
     let mut command = context.clone.cargo(["test", "--package", "cairn", "--test", "d3d12_lifecycle"]);
     for_windows(&mut command)?;
-    command.args(["--", "come_and_go"]);
+    command.args(["--", "--exact"]).args(CYCLES);
     context.provide_windows_worlds(&mut command)?;
     command.env("CAIRN_DEVICE_CYCLES", DEVICES).env("CAIRN_WORLD_CYCLES", WORLDS);
-    Ok(cargo::count(&log.run(&mut command)?))
+    Ok(cargo::count_named(&log.run(&mut command)?, &CYCLES))
 }
 
 /// Has a cargo command, whose own arguments are all there, build for Windows and run what it built in the lab.

@@ -233,13 +233,16 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
         println!("\nfuzz, faults, directml-all, cycles, dist-release and soak run with --thorough only");
         return Ok(true);
     }
-    let chosen: Vec<&Runner> = all
-        .filter(|runner| options.filters.is_empty() || options.filters.iter().any(|f| runner.name.contains(f.as_str())))
-        .collect();
-    if chosen.is_empty() {
+    let all: Vec<&Runner> = all.collect();
+    if let Some(filter) = options.filters.iter().find(|f| !all.iter().any(|runner| runner.name.contains(f.as_str()))) {
         let names: Vec<_> = RUNNERS.iter().chain(THOROUGH).map(|runner| runner.name).collect();
-        return Err(format!("no runner's name holds {:?}. There are {}", options.filters, names.join(", ")));
+        let thorough = "fuzz, faults, directml-all, cycles, dist-release and soak need --thorough";
+        return Err(format!("no runner's name holds {filter:?}. There are {}; {thorough}", names.join(", ")));
     }
+    let is_chosen = |runner: &&Runner| {
+        options.filters.is_empty() || options.filters.iter().any(|filter| runner.name.contains(filter.as_str()))
+    };
+    let chosen: Vec<&Runner> = all.into_iter().filter(is_chosen).collect();
     if options.filters.is_empty() {
         room::require(clone)?;
     }

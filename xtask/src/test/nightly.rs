@@ -26,7 +26,7 @@ pub(super) fn miri(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     command.args(["cargo", "miri", "test", "--package", "cairn", "--lib", "--"]).args(UNDER_MIRI);
     command.current_dir(&context.clone.root).env("CARGO_TARGET_DIR", context.clone.target.join("miri"));
     let ended = log.run(&mut command)?;
-    let mut tally = cargo::count(&ended);
+    let mut tally = cargo::count_named(&ended, &UNDER_MIRI);
     // A leak is found after the last test.
     tally.check((!ended.success && tally.failures.is_empty()).then(|| "Miri has found something".to_owned()));
     Ok(tally)
@@ -74,6 +74,7 @@ pub(super) fn races(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
     let ended = log.run(&mut command)?;
     let mut tally = Tally::default();
     tally.passed += ended.output.lines().filter(|line| line.starts_with("test ") && line.ends_with(" ... ok")).count();
+    tally.check((tally.passed == 0).then(|| "no test of the program has run".to_owned()));
     tally.check((!ended.success).then(|| "ThreadSanitizer, or a test under it, has found something".to_owned()));
     Ok(tally)
 }

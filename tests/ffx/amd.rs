@@ -1,0 +1,510 @@
+//! AMD's own libraries, in the folder that `CAIRN_FFX_DIR` names. On Windows, or in the lab.
+
+use std::path::PathBuf;
+
+use cairn::ErrorKind;
+use cairn::ffx::bindings::{
+    Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, Rect, SurfaceFormat, TransferFunction,
+};
+use cairn::ffx::{
+    Choice, Context, Effect, Family, FileVersion, FourfoldGenerator, Generator, Library, LoadOptions, Part, Pictures,
+    Seen, Shot, TextureGenerator, TextureOptions, memory_needed, versions,
+};
+use cairn::gpu::Gpu;
+use cairn::gpu::windows::core::Interface;
+
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
+use libtest_mimic::Trial;
+
+#[path = "../d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+#[path = "pictures.rs"]
+mod pictures;
+use pictures::{Kept, Textures, run};
+
+fn options(signed: bool) -> LoadOptions {
+    let directory = std::env::var_os("CAIRN_FFX_DIR").map(PathBuf::from);
+    LoadOptions { directory: Some(directory.expect("CAIRN_FFX_DIR names a folder")), signed }
+}
+
+fn head() -> CreateFrameGeneration {
+    let size = Dimensions { width: 640, height: 360 };
+    CreateFrameGeneration {
+        flags: CreateFlags::DEBUG_CHECKING,
+        display_size: size,
+        max_render_size: size,
+        back_buffer_format: SurfaceFormat::R8G8B8A8_UNORM,
+        ..Default::default()
+    }
+}
+
+/// Of the analytic provider, made without the frames that try it out.
+fn untested(size: Dimensions) -> TextureOptions {
+    TextureOptions {
+        choice: Choice::Prefer(Family::Analytic),
+        self_test: false,
+        ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
+    }
+}
+
+fn they_are_found_and_loaded_with_their_versions() {
+    let library = Library::load(&options(false)).expect("loaded");
+    for file in library.files() {
+        println!("{:?} {} {:?}", file.part, file.path.display(), file.version);
+        assert!(file.fault.is_none(), "{:?}", file.fault);
+        assert!(file.version.is_some_and(|version| version >= FileVersion([1, 0, 0, 0])), "{file:?}");
+    }
+    let split = library.files().iter().any(|file| file.part == Part::Loader);
+    let door = if split { Part::Loader } else { Part::Whole };
+    assert!([Some(door), Some(Part::FrameGeneration)].contains(&library.serves(Effect::FrameGeneration)));
+}
+
+fn their_signature_is_amd_s() {
+    match Library::load(&options(true)) {
+        Ok(library) => {
+            for file in library.files() {
+                println!("{:?} is signed by {:?}", file.part, file.signer);
+                assert!(file.signer.as_ref().is_some_and(|signer| signer.starts_with("Advanced Micro Devices")));
+            }
+        }
+        // A machine that does not know the root of AMD's certificate cannot tell; that it is not one without a signature, it can.
+        Err(refused) => {
+            println!("{refused}");
+            assert!(refused.cause().contains("Advanced Micro Devices"), "{refused}");
+            assert!(refused.cause().contains("root"), "{refused}");
+        }
+    }
+}
+
+fn one_byte_of_theirs_that_is_another_is_found_out() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let own = library.files().iter().find(|file| [Part::FrameGeneration, Part::Whole].contains(&file.part));
+    let own = own.expect("it was found");
+    let place = std::env::temp_dir().join(format!("cairn-ffx-altered-{}", std::process::id()));
+    std::fs::create_dir_all(&place).expect("a folder");
+    let mut bytes = std::fs::read(&own.path).expect("the file");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(place.join(own.part.file_name()), bytes).expect("the altered file");
+    let refused = Library::load(&LoadOptions { directory: Some(place), signed: true }).expect_err("it was altered");
+    println!("{refused}");
+    assert!(refused.cause().contains("it was altered after it was signed"), "{refused}");
+}
+
+fn a_provider_is_chosen_made_and_says_what_it_is() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
+    // SAFETY: a live device.
+    let offered = unsafe { versions(api, Effect::FrameGeneration, device) }.expect("some");
+    println!("offered: {offered:?}");
+    for (choice, family) in [
+        (Choice::Any, None),
+        (Choice::Prefer(Family::Ml), None),
+        (Choice::Require(Family::Analytic), Some(Family::Analytic)),
+        (Choice::Require(Family::Ml), Some(Family::Ml)),
+    ] {
+        // SAFETY: a live device, which outlives the context.
+        let made = unsafe { Context::create(api, device, choice, head(), |chain| chain) };
+        if family.is_some_and(|family| offered.iter().all(|version| version.family() != Some(family))) {
+            let refused = made.expect_err("there is none");
+            println!("{choice:?}: {refused}");
+            assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")));
+            continue;
+        }
+        let context = made.expect("a context");
+        println!("{choice:?}: {:?}", context.provider());
+        assert!(context.provider().verified);
+        if let Some(family) = family {
+            assert_eq!(context.provider().version.family(), Some(family));
+        }
+    }
+    assert!(gpu.removed().is_none());
+}
+
+/// A picture that has moved to the right by so many pixels.
+fn moved(by: f32) -> impl Fn(u32, u32) -> [u8; 4] {
+    move |x, y| {
+        let (x, y) = (x as f32 - by, y as f32);
+        let wave = |phase: f32| (128.0 + 100.0 * phase.sin()) as u8;
+        [wave(x * 0.05), wave(y * 0.07 + x * 0.02), wave(x * 0.03 - y * 0.04), 255]
+    }
+}
+
+/// PSNR of the inner part of a picture.
+fn psnr(found: &[[u8; 4]], truth: impl Fn(u32, u32) -> [u8; 4], size: Dimensions) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for y in 20..size.height - 20 {
+        for x in 60..size.width - 60 {
+            for (a, b) in found[(y * size.width + x) as usize].iter().zip(truth(x, y)).take(3) {
+                sum += (f64::from(*a) - f64::from(b)).powi(2);
+                count += 1.0;
+            }
+        }
+    }
+    10.0 * (255.0 * 255.0 / (sum / count + 1e-9)).log10()
+}
+
+fn a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
+    // SAFETY: a live device, which outlives the generator.
+    let mut generator =
+        unsafe { Generator::create(api, device, Choice::Prefer(Family::Analytic), head(), None) }.expect("a generator");
+    let size = head().display_size;
+    let textures = Textures::new(&gpu, size);
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    // -16 to the right and 0 down, as half floats: from where it is to where it was.
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    for (number, reset) in (1_u8..).zip([false, false, false, true]) {
+        let now = STEP * f32::from(number);
+        textures.fill(&textures.color, moved(now));
+        run(&gpu, |list| {
+            // SAFETY: an open list of the generator's device, and textures that live until it has run.
+            unsafe { generator.record(&textures.frame(list, reset)) }.expect("recorded");
+        });
+        let found = textures.generated();
+        let [before, half, after] = [now - STEP, now - STEP / 2.0, now].map(|at| psnr(&found, moved(at), size));
+        println!(
+            "frame {number}: {before:.1} dB to the frame before, {half:.1} dB to the truth, {after:.1} dB to the frame"
+        );
+        // At the start and after a cut there is nothing between.
+        if number == 1 || reset {
+            assert!(after > 45.0, "frame {number}: {after} dB to the frame");
+        } else {
+            assert!(half > 45.0 && before < 30.0 && after < 30.0, "frame {number}: {before} {half} {after} dB");
+        }
+    }
+    assert!(gpu.removed().is_none());
+}
+
+/// Motion that holds what jitter has changed by, as it was less as it is, which 3.1.5 does not look at, and a cut that nobody tells of,
+/// for which it gives this frame and the next three themselves, as the double does.
+fn jitter_in_motion_does_no_harm_where_it_is_told_and_a_cut_that_is_found_gives_the_frame_itself() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let textures = Textures::new(&gpu, size);
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    // 4 pixels to the left: what is left of -16 where jitter has gone from 6 to -6.
+    let jitters = [6.0_f32, -6.0];
+    let half = |v: f32| half::f16::from_f32(v).to_le_bytes();
+    let [of_flag, without] = [CreateFlags::MOTION_JITTER, CreateFlags::empty()].map(|flags| {
+        let mut options = untested(size);
+        options.head.flags = flags;
+        let mut generator = TextureGenerator::new(&gpu, api, &options).expect("a generator");
+        for number in 0_u8..4 {
+            let [before, now] = [number + 1, number].map(|turn| jitters[usize::from(turn % 2)]);
+            let held = half(-STEP + before - now);
+            textures.fill(&textures.motion, |_, _| [held[0], held[1], 0, 0]);
+            textures.fill(&textures.color, moved(STEP * f32::from(number)));
+            let jitter = Coordinates { x: now, y: 0.0 };
+            let shot = Shot { reset: number == 0, jitter, ..Shot::of(size) };
+            generator.generate(&textures.pictures(), &shot).expect("generated").wait().expect("it has run");
+        }
+        psnr(&textures.generated(), moved(STEP * 2.5), size)
+    });
+    println!("motion that holds jitter: {of_flag:.1} dB to the truth where that is told, {without:.1} dB where not");
+    assert!(of_flag >= without, "{of_flag} {without}");
+
+    let mut generator = TextureGenerator::new(&gpu, api, &untested(size)).expect("a generator");
+    let steps = half(-STEP);
+    textures.fill(&textures.motion, |_, _| [steps[0], steps[1], 0, 0]);
+    // Another place, and dark.
+    let other = |by: f32| move |x: u32, y: u32| moved(by)(y, x).map(|v| if v == 255 { 255 } else { v / 6 });
+    for number in 0_u8..16 {
+        let now = STEP * f32::from(number);
+        let is_other = number >= 8;
+        match is_other {
+            true => textures.fill(&textures.color, other(0.0)),
+            false => textures.fill(&textures.color, moved(now)),
+        }
+        let shot = Shot { reset: number == 0, ..Shot::of(size) };
+        generator.generate(&textures.pictures(), &shot).expect("generated").wait().expect("it has run");
+        let found = textures.generated();
+        let own = if is_other { psnr(&found, other(0.0), size) } else { psnr(&found, moved(now), size) };
+        println!("frame {number}: {own:.1} dB to the frame itself");
+        if (8..12).contains(&number) {
+            assert!(own > 45.0, "frame {number}: {own} dB");
+        } else if (1..8).contains(&number) {
+            assert!(own < 30.0, "frame {number}: {own} dB");
+        }
+    }
+    assert!(gpu.removed().is_none());
+}
+
+/// What `TextureGenerator` makes of the panning picture, after the test that it makes itself: on a queue of either kind, with what
+/// no provider could be given in the motion, and into a target that shaders cannot write.
+fn it_stands_the_test_and_generates_on_both_kinds_of_queue() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let engine = engine::engine();
+    let size = head().display_size;
+    for queue in [&engine.direct, &engine.compute] {
+        let gpu = Gpu::of_engine(&engine.device, queue, None).expect("a device");
+        let kind = gpu.frames().kind();
+        let options = TextureOptions {
+            choice: Choice::Prefer(Family::Analytic),
+            watch: true,
+            ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM)
+        };
+        let mut generator = TextureGenerator::new(&gpu, api, &options).expect("it stands the test");
+        assert!(generator.refused().is_empty());
+        let textures = Textures::new(&gpu, size);
+        textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+        // A column without a number among vectors of -16 to the right, as half floats.
+        textures.fill(&textures.motion, |x, _| if x == 3 { [0xff, 0x7f, 0xff, 0x7f] } else { [0x00, 0xcc, 0, 0] });
+        let wanted = pictures::flat(
+            (size.width, size.height),
+            DXGI_FORMAT_R8G8B8A8_UNORM,
+            D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET,
+        );
+        let state = D3D12_RESOURCE_STATE_PRESENT;
+        let target = Kept { resource: pictures::made(&gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state };
+        for number in 1_u8..=3 {
+            let now = STEP * f32::from(number);
+            textures.fill(&textures.color, moved(now));
+            let pictures = Pictures { output: target.resting(), ..textures.pictures() };
+            generator.generate(&pictures, &Shot::of(size)).expect("generated").wait().expect("it has run");
+            let found = textures.pixels(&target);
+            let [before, half, after] = [now - STEP, now - STEP / 2.0, now].map(|at| psnr(&found, moved(at), size));
+            println!(
+                "queue of type {}, frame {number}: {before:.1} dB to the frame before, {half:.1} dB to the truth, {after:.1} dB to the frame",
+                kind.0
+            );
+            if number > 1 {
+                assert!(half > 45.0 && before < 30.0 && after < 30.0, "frame {number}: {before} {half} {after} dB");
+                assert_eq!(generator.seen(), Some(Seen::Between));
+            }
+        }
+        drop(generator);
+        assert!(gpu.removed().is_none());
+    }
+}
+
+/// Frames through AMD's own, of a world that pans by 16 pixels, as `shot` says; what is between the last two. `sign` stands before
+/// the world, and the world alone is told where `hudless` is set.
+fn panned(
+    gpu: &Gpu,
+    generator: &mut TextureGenerator,
+    shot: &Shot,
+    sign: Option<[u8; 4]>,
+    hudless: bool,
+) -> Vec<[u8; 4]> {
+    const STEP: f32 = 16.0;
+    let size = head().display_size;
+    let textures = Textures::new(gpu, size);
+    let world = Textures::new(gpu, size).color;
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    for number in 1_u8..=3 {
+        let now = moved(STEP * f32::from(number));
+        textures.fill(&world, &now);
+        textures.fill(&textures.color, |x, y| sign.filter(|_| in_sign(x, y)).unwrap_or_else(|| now(x, y)));
+        let pictures = Pictures { hudless: hudless.then(|| world.resting()), ..textures.pictures() };
+        let shot = Shot { reset: number == 1, ..*shot };
+        generator.generate(&pictures, &shot).expect("generated").wait().expect("it has run");
+    }
+    textures.generated()
+}
+
+/// Where the interface is.
+fn in_sign(x: u32, y: u32) -> bool {
+    (280..360).contains(&x) && (150..210).contains(&y)
+}
+
+/// The largest difference of a channel, over the places that `part` has.
+fn off(found: &[[u8; 4]], part: impl Fn(u32, u32) -> bool, expected: impl Fn(u32, u32) -> [u8; 4]) -> u8 {
+    let Dimensions { width, height } = head().display_size;
+    let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).filter(|(x, y)| part(*x, *y));
+    let differences = places.flat_map(|(x, y)| {
+        let (a, b) = (found[(y * width + x) as usize], expected(x, y));
+        a.into_iter().zip(b).take(3).map(|(a, b)| a.abs_diff(b))
+    });
+    differences.max().unwrap_or(0)
+}
+
+fn interface_letterbox_and_light_change_what_amd_s_makes() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let made = |flags| {
+        let mut options = untested(size);
+        options.head.flags = flags;
+        // SAFETY: a live device.
+        let needed = unsafe { memory_needed(api, gpu.device().as_raw(), &options.head, None) }.expect("an answer");
+        let mut generator = TextureGenerator::new(&gpu, api, &options).expect("a generator");
+        let memory = generator.memory().expect("an answer");
+        println!("{} x {}: {memory:?}, {needed:?} before", size.width, size.height);
+        generator
+    };
+    let half = moved(40.0);
+    let inner = |x: u32, y: u32| (60..size.width - 60).contains(&x) && (60..size.height - 60).contains(&y);
+
+    let mut generator = made(CreateFlags::empty());
+    let whole = panned(&gpu, &mut generator, &Shot::of(size), None, false);
+    let rect = Rect { left: 0, top: 40, width: size.width.cast_signed(), height: size.height.cast_signed() - 80 };
+    let barred = panned(&gpu, &mut generator, &Shot { rect, ..Shot::of(size) }, None, false);
+    let bars = |_: u32, y: u32| y < 40 || y >= size.height - 40;
+    println!(
+        "letterbox: bars {} off the frame with it, {} without; the world {} off the half step",
+        off(&barred, bars, moved(48.0)),
+        off(&whole, bars, moved(48.0)),
+        off(&barred, inner, &half)
+    );
+    assert!(off(&barred, bars, moved(48.0)) <= 1 && off(&whole, bars, moved(48.0)) > 20);
+    assert!(off(&barred, inner, &half) <= 2);
+
+    let sign = [250, 10, 240, 255];
+    let without = panned(&gpu, &mut generator, &Shot::of(size), Some(sign), false);
+    let with = panned(&gpu, &mut generator, &Shot::of(size), Some(sign), true);
+    let around = |x: u32, y: u32| inner(x, y) && !in_sign(x, y);
+    println!(
+        "interface: {} off the sign with the world alone, {} without; around it {} and {} off the half step",
+        off(&with, in_sign, |_, _| sign),
+        off(&without, in_sign, |_, _| sign),
+        off(&with, around, &half),
+        off(&without, around, &half)
+    );
+    assert!(off(&with, in_sign, |_, _| sign) <= 2, "it stands");
+    assert!(off(&with, around, &half) < off(&without, around, &half), "and leaves less of a trail");
+    drop(generator);
+
+    // Frames of high dynamic range, in which the same numbers are other light. It counts where a provider finds motion itself: of a
+    // world that nobody tells it the motion of, after the frames in which it does not look for any.
+    let mut generator = made(CreateFlags::HIGH_DYNAMIC_RANGE);
+    let [srgb, pq, scrgb] = [TransferFunction::SRGB, TransferFunction::PQ, TransferFunction::SCRGB].map(|transfer| {
+        let textures = Textures::new(&gpu, size);
+        textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+        textures.fill(&textures.motion, |_, _| [0; 4]);
+        for number in 0_u8..16 {
+            textures.fill(&textures.color, moved(6.0 * f32::from(number)));
+            let pictures = textures.pictures();
+            let shot = Shot { reset: number == 0, transfer, luminance: [0.0, 1000.0], ..Shot::of(size) };
+            generator.generate(&pictures, &shot).expect("generated").wait().expect("it has run");
+        }
+        textures.generated()
+    });
+    let [pq, scrgb] = [pq, scrgb].map(|found| found.iter().zip(&srgb).filter(|(a, b)| a != b).count());
+    println!("of {} pixels, {pq} are others in PQ than in sRGB, and {scrgb} in scRGB", srgb.len());
+    assert!(pq > 0);
+    assert!(gpu.removed().is_none());
+}
+
+fn memory_of_each_size_is_reported() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    for (width, height) in [(640, 360), (1280, 720), (1920, 1080)] {
+        let size = Dimensions { width, height };
+        let made = CreateFrameGeneration { display_size: size, max_render_size: size, ..head() };
+        // SAFETY: a live device, which outlives the generator.
+        let (needed, generator) = unsafe {
+            let device = gpu.device().as_raw();
+            let needed = memory_needed(api, device, &made, None).expect("an answer");
+            (needed, Generator::create(api, device, Choice::Prefer(Family::Analytic), made, None))
+        };
+        let told = generator.expect("a generator").memory().expect("an answer");
+        println!("{width} x {height}: {told:?}; before it was made: {needed:?}");
+        assert!(told.is_some_and(|told| told.total > u64::from(4 * width * height)));
+    }
+}
+
+fn three_frames_between_two_come_from_two_of_their_generators() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let options = untested(size);
+    let mut generator = FourfoldGenerator::new(&gpu, api, &options).expect("two generators");
+    println!("{:?}", generator.memory().expect("an answer"));
+    let textures = Textures::new(&gpu, size);
+    let [first, last] = [(); 2].map(|()| Textures::new(&gpu, size).output);
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    for number in 1_u8..=3 {
+        let now = STEP * f32::from(number);
+        textures.fill(&textures.color, moved(now));
+        let pictures = textures.pictures();
+        let quarters = [first.resting(), last.resting()];
+        generator.generate(&pictures, quarters, &Shot::of(size)).expect("generated").wait().expect("it has run");
+        for (found, part) in [(&first, 0.25), (&textures.output, 0.5), (&last, 0.75)] {
+            let found = psnr(&textures.pixels(found), moved(now - STEP + part * STEP), size);
+            println!("frame {number}, at {part}: {found:.1} dB to the truth");
+            assert!(number == 1 || found > 45.0, "frame {number} at {part}: {found} dB");
+        }
+    }
+    assert!(gpu.removed().is_none());
+}
+
+fn interface_letterbox_and_lens_change_all_three_frames() {
+    const STEP: f32 = 16.0;
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let options = untested(size);
+    let textures = Textures::new(&gpu, size);
+    let [first, last, world] = [(); 3].map(|()| Textures::new(&gpu, size).output);
+    let lens = Textures::new(&gpu, size).motion;
+    textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
+    textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    // A lens that puts all of it a fortieth of the picture to the left.
+    let [by, still] = [-0.025, 0.0].map(|v| half::f16::from_f32(v).to_le_bytes());
+    textures.fill(&lens, |_, _| [by[0], by[1], still[0], still[1]]);
+    let rect = Rect { left: 0, top: 40, width: size.width.cast_signed(), height: size.height.cast_signed() - 80 };
+    let sign = [255, 0, 255, 255];
+    // The three frames between the third and the fourth.
+    let made = |has_sign: bool, has_world: bool, shot: Shot, has_lens: bool| {
+        let mut generator = FourfoldGenerator::new(&gpu, api, &options).expect("two generators");
+        for number in 1_u8..=4 {
+            let moved = moved(STEP * f32::from(number));
+            textures.fill(&world, &moved);
+            textures.fill(&textures.color, |x, y| if has_sign && in_sign(x, y) { sign } else { moved(x, y) });
+            let pictures = Pictures {
+                hudless: has_world.then(|| world.resting()),
+                distortion: has_lens.then(|| lens.resting()),
+                ..textures.pictures()
+            };
+            let quarters = [first.resting(), last.resting()];
+            generator.generate(&pictures, quarters, &shot).expect("generated").wait().expect("it has run");
+        }
+        [&first, &textures.output, &last].map(|found| textures.pixels(found))
+    };
+    let shot = Shot::of(size);
+    let plain = made(false, false, shot, false);
+    let without = made(true, false, shot, false);
+    let with = made(true, true, shot, false);
+    let barred = made(false, false, Shot { rect, ..shot }, false);
+    let bent = made(false, false, shot, true);
+    let now = moved(STEP * 4.0);
+    let bars = |_: u32, y: u32| y < 40 || y >= size.height - 40;
+    for (at, quarter) in (1_u8..=3).enumerate() {
+        let [stands, smears] = [&with, &without].map(|frames| off(&frames[at], in_sign, |_, _| sign));
+        let [framed, unframed] = [&barred, &plain].map(|frames| off(&frames[at], bars, &now));
+        println!(
+            "{quarter} of 4: the sign is {stands} off with the world alone, {smears} without; the bars {framed} off the frame with a \
+             letterbox, {unframed} without; a lens changes it: {}",
+            plain[at] != bent[at]
+        );
+        assert!(stands <= smears, "{quarter} of 4: {stands}, {smears}");
+        assert!(with[at] != without[at], "{quarter} of 4: the world alone is used");
+        assert!(framed < unframed, "{quarter} of 4: {framed}, {unframed}");
+        assert!(plain[at] != bent[at], "{quarter} of 4: the lens is used");
+    }
+    assert!(gpu.removed().is_none());
+}
+
+/// The tests of this program.
+pub(crate) fn trials() -> Vec<Trial> {
+    trials![with_amd: they_are_found_and_loaded_with_their_versions, their_signature_is_amd_s, one_byte_of_theirs_that_is_another_is_found_out, a_provider_is_chosen_made_and_says_what_it_is, a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself, jitter_in_motion_does_no_harm_where_it_is_told_and_a_cut_that_is_found_gives_the_frame_itself, it_stands_the_test_and_generates_on_both_kinds_of_queue, interface_letterbox_and_light_change_what_amd_s_makes, memory_of_each_size_is_reported, three_frames_between_two_come_from_two_of_their_generators, interface_letterbox_and_lens_change_all_three_frames]
+}

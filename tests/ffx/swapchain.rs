@@ -1,0 +1,456 @@
+//! A swap chain of AMD's in a window: of the double, which keeps what it shows, and of AMD's own libraries where `CAIRN_FFX_DIR` names
+//! them. On Windows, or in the lab.
+
+use cairn::ErrorKind;
+use cairn::ffx::bindings::{CreateFlags, Dimensions, Rect, ReturnCode, SurfaceFormat};
+use cairn::ffx::{
+    Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Part, Shot, Swapchain, SwapchainOptions,
+};
+use cairn::gpu::Gpu;
+use cairn::gpu::compute::Resting;
+use cairn::gpu::windows::Win32::Foundation::HWND;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::*;
+use cairn::gpu::windows::core::Interface as _;
+use libtest_mimic::Trial;
+
+#[path = "../d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+#[path = "paced.rs"]
+mod paced;
+#[path = "pictures.rs"]
+mod pictures;
+#[path = "stage.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod stage;
+#[path = "window.rs"]
+mod window;
+use engine::Engine;
+use pictures::{Kept, Textures, run};
+use stage::{ANALYTIC, ANALYTIC_20, ML, Stage};
+use window::{PRESENT, SIZE, STEP, Window, alone, description, factory, moved, of_engine, off, panning, pixels, shown};
+
+/// What an engine tells of its frames beside depth and motion.
+#[derive(Clone, Copy, Default)]
+struct Besides<'a> {
+    hudless: Option<&'a Kept>,
+    distortion: Option<&'a Kept>,
+    rect: Rect,
+    /// A sign stands before the world.
+    sign: bool,
+}
+
+const SIGN: [u8; 4] = [250, 10, 240, 255];
+
+fn in_sign(x: u32, y: u32) -> bool {
+    (48..80).contains(&x) && (32..64).contains(&y)
+}
+
+/// How a swap chain comes about.
+#[derive(Debug, Clone, Copy)]
+enum How {
+    Wrap,
+    New,
+    ForWindow,
+}
+
+/// An engine that draws into a window. What is dropped first stands first.
+struct Show {
+    swapchain: Swapchain,
+    textures: Textures,
+    gpu: Gpu,
+    _window: Window,
+    frames: i32,
+}
+
+fn options() -> SwapchainOptions {
+    SwapchainOptions::new(SIZE)
+}
+
+fn made(how: How, library: &Library, gpu: &Gpu, engine: &Engine, window: &Window) -> cairn::Result<Swapchain> {
+    made_with(&options(), how, library, gpu, engine, window)
+}
+
+fn made_with(
+    options: &SwapchainOptions,
+    how: How,
+    library: &Library,
+    gpu: &Gpu,
+    engine: &Engine,
+    window: &Window,
+) -> cairn::Result<Swapchain> {
+    let factory = factory().cast::<IDXGIFactory>().expect("an older one");
+    let mut own = matches!(how, How::Wrap).then(|| of_engine(engine, window));
+    let from = match how {
+        How::Wrap => Paced::Wrap(&mut own),
+        How::New => Paced::New(
+            &factory,
+            DXGI_SWAP_CHAIN_DESC {
+                BufferDesc: DXGI_MODE_DESC {
+                    Width: SIZE.width,
+                    Height: SIZE.height,
+                    Format: DXGI_FORMAT_R8G8B8A8_UNORM,
+                    ..Default::default()
+                },
+                SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+                BufferUsage: DXGI_USAGE_RENDER_TARGET_OUTPUT,
+                BufferCount: 3,
+                OutputWindow: window.0,
+                Windowed: true.into(),
+                SwapEffect: DXGI_SWAP_EFFECT_FLIP_DISCARD,
+                ..Default::default()
+            },
+        ),
+        How::ForWindow => Paced::ForWindow(&factory, window.0, description(), None),
+    };
+    Swapchain::new(gpu, library.api(Effect::FrameGeneration)?, options, from)
+}
+
+impl Show {
+    fn new(how: How, library: &Library) -> cairn::Result<Self> {
+        Self::with(&options(), how, library)
+    }
+
+    fn with(options: &SwapchainOptions, how: How, library: &Library) -> cairn::Result<Self> {
+        let (engine, window) = (engine::engine(), Window::new());
+        let gpu = Gpu::of_engine(&engine.device, &engine.direct, None)?;
+        let swapchain = made_with(options, how, library, &gpu, &engine, &window)?;
+        Ok(Self { swapchain, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 })
+    }
+
+    /// The next frame, drawn, told of where it `is_prepared`, and presented.
+    fn frame(&mut self, is_prepared: bool) -> cairn::Result<()> {
+        self.frame_with(is_prepared, &Besides::default())
+    }
+
+    /// The same with what is told of it besides; a frame without interface is drawn as well.
+    fn frame_with(&mut self, is_prepared: bool, besides: &Besides<'_>) -> cairn::Result<()> {
+        let world = moved(STEP * self.frames);
+        let Self { swapchain, textures, gpu, .. } = self;
+        textures.fill(&textures.color, |x, y| if besides.sign && in_sign(x, y) { SIGN } else { world(x, y) });
+        if let Some(hudless) = besides.hudless {
+            textures.fill(hudless, &world);
+        }
+        let depth_and_motion = PacedPictures {
+            depth: textures.depth.resting(),
+            motion: textures.motion.resting(),
+            hudless: besides.hudless.map(Kept::resting),
+            distortion: besides.distortion.map(Kept::resting),
+        };
+        let shot = Shot { rect: besides.rect, ..Shot::of(SIZE) };
+        let dxgi = swapchain.dxgi().clone();
+        // SAFETY: a live swap chain.
+        let buffer: ID3D12Resource = unsafe { dxgi.GetBuffer(dxgi.GetCurrentBackBufferIndex()) }.expect("a buffer");
+        let mut prepared = Ok(());
+        run(gpu, |list| {
+            if is_prepared {
+                prepared = swapchain.prepare(list, &depth_and_motion, &shot);
+            }
+            let to = Kept { resource: buffer.clone(), state: PRESENT };
+            pictures::copy(list, &textures.color, &to);
+        });
+        prepared?;
+        // SAFETY: a live swap chain, drawn into by what has run.
+        unsafe { dxgi.Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
+        self.frames += 1;
+        Ok(())
+    }
+}
+
+fn playing(lines: &[&str]) -> (Stage, Library) {
+    let stage = Stage::empty().with(Part::FrameGeneration, lines);
+    let library = stage.load().expect("loaded");
+    (stage, library)
+}
+
+fn frames_between_are_presented_whatever_the_swap_chain_was_made_of() {
+    let _alone = alone();
+    let releases = [["sdk 1.1.4", ANALYTIC_20], ["sdk 2.0", ANALYTIC_20], ["sdk 2.1", ANALYTIC], ["sdk 2.1", ML]];
+    for (how, release) in [How::Wrap, How::New, How::ForWindow, How::Wrap].into_iter().zip(releases) {
+        let (stage, library) = playing(&release);
+        let mut show = Show::new(how, &library).expect("a swap chain");
+        assert_eq!(show.swapchain.provider().expect("a generator").version, show.swapchain.pacer().version);
+        // What is not prepared is presented alone.
+        show.frame(false).expect("presented");
+        for _ in 0..4 {
+            show.frame(true).expect("presented");
+        }
+        show.swapchain.wait().expect("all are shown");
+        assert_eq!((show.swapchain.generated(), show.swapchain.failed()), (4, None));
+        let wanted = ["1 real 0", "2 generated 1", "3 real 1", "4 generated 2", "5 real 2"];
+        assert_eq!(shown(&stage)[..5], wanted, "{how:?}, {release:?}");
+        for pair in 0..5 {
+            let real = off(&pixels(&stage, 2 * pair + 1), moved(STEP * i32::try_from(pair).expect("few")));
+            assert_eq!(real, 0, "{how:?}, {release:?}: frame {pair}");
+        }
+        // The first one has no history: it is the frame itself. The others are half way.
+        for pair in 1..5_i32 {
+            let by = if pair == 1 { STEP } else { STEP * pair - STEP / 2 };
+            let error = off(&pixels(&stage, 2 * pair as usize), moved(by));
+            assert!(error <= 2, "{how:?}, {release:?}: {error} off before frame {pair}");
+        }
+        let memory = show.swapchain.memory().expect("an answer");
+        assert!(memory.generator.is_some() && memory.swapchain.is_some(), "{release:?}: {memory:?}");
+        drop(show);
+        assert_eq!(stage.judgement(), [""; 0], "{how:?}, {release:?}");
+    }
+}
+
+fn an_interface_lies_over_real_and_generated_frames() {
+    let _alone = alone();
+    let (stage, library) = playing(&["sdk 2.1", ML]);
+    let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
+    let interface = Textures::new(&show.gpu, SIZE);
+    let glass = |x: u32, _: u32| if x < 64 { [200, 40, 0, 128] } else { [0; 4] };
+    interface.fill(&interface.color, glass);
+    show.frame(true).expect("presented");
+    show.frame(true).expect("presented");
+    let mut number = 4;
+    for (premultiplied, copied) in [(false, true), (true, false), (true, true)] {
+        let told = Interface { picture: interface.color.resting(), premultiplied, copied };
+        show.swapchain.set_interface(Some(told)).expect("told");
+        show.frame(true).expect("presented");
+        let by = STEP * (show.frames - 1);
+        for (of, place) in [(by - STEP / 2, 1), (by, 2)] {
+            let under = moved(of);
+            let error = off(&pixels(&stage, number + place), |x, y| {
+                let (under, over) = (under(x, y), glass(x, y));
+                let alpha = f32::from(over[3]) / 255.0;
+                let own = if premultiplied { 1.0 } else { alpha };
+                let mixed = |c: usize| f32::from(over[c]) * own + f32::from(under[c]) * (1.0 - alpha);
+                [mixed(0), mixed(1), mixed(2), 255.0].map(|v| v.round().min(255.0) as u8)
+            });
+            assert!(error <= 2, "{premultiplied}, {copied}: {error} off");
+        }
+        number += 2;
+    }
+    show.swapchain.set_interface(None).expect("told");
+    show.frame(true).expect("presented");
+    assert_eq!(off(&pixels(&stage, number + 2), moved(STEP * (show.frames - 1))), 0);
+    // Of another size, or in a state that there is no word for.
+    let small = Textures::new(&show.gpu, Dimensions { width: 64, height: 48 });
+    let depth_read = Resting { resource: &interface.color.resource, state: D3D12_RESOURCE_STATE_DEPTH_READ };
+    for picture in [small.color.resting(), depth_read] {
+        let told = Interface { picture, premultiplied: false, copied: false };
+        let refused = show.swapchain.set_interface(Some(told)).expect_err("no interface");
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("interface")));
+    }
+    drop(show);
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+fn generation_is_paused_and_goes_on() {
+    let _alone = alone();
+    let (stage, library) = playing(&["sdk 2.1", ML]);
+    let mut show = Show::new(How::Wrap, &library).expect("a swap chain");
+    (0..2).for_each(|_| show.frame(true).expect("presented"));
+    show.swapchain.pause().expect("paused");
+    show.swapchain.pause().expect("paused already");
+    (0..2).for_each(|_| show.frame(false).expect("presented"));
+    (0..2).for_each(|_| show.frame(true).expect("presented"));
+    let kinds: Vec<_> = shown(&stage).iter().map(|line| line.split(' ').nth(1).unwrap_or("").to_owned()).collect();
+    let [r, g] = ["real", "generated"];
+    assert_eq!(kinds, [g, r, g, r, r, r, g, r, g, r]);
+    // It starts anew, and then goes on.
+    assert!(off(&pixels(&stage, 7), moved(STEP * 4)) <= 2);
+    assert!(off(&pixels(&stage, 9), moved(STEP * 5 - STEP / 2)) <= 2);
+    for pacing in
+        [Pacing::default(), Pacing::LOOSE, Pacing { hybrid_spin: Some(3), wait_on_fence: true, ..Pacing::LOOSE }]
+    {
+        show.swapchain.set_pacing(&pacing).expect("told");
+    }
+    for (field, pacing) in [
+        ("safety_margin_ms", Pacing { safety_margin_ms: f32::NAN, ..Pacing::default() }),
+        ("safety_margin_ms", Pacing { safety_margin_ms: -0.1, ..Pacing::default() }),
+        ("variance_factor", Pacing { variance_factor: 1.5, ..Pacing::default() }),
+    ] {
+        let refused = show.swapchain.set_pacing(&pacing).expect_err(field);
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
+    }
+    show.frame(true).expect("presented");
+    drop(show);
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+fn buffers_are_resized_and_the_generator_made_anew() {
+    let _alone = alone();
+    let (stage, library) = playing(&["sdk 2.0", ANALYTIC_20]);
+    let mut show = Show::new(How::New, &library).expect("a swap chain");
+    (0..3).for_each(|_| show.frame(true).expect("presented"));
+    let size = Dimensions { width: 160, height: 80 };
+    show.swapchain.pause().expect("paused");
+    // SAFETY: a live swap chain whose buffers nobody holds.
+    unsafe {
+        show.swapchain.dxgi().ResizeBuffers(3, size.width, size.height, DXGI_FORMAT_UNKNOWN, DXGI_SWAP_CHAIN_FLAG(0))
+    }
+    .expect("resized");
+    let refused = {
+        let pictures = PacedPictures {
+            depth: show.textures.depth.resting(),
+            motion: show.textures.motion.resting(),
+            hudless: None,
+            distortion: None,
+        };
+        let mut refused = None;
+        run(&show.gpu, |list| refused = show.swapchain.prepare(list, &pictures, &Shot::of(SIZE)).err());
+        refused.expect("the generator is of the size before")
+    };
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidState, Some("swapchain")));
+    show.swapchain.fit().expect("it fits");
+    show.swapchain.fit().expect("it fits already");
+    let before = shown(&stage).len();
+    let color = Textures::new(&show.gpu, size);
+    for _ in 0..2 {
+        let dxgi = show.swapchain.dxgi().clone();
+        // SAFETY: a live swap chain.
+        let buffer: ID3D12Resource = unsafe { dxgi.GetBuffer(dxgi.GetCurrentBackBufferIndex()) }.expect("a buffer");
+        let pictures = show.pictures_of();
+        run(&show.gpu, |list| {
+            let (depth, motion) = (pictures.0.resting(), pictures.1.resting());
+            let told = PacedPictures { depth, motion, hudless: None, distortion: None };
+            show.swapchain.prepare(list, &told, &Shot::of(SIZE)).expect("prepared");
+            pictures::copy(list, &color.color, &Kept { resource: buffer.clone(), state: PRESENT });
+        });
+        // SAFETY: a live swap chain, drawn into by what has run.
+        unsafe { dxgi.Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
+    }
+    assert_eq!(shown(&stage).len() - before, 4);
+    assert_eq!(pixels(&stage, before + 3).len(), 160 * 80);
+    drop(show);
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+impl Show {
+    /// Depth and motion for frames that borrow the rest.
+    fn pictures_of(&self) -> (Kept, Kept) {
+        let kept = |of: &Kept| Kept { resource: of.resource.clone(), state: of.state };
+        (kept(&self.textures.depth), kept(&self.textures.motion))
+    }
+}
+
+fn what_cannot_become_one_is_refused_and_stays_whole() {
+    let _alone = alone();
+    let (stage, library) = playing(&["sdk 2.1", ML]);
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let (engine, window) = (engine::engine(), Window::new());
+    let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
+    let on_compute = Gpu::of_engine(&engine.device, &engine.compute, None).expect("a device");
+    let factory = factory().cast::<IDXGIFactory>().expect("an older one");
+    let for_window = |desc, window| Paced::ForWindow(&factory, window, desc, None);
+    let wrong_size = DXGI_SWAP_CHAIN_DESC1 { Width: 0, ..description() };
+    let wrong_format = DXGI_SWAP_CHAIN_DESC1 { Format: DXGI_FORMAT_R8_UNORM, ..description() };
+    let full = DXGI_SWAP_CHAIN_FULLSCREEN_DESC { Windowed: false.into(), ..Default::default() };
+    for (field, gpu, from) in [
+        ("queue", &on_compute, for_window(description(), window.0)),
+        ("display_size", &gpu, for_window(wrong_size, window.0)),
+        ("back_buffer_format", &gpu, for_window(wrong_format, window.0)),
+        ("window", &gpu, for_window(description(), HWND::default())),
+        ("fullscreen.Windowed", &gpu, Paced::ForWindow(&factory, window.0, description(), Some(full))),
+        ("description.Windowed", &gpu, Paced::New(&factory, DXGI_SWAP_CHAIN_DESC::default())),
+        (
+            "description.OutputWindow",
+            &gpu,
+            Paced::New(&factory, DXGI_SWAP_CHAIN_DESC { Windowed: true.into(), ..Default::default() }),
+        ),
+    ] {
+        let refused = Swapchain::new(gpu, api, &options(), from).expect_err(field);
+        assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
+    }
+    // Somebody else holds it; and where no generator stands the test it is not touched.
+    let own = of_engine(&engine, &window);
+    let mut again = Some(own.clone());
+    let refused = Swapchain::new(&gpu, api, &options(), Paced::Wrap(&mut again)).expect_err("two references");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("swapchain")));
+    assert!(again.take().is_some_and(|again| again == own), "it is its owner's as before");
+    let refused = Swapchain::new(&gpu, api, &options(), Paced::Wrap(&mut None)).expect_err("no swap chain");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("swapchain")));
+    // SAFETY: a live swap chain.
+    unsafe { own.Present(0, DXGI_PRESENT(0)) }.ok().expect("it presents");
+    assert_eq!(stage.judgement(), [""; 0]);
+    drop(own);
+    let (stage, library) = playing(&["sdk 2.1", ML, "plays through"]);
+    let refused = made(How::ForWindow, &library, &gpu, &engine, &window).expect_err("it passes frames through");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")));
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+fn a_generator_that_fails_within_present_is_told_of() {
+    let _alone = alone();
+    // Two pictures are the test's, and two are shown.
+    let (stage, library) = playing(&["sdk 2.1", ML, "breaks 5"]);
+    let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
+    (0..4).for_each(|_| show.frame(true).expect("presented"));
+    assert_eq!((show.swapchain.generated(), show.swapchain.failed()), (2, Some(ReturnCode::RUNTIME_ERROR)));
+    let kinds = shown(&stage).iter().filter(|line| line.contains("generated")).count();
+    assert_eq!((kinds, shown(&stage).len()), (2, 6), "real frames are presented all the same");
+    drop(show);
+    assert_eq!(stage.judgement(), [""; 0]);
+}
+
+fn the_judge_sees_what_ends_in_another_order() {
+    let _alone = alone();
+    // A swap chain that somebody still holds when what paces it ends.
+    let (stage, library) = playing(&["sdk 2.1", ML]);
+    let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
+    show.frame(true).expect("presented");
+    let held = show.swapchain.dxgi().clone();
+    drop(show);
+    let judgement = stage.judgement();
+    assert!(judgement.len() == 1 && judgement[0].contains("references to its swap chain are left"), "{judgement:?}");
+    drop(held);
+    // A frame that is presented again without having been prepared.
+    let (stage, library) = playing(&["sdk 2.1", ML]);
+    let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
+    show.frame(true).expect("presented");
+    show.frame(false).expect("presented");
+    drop(show);
+    let judgement = stage.judgement();
+    assert!(judgement.len() == 1 && judgement[0].contains("is presented again, unprepared"), "{judgement:?}");
+}
+
+fn amd_s_own_swap_chain_presents_frames_between() {
+    let _alone = alone();
+    let folder = std::env::var_os("CAIRN_FFX_DIR").expect("CAIRN_FFX_DIR names a folder");
+    let options = LoadOptions { directory: Some(folder.into()), signed: false };
+    let library = Library::load(&options).expect("AMD's libraries");
+    for how in [How::ForWindow, How::Wrap, How::New] {
+        let mut show = Show::new(how, &library).expect("a swap chain");
+        println!("{how:?}: {:?}", show.swapchain);
+        show.swapchain.set_pacing(&Pacing::LOOSE).expect("told");
+        (0..6).for_each(|_| show.frame(true).expect("presented"));
+        show.swapchain.wait().expect("all are shown");
+        assert_eq!((show.swapchain.generated(), show.swapchain.failed()), (6, None), "{how:?}");
+        println!("{how:?}: {:?}", show.swapchain.memory().expect("an answer"));
+        let interface = Textures::new(&show.gpu, SIZE);
+        interface.fill(&interface.color, |x, _| if x < 64 { [200, 40, 0, 128] } else { [0; 4] });
+        let told = Interface { picture: interface.color.resting(), premultiplied: false, copied: true };
+        show.swapchain.set_interface(Some(told)).expect("told");
+        (0..3).for_each(|_| show.frame(true).expect("presented"));
+        show.swapchain.pause().expect("paused");
+        (0..2).for_each(|_| show.frame(false).expect("presented"));
+        assert_eq!(show.swapchain.generated(), 9);
+        assert!(show.gpu.removed().is_none());
+        drop(show);
+    }
+    let mut asynchronous = SwapchainOptions::new(SIZE);
+    asynchronous.flags = CreateFlags::ASYNC_WORKLOAD;
+    let (engine, window) = (engine::engine(), Window::new());
+    let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
+    let factory = factory().cast::<IDXGIFactory>().expect("an older one");
+    let from = Paced::ForWindow(&factory, window.0, description(), None);
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let swapchain = Swapchain::new(&gpu, api, &asynchronous, from).expect("a swap chain");
+    let mut show = Show { swapchain, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 };
+    (0..4).for_each(|_| show.frame(true).expect("presented"));
+    show.swapchain.wait().expect("all are shown");
+    assert_eq!((show.swapchain.generated(), show.swapchain.failed()), (4, None), "on a queue of its own");
+}
+
+/// The tests of this program.
+pub(crate) fn trials() -> Vec<Trial> {
+    let mut trials = trials![always: frames_between_are_presented_whatever_the_swap_chain_was_made_of, an_interface_lies_over_real_and_generated_frames, generation_is_paused_and_goes_on, buffers_are_resized_and_the_generator_made_anew, what_cannot_become_one_is_refused_and_stays_whole, a_generator_that_fails_within_present_is_told_of, the_judge_sees_what_ends_in_another_order];
+    trials.extend(trials![with_amd: amd_s_own_swap_chain_presents_frames_between]);
+    trials
+}
