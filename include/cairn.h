@@ -927,6 +927,38 @@ CAIRN_API cairn_result cairn_rollout_append(
     cairn_rollout *rollout, const cairn_picture *picture, cairn_step_info *info);
 
 /**
+ * Appends pictures of any sizes that follow each other as one latent, as cairn_rollout_append does one, which is a still: a scene that moves
+ * goes on moving. On the calling thread.
+ *
+ * pictures: an array, the oldest first, with the same struct_size in each. count: 4, the pictures of a latent; or 1, for a still.
+ * info: may be null.
+ *
+ * Ownership: the pictures are copied; info stays the caller's and is filled on success; on failure it is not written and the
+ * rollout is as it was.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED when a clock has run out.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_append_pictures(
+    cairn_rollout *rollout, const cairn_picture *pictures, uint32_t count, cairn_step_info *info);
+
+/**
+ * Says whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as it
+ * does unless told so here. The stream starts with this call, and again with cairn_rollout_reset; it is part of a saved state, which is
+ * restored only where this says the same.
+ *
+ * keep: 1 to keep the stream, 0 to start anew.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED where the
+ * bundle's encoder is not handed its memories; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_keep_encoder_stream(cairn_rollout *rollout, uint32_t keep);
+
+/**
  * Makes the next latent with these controls, which stand for 1 / latents_per_second seconds of world time. On the calling
  * thread.
  *
@@ -952,6 +984,21 @@ CAIRN_API cairn_result cairn_rollout_step(
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
+
+/**
+ * Lets the device's memory of a rollout that makes no latents for a while be used by others: its rings, latents and pictures are evicted,
+ * contents and all, after what is under way, which is waited for. The next call that needs them brings them back: the device's
+ * queue waits for that, no thread does where Windows has ID3D12Device3. Where there is no place for them that call answers
+ * CAIRN_ERROR_OUT_OF_MEMORY with all as it was, and may be made again. The world's weights stay, and so do anchors. On a CPU device
+ * nothing happens. cairn_rollout_pause has a rollout with a queue rest too.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK, also where it rests already; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE;
+ * CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_rest(cairn_rollout *rollout);
 
 /**
  * Holds latents to so much wall time each, decoding and all: they are made by the first of the schedules until that takes too long, then by
@@ -1016,6 +1063,20 @@ CAIRN_API cairn_result cairn_rollout_submit_picture(
     const cairn_rollout *rollout, const cairn_picture *picture, uint64_t *ticket);
 
 /**
+ * Queues the append of pictures, as cairn_rollout_append_pictures does it.
+ *
+ * pictures, count: as there. ticket: gets the number to ask for the result with.
+ *
+ * Ownership: the pictures are copied; *ticket is written on success only, not on failure.
+ * Threads: any thread, at any time. Returns at once.
+ * Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_submit_pictures(
+    const cairn_rollout *rollout, const cairn_picture *pictures, uint32_t count, uint64_t *ticket);
+
+/**
  * Asks for the result of a queued step, without waiting. Every ticket has one result, which is given once and makes room in
  * the queue; a failed step's message becomes the last error of the thread that asks.
  *
@@ -1057,7 +1118,8 @@ CAIRN_API cairn_result cairn_rollout_wait(
 CAIRN_API cairn_result cairn_rollout_cancel(const cairn_rollout *rollout);
 
 /**
- * Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued.
+ * Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued. A rollout whose queue was used
+ * then rests, as cairn_rollout_rest has it, until its memory is needed; while that is done it is in use, as while a step is running.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: any thread, at any time.

@@ -682,6 +682,9 @@ public:
     /** Keeps the encoder's stream from one appended picture to the next, or not: cairn_rollout_keep_encoder_stream. */
     result<void> keep_encoder_stream(bool keep) { return detail::done(cairn_rollout_keep_encoder_stream(get(), keep)); }
 
+    /** Lets others use the device's memory of it until the next step: cairn_rollout_rest. */
+    result<void> rest() { return detail::done(cairn_rollout_rest(get())); }
+
 #if defined(_WIN32)
     /** Appends a texture in a D3D12_RESOURCE_STATES, which it is left in: cairn_rollout_append_d3d12. */
     result<step_info> append_d3d12(ID3D12Resource *given, std::uint32_t state)

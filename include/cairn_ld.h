@@ -80,12 +80,16 @@ extern "C" {
     X(cairn_result, cairn_rollout_destroy, (cairn_rollout *rollout)) \
     X(cairn_result, cairn_rollout_get_info, (const cairn_rollout *rollout, cairn_rollout_info *info)) \
     X(cairn_result, cairn_rollout_append, (cairn_rollout *rollout, const cairn_picture *picture, cairn_step_info *info)) \
+    X(cairn_result, cairn_rollout_append_pictures, (cairn_rollout *rollout, const cairn_picture *pictures, uint32_t count, cairn_step_info *info)) \
+    X(cairn_result, cairn_rollout_keep_encoder_stream, (cairn_rollout *rollout, uint32_t keep)) \
     X(cairn_result, cairn_rollout_step, (cairn_rollout *rollout, const cairn_controls *controls, cairn_step_info *info)) \
     X(cairn_result, cairn_rollout_reset, (cairn_rollout *rollout)) \
+    X(cairn_result, cairn_rollout_rest, (cairn_rollout *rollout)) \
     X(cairn_result, cairn_rollout_set_budget, (cairn_rollout *rollout, uint64_t latent_ns, const char *schedules)) \
     X(cairn_result, cairn_rollout_get_anchor, (const cairn_rollout *rollout, cairn_anchor **anchor)) \
     X(cairn_result, cairn_rollout_submit, (const cairn_rollout *rollout, const cairn_controls *controls, uint64_t *ticket)) \
     X(cairn_result, cairn_rollout_submit_picture, (const cairn_rollout *rollout, const cairn_picture *picture, uint64_t *ticket)) \
+    X(cairn_result, cairn_rollout_submit_pictures, (const cairn_rollout *rollout, const cairn_picture *pictures, uint32_t count, uint64_t *ticket)) \
     X(cairn_result, cairn_rollout_poll, (const cairn_rollout *rollout, uint64_t ticket, cairn_step_info *info, cairn_anchor **anchor)) \
     X(cairn_result, cairn_rollout_wait, (const cairn_rollout *rollout, uint64_t ticket, uint64_t timeout_ns, cairn_step_info *info, cairn_anchor **anchor)) \
     X(cairn_result, cairn_rollout_cancel, (const cairn_rollout *rollout)) \

@@ -314,6 +314,25 @@ pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cai
     })
 }
 
+/// Lets the device's memory of a rollout that makes no latents for a while be used by others: its rings, latents and pictures are evicted,
+/// contents and all, after what is under way, which is waited for. The next call that needs them brings them back: the device's
+/// queue waits for that, no thread does where Windows has ID3D12Device3. Where there is no place for them that call answers
+/// CAIRN_ERROR_OUT_OF_MEMORY with all as it was, and may be made again. The world's weights stay, and so do anchors. On a CPU device
+/// nothing happens. cairn_rollout_pause has a rollout with a queue rest too.
+///
+/// Ownership: nothing is handed over, on success or on failure.
+/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK, also where it rests already; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE;
+/// CAIRN_ERROR_DEVICE_REMOVED.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_rollout_rest(rollout: *mut cairn_rollout) -> cairn_result {
+    call("cairn_rollout_rest", || {
+        enter_alone(rollout)?.alone()?.rollout.rest()?;
+        Ok(CAIRN_OK)
+    })
+}
+
 /// Holds latents to so much wall time each, decoding and all: they are made by the first of the schedules until that takes too long, then by
 /// one with fewer passes, and by one with more again where there is time. It goes by the times of the latents before, so that the same
 /// controls may give other pictures the next time. What it does is logged; cairn_step_info says with how many passes a latent was made, and

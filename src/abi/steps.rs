@@ -148,7 +148,8 @@ pub unsafe extern "C" fn cairn_rollout_cancel(rollout: *const cairn_rollout) -> 
     })
 }
 
-/// Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued.
+/// Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued. A rollout whose queue was used
+/// then rests, as cairn_rollout_rest has it, until its memory is needed; while that is done it is in use, as while a step is running.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.

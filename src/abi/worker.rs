@@ -35,6 +35,8 @@ struct Shared {
     changed: Condvar,
     /// Ends the step in progress; set and cleared with the queue locked.
     stop: Arc<AtomicBool>,
+    /// Whether its memory is a graphics device's.
+    has_device_memory: bool,
     /// A step on the worker ended by a fault of the library.
     broken: AtomicBool,
     /// As of the end of the last step, so that asking does not wait for one.
@@ -66,6 +68,8 @@ struct Queue {
     running: Option<u64>,
     done: VecDeque<(u64, Outcome<Done>)>,
     paused: bool,
+    /// Whether the rollout is to rest once the step in progress has ended.
+    rests: bool,
     /// Steps that may run although it is paused.
     singles: usize,
     closing: bool,
@@ -115,13 +119,14 @@ impl Drop for Running {
 
 impl Running {
     pub(super) fn new(rollout: Rollout, capacity: usize) -> Self {
-        let stop = rollout.stop_flag().clone();
+        let (stop, has_device_memory) = (rollout.stop_flag().clone(), rollout.world().device().is_gpu());
         let core = Mutex::new(Core { rollout, cut: true, cut_next: true });
         let shared = Shared {
             core,
             queue: Mutex::default(),
             changed: Condvar::new(),
             stop,
+            has_device_memory,
             broken: AtomicBool::new(false),
             statistics: Mutex::default(),
         };
@@ -221,6 +226,7 @@ impl Running {
     pub(super) fn pause(&self, paused: bool) {
         let mut queue = self.shared.queue.lock();
         queue.paused = paused;
+        queue.rests = paused && self.shared.has_device_memory;
         queue.singles = 0;
         self.shared.changed.notify_all();
     }
@@ -361,11 +367,27 @@ impl Shared {
             let held = queue.paused && queue.singles == 0;
             if let Some((ticket, job)) = (!held).then(|| queue.waiting.pop_front()).flatten() {
                 queue.singles = queue.singles.saturating_sub(1);
+                queue.rests = false;
                 queue.running = Some(ticket);
                 self.stop.store(false, Ordering::SeqCst);
                 return Some((ticket, job));
             }
+            if std::mem::take(&mut queue.rests) {
+                MutexGuard::unlocked(&mut queue, || self.rest());
+                continue;
+            }
             self.changed.wait(&mut queue);
+        }
+    }
+
+    /// Lets the device's memory of a held rollout be used by others. One that is in use by another call is not held.
+    fn rest(&self) {
+        let result = guard(|| match self.core.try_lock() {
+            Some(mut core) => Ok(core.rollout.rest()?),
+            None => Ok(()),
+        });
+        if let Err(failure) = result {
+            log::warn!("a paused rollout keeps its place in the device's memory: {failure}");
         }
     }
 }

@@ -6,6 +6,7 @@
 
 mod adapter;
 mod budget;
+mod budget_change;
 mod clock;
 pub mod compute;
 mod device;
@@ -15,6 +16,7 @@ mod moment;
 mod pipeline;
 mod promise;
 mod queue;
+mod residency;
 mod resize;
 mod shader;
 mod system;
@@ -24,6 +26,7 @@ mod uploads;
 
 pub use adapter::{Adapter, adapters};
 pub use budget::Budget;
+pub(crate) use budget_change::BudgetChanges;
 pub(crate) use clock::Marks;
 pub use clock::Spent;
 pub use device::Gpu;
@@ -33,6 +36,7 @@ pub use moment::Moment;
 pub(crate) use pipeline::Pipeline;
 pub(crate) use promise::Promises;
 pub use queue::Queue;
+pub(crate) use residency::ResidencySet;
 pub use resize::{Planes, Resize};
 pub use system::System;
 pub use target::Target;

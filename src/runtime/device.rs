@@ -49,6 +49,26 @@ pub struct DeviceMemory {
     pub used: u64,
 }
 
+/// Notices that the system grants another amount of a graphics device's memory.
+#[derive(Debug)]
+#[cfg(windows)]
+pub(crate) struct MemoryChanges(crate::gpu::BudgetChanges);
+
+/// There is none on other systems.
+#[derive(Debug)]
+#[cfg(not(windows))]
+pub(crate) enum MemoryChanges {}
+
+impl MemoryChanges {
+    /// Whether it did since this was asked last. Does not wait.
+    pub(crate) fn come(&self) -> bool {
+        #[cfg(windows)]
+        return self.0.changed();
+        #[cfg(not(windows))]
+        match *self {}
+    }
+}
+
 /// A device that runs worlds. Cheap to clone; every clone is the same device.
 ///
 /// Threads: may be used from any thread at any time.
@@ -126,6 +146,14 @@ impl Device {
             .gpu()
             .and_then(|gpu| gpu.budget().ok().flatten())
             .map(|budget| DeviceMemory { granted: budget.granted, used: budget.used });
+        #[cfg(not(windows))]
+        None
+    }
+
+    /// Notices that the system grants another amount of its memory; none for a processor, and where the system does not say.
+    pub(crate) fn memory_changes(&self) -> Option<MemoryChanges> {
+        #[cfg(windows)]
+        return self.gpu().and_then(crate::gpu::BudgetChanges::of).map(MemoryChanges);
         #[cfg(not(windows))]
         None
     }

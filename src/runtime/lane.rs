@@ -131,6 +131,17 @@ pub(crate) trait Lane: Send {
     /// Waits, then names the first group of a look that holds a number that is not finite. The numbers stay where they are.
     fn not_finite(&mut self, look: LookId) -> Result<Option<usize>>;
 
+    /// Waits, then lets the device's memory be used by others until the next call that needs it, which brings it back first and fails with
+    /// all as it is where that cannot be. Nothing to do where memory is not the device's.
+    fn rest(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    /// Whether its memory is elsewhere since a [`rest`](Self::rest).
+    fn is_resting(&self) -> bool {
+        false
+    }
+
     /// What was moved so far.
     fn bytes(&self) -> Bytes;
 

@@ -22,6 +22,7 @@ mod pin;
 mod stop;
 
 pub use cpu::CpuOptions;
+pub(crate) use device::MemoryChanges;
 pub use device::{Device, DeviceMemory};
 #[cfg(windows)]
 pub(crate) use directml::Snapshot;

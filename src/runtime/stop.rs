@@ -85,6 +85,14 @@ impl Lane for StopLane {
         self.inner.not_finite(look)
     }
 
+    fn rest(&mut self) -> Result<()> {
+        self.inner.rest()
+    }
+
+    fn is_resting(&self) -> bool {
+        self.inner.is_resting()
+    }
+
     fn bytes(&self) -> Bytes {
         self.inner.bytes()
     }

@@ -85,18 +85,19 @@ impl Rollout {
     /// loaded with; `OutOfMemory`, with figures, when its memory cannot be had; `Device` when ONNX Runtime refuses a
     /// binding.
     pub fn new(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Result<Self> {
-        Self::with_stop(world, point, seed, Arc::default())
+        Self::with_stop(world, point, seed, Arc::default(), 0)
     }
 
-    /// As [`new`](Self::new), with the flag that ends its steps.
+    /// As [`new`](Self::new), with the flag that ends its steps, in place of another rollout whose `freed` bytes are free afterwards.
     pub(super) fn with_stop(
         world: &Arc<World>,
         point: &OperatingPoint,
         seed: u64,
         stop: Arc<AtomicBool>,
+        freed: u64,
     ) -> Result<Self> {
         world.check_point(point)?;
-        world.check_room_for_rollout()?;
+        world.check_room_for_rollout(freed)?;
         let planner = Planner::new(world.manifest(), point, seed)?;
         let mut lane: Box<dyn Lane> = Box::new(StopLane::new(world.device(), stop.clone())?);
         let kv = KvMemory::new(&mut *lane, world)?;
@@ -279,6 +280,22 @@ impl Rollout {
             None => Ok(latent),
             Some(_) => Err(device_not_finite("the encoded latent")),
         }
+    }
+
+    /// Waits for what is under way, then lets others use the device's memory: rings, latents, the autoencoder's memories and pictures are evicted,
+    /// contents and all, and the next call that needs them brings them back first. The weights are the world's and stay; anchors that
+    /// were kept stay as well. Nothing happens on a processor. For a rollout that makes no latents for a while.
+    ///
+    /// # Errors
+    /// `Device`, `DeviceRemoved`; it does not rest then. What brings the memory back fails with `OutOfMemory` where there is no place for it,
+    /// with all as it was, and may be tried again.
+    pub fn rest(&mut self) -> Result<()> {
+        self.lane.rest()
+    }
+
+    /// Whether its memory was evicted by [`rest`](Self::rest) and has not been needed since.
+    pub fn is_resting(&self) -> bool {
+        self.lane.is_resting()
     }
 
     /// Back to the start, with the same seed.

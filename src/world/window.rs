@@ -30,7 +30,8 @@ impl Rollout {
             return refuse("it computes in another precision");
         }
         let point = OperatingPoint { global_window: world.global_window(), ..self.point.clone() };
-        let mut moved = Self::with_stop(world, &point, self.planner.seed(), self.stop_flag().clone())?;
+        let freed = self.world.need_of_rollout();
+        let mut moved = Self::with_stop(world, &point, self.planner.seed(), self.stop_flag().clone(), freed)?;
         moved.keep_encoder_stream(self.keeps_encoder_stream())?;
         let slots = moved.planner.take_over(&self.planner);
         let mut contents = Vec::new();

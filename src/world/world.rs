@@ -129,10 +129,16 @@ impl World {
         Ok(())
     }
 
-    /// Checks that one more rollout fits, before anything of it is allocated.
-    pub(super) fn check_room_for_rollout(&self) -> Result<()> {
-        let wanted = self.need.ring.saturating_add(self.need.slabs);
-        match self.device.room().or_else(available_memory) {
+    /// What a rollout adds to the world: ring and slabs, in bytes.
+    pub(super) fn need_of_rollout(&self) -> u64 {
+        self.need.ring.saturating_add(self.need.slabs)
+    }
+
+    /// Checks that one more rollout fits, before anything of it is allocated. It takes the place of what has `freed` bytes: where memory is
+    /// short, that is how it becomes less.
+    pub(super) fn check_room_for_rollout(&self, freed: u64) -> Result<()> {
+        let wanted = self.need_of_rollout();
+        match self.device.room().or_else(available_memory).map(|room| room.saturating_add(freed)) {
             Some(room) if room < wanted => Err(Error::new(
                 ErrorKind::OutOfMemory,
                 format!(

@@ -318,6 +318,7 @@ static void a_rollout_through_the_embedded_world()
     const auto several = rollout.submit(four, 4).value();
     CHECK(several && rollout.wait(*several).value()->step.latent == 3);
     OK(rollout.keep_encoder_stream(false));
+    OK(rollout.rest());
     ANSWERS(CAIRN_ERROR_UNSUPPORTED, rollout.keep_encoder_stream(true));
     OK(rollout.restore(state));
     OK(rollout.step(walk));

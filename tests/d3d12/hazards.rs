@@ -117,7 +117,11 @@ pub(crate) fn checked(device: &ID3D12Device, work: impl FnOnce()) -> Checker {
 }
 
 fn report(event: impl FnOnce(&mut Checker)) {
-    CHECKER.with_borrow_mut(|checker| checker.as_mut().into_iter().for_each(event));
+    CHECKER.with_borrow_mut(|checker| {
+        if let Some(checker) = checker {
+            event(checker);
+        }
+    });
 }
 
 /// Replaces functions without a result: each reports, then does what it did.

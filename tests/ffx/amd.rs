@@ -506,5 +506,17 @@ fn interface_letterbox_and_lens_change_all_three_frames() {
 
 /// The tests of this program.
 pub(crate) fn trials() -> Vec<Trial> {
-    trials![with_amd: they_are_found_and_loaded_with_their_versions, their_signature_is_amd_s, one_byte_of_theirs_that_is_another_is_found_out, a_provider_is_chosen_made_and_says_what_it_is, a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself, jitter_in_motion_does_no_harm_where_it_is_told_and_a_cut_that_is_found_gives_the_frame_itself, it_stands_the_test_and_generates_on_both_kinds_of_queue, interface_letterbox_and_light_change_what_amd_s_makes, memory_of_each_size_is_reported, three_frames_between_two_come_from_two_of_their_generators, interface_letterbox_and_lens_change_all_three_frames]
+    trials![
+        with_amd: they_are_found_and_loaded_with_their_versions,
+        their_signature_is_amd_s,
+        one_byte_of_theirs_that_is_another_is_found_out,
+        a_provider_is_chosen_made_and_says_what_it_is,
+        a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself,
+        jitter_in_motion_does_no_harm_where_it_is_told_and_a_cut_that_is_found_gives_the_frame_itself,
+        it_stands_the_test_and_generates_on_both_kinds_of_queue,
+        interface_letterbox_and_light_change_what_amd_s_makes,
+        memory_of_each_size_is_reported,
+        three_frames_between_two_come_from_two_of_their_generators,
+        interface_letterbox_and_lens_change_all_three_frames,
+    ]
 }

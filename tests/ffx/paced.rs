@@ -4,8 +4,7 @@ use cairn::ffx::{Choice, Family, swapchain_memory_needed};
 
 use super::*;
 
-#[test]
-fn world_alone_bars_and_lens_show_in_frames_between() {
+pub(super) fn world_alone_bars_and_lens_show_in_frames_between() {
     let _alone = alone();
     let rest = D3D12_RESOURCE_STATE_COMMON;
     let size = (SIZE.width, SIZE.height);
@@ -43,8 +42,7 @@ fn world_alone_bars_and_lens_show_in_frames_between() {
     }
 }
 
-#[test]
-fn how_it_is_made_and_paced_reaches_the_library() {
+pub(super) fn how_it_is_made_and_paced_reaches_the_library() {
     let _alone = alone();
     let (stage, library) = playing(&["sdk 2.1", ML, ANALYTIC]);
     let last = |id: u64| stage.told(id).pop().unwrap_or_default();
@@ -102,8 +100,7 @@ fn how_it_is_made_and_paced_reaches_the_library() {
     assert!(Show::with(&untested, How::New, &library).is_ok());
 }
 
-#[test]
-fn every_code_at_every_call_is_reported_and_the_next_one_is_made() {
+pub(super) fn every_code_at_every_call_is_reported_and_the_next_one_is_made() {
     let _alone = alone();
     let (stage, library) = playing(&["sdk 2.1", ML, "refusing"]);
     type Call = fn(&mut Show, &Textures) -> cairn::Result<()>;
@@ -174,8 +171,7 @@ fn every_code_at_every_call_is_reported_and_the_next_one_is_made() {
     assert_eq!(stage.judgement(), [""; 0]);
 }
 
-#[test]
-fn memory_is_asked_for_beforehand() {
+pub(super) fn memory_is_asked_for_beforehand() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     for (release, is_known) in [(["sdk 1.1.4", ANALYTIC_20], false), (["sdk 2.0", ANALYTIC_20], true)] {
         let (stage, library) = playing(&release);

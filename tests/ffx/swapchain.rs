@@ -450,7 +450,29 @@ fn amd_s_own_swap_chain_presents_frames_between() {
 
 /// The tests of this program.
 pub(crate) fn trials() -> Vec<Trial> {
-    let mut trials = trials![always: frames_between_are_presented_whatever_the_swap_chain_was_made_of, an_interface_lies_over_real_and_generated_frames, generation_is_paused_and_goes_on, buffers_are_resized_and_the_generator_made_anew, what_cannot_become_one_is_refused_and_stays_whole, a_generator_that_fails_within_present_is_told_of, the_judge_sees_what_ends_in_another_order];
+    let mut trials = trials![
+        always: frames_between_are_presented_whatever_the_swap_chain_was_made_of,
+        an_interface_lies_over_real_and_generated_frames,
+        generation_is_paused_and_goes_on,
+        buffers_are_resized_and_the_generator_made_anew,
+        what_cannot_become_one_is_refused_and_stays_whole,
+        a_generator_that_fails_within_present_is_told_of,
+        the_judge_sees_what_ends_in_another_order,
+    ];
+    trials.extend(paced_trials());
     trials.extend(trials![with_amd: amd_s_own_swap_chain_presents_frames_between]);
     trials
+}
+
+fn paced_trials() -> Vec<Trial> {
+    use paced::{
+        every_code_at_every_call_is_reported_and_the_next_one_is_made, how_it_is_made_and_paced_reaches_the_library,
+        memory_is_asked_for_beforehand, world_alone_bars_and_lens_show_in_frames_between,
+    };
+    trials![
+        always: world_alone_bars_and_lens_show_in_frames_between,
+        how_it_is_made_and_paced_reaches_the_library,
+        every_code_at_every_call_is_reported_and_the_next_one_is_made,
+        memory_is_asked_for_beforehand,
+    ]
 }

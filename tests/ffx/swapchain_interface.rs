@@ -477,7 +477,12 @@ fn amd_s_own_swap_chain_is_a_host_s_too() {
 
 /// The tests of this program.
 pub(crate) fn trials() -> Vec<Trial> {
-    let mut trials = trials![always: a_host_has_amd_present_whatever_its_swap_chain_is_made_of, what_a_host_says_of_frames_is_what_is_shown, an_interface_pacing_pauses_and_sizes_are_told, what_is_refused_leaves_a_host_s_swap_chain_whole];
+    let mut trials = trials![
+        always: a_host_has_amd_present_whatever_its_swap_chain_is_made_of,
+        what_a_host_says_of_frames_is_what_is_shown,
+        an_interface_pacing_pauses_and_sizes_are_told,
+        what_is_refused_leaves_a_host_s_swap_chain_whole,
+    ];
     trials.extend(trials![with_amd: amd_s_own_swap_chain_is_a_host_s_too]);
     trials
 }

@@ -555,10 +555,19 @@ namespace Cairn
         internal delegate int rollout_append_function(IntPtr rollout, picture* picture, step_info* info);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int rollout_append_pictures_function(IntPtr rollout, picture* pictures, uint count, step_info* info);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int rollout_keep_encoder_stream_function(IntPtr rollout, uint keep);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int rollout_step_function(IntPtr rollout, controls* controls, step_info* info);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int rollout_reset_function(IntPtr rollout);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int rollout_rest_function(IntPtr rollout);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int rollout_set_budget_function(IntPtr rollout, ulong latent_ns, byte* schedules);
@@ -571,6 +580,9 @@ namespace Cairn
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int rollout_submit_picture_function(IntPtr rollout, picture* picture, ulong* ticket);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int rollout_submit_pictures_function(IntPtr rollout, picture* pictures, uint count, ulong* ticket);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int rollout_poll_function(IntPtr rollout, ulong ticket, step_info* info, IntPtr* anchor);
@@ -726,12 +738,16 @@ namespace Cairn
             internal readonly rollout_destroy_function rollout_destroy;
             internal readonly rollout_get_info_function rollout_get_info;
             internal readonly rollout_append_function rollout_append;
+            internal readonly rollout_append_pictures_function rollout_append_pictures;
+            internal readonly rollout_keep_encoder_stream_function rollout_keep_encoder_stream;
             internal readonly rollout_step_function rollout_step;
             internal readonly rollout_reset_function rollout_reset;
+            internal readonly rollout_rest_function rollout_rest;
             internal readonly rollout_set_budget_function rollout_set_budget;
             internal readonly rollout_get_anchor_function rollout_get_anchor;
             internal readonly rollout_submit_function rollout_submit;
             internal readonly rollout_submit_picture_function rollout_submit_picture;
+            internal readonly rollout_submit_pictures_function rollout_submit_pictures;
             internal readonly rollout_poll_function rollout_poll;
             internal readonly rollout_wait_function rollout_wait;
             internal readonly rollout_cancel_function rollout_cancel;
@@ -800,12 +816,16 @@ namespace Cairn
                 rollout_destroy = library.Resolve<rollout_destroy_function>("cairn_rollout_destroy");
                 rollout_get_info = library.Resolve<rollout_get_info_function>("cairn_rollout_get_info");
                 rollout_append = library.Resolve<rollout_append_function>("cairn_rollout_append");
+                rollout_append_pictures = library.Resolve<rollout_append_pictures_function>("cairn_rollout_append_pictures");
+                rollout_keep_encoder_stream = library.Resolve<rollout_keep_encoder_stream_function>("cairn_rollout_keep_encoder_stream");
                 rollout_step = library.Resolve<rollout_step_function>("cairn_rollout_step");
                 rollout_reset = library.Resolve<rollout_reset_function>("cairn_rollout_reset");
+                rollout_rest = library.Resolve<rollout_rest_function>("cairn_rollout_rest");
                 rollout_set_budget = library.Resolve<rollout_set_budget_function>("cairn_rollout_set_budget");
                 rollout_get_anchor = library.Resolve<rollout_get_anchor_function>("cairn_rollout_get_anchor");
                 rollout_submit = library.Resolve<rollout_submit_function>("cairn_rollout_submit");
                 rollout_submit_picture = library.Resolve<rollout_submit_picture_function>("cairn_rollout_submit_picture");
+                rollout_submit_pictures = library.Resolve<rollout_submit_pictures_function>("cairn_rollout_submit_pictures");
                 rollout_poll = library.Resolve<rollout_poll_function>("cairn_rollout_poll");
                 rollout_wait = library.Resolve<rollout_wait_function>("cairn_rollout_wait");
                 rollout_cancel = library.Resolve<rollout_cancel_function>("cairn_rollout_cancel");

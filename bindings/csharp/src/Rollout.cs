@@ -226,6 +226,17 @@ namespace Cairn
         }
 
         /// <summary>
+        /// Lets others use the device's memory of a rollout that makes no latents for a while: rings, latents and pictures are evicted after
+        /// what is under way, and the next call that needs them brings them back. <see cref="Pause"/> has a rollout whose queue was used rest too.
+        /// Nothing happens on a processor.
+        /// </summary>
+        /// <exception cref="CairnException"><see cref="Result.Busy"/> while steps are queued; <see cref="Result.Device"/>.</exception>
+        public void Rest()
+        {
+            Done(Library.C.rollout_rest(Value));
+        }
+
+        /// <summary>
         /// Makes the next latent; the controls stand for one latent's span of world time. On the calling thread.
         /// </summary>
         /// <param name="controls">Of the step.</param>

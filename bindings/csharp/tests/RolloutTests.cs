@@ -46,6 +46,30 @@ namespace Cairn.Tests
         }
 
         [Test]
+        private static void FourPicturesAreOneLatent()
+        {
+            using (Rollout rollout = Shared.World.CreateRollout(new RolloutOptions { Seed = 7 }))
+            using (Rollout still = Shared.World.CreateRollout(new RolloutOptions { Seed = 7 }))
+            {
+                StepInfo info = rollout.Append(Shared.Seed(), Shared.Seed(), Shared.Seed(), Shared.Seed());
+                Expect.True(info.Latent == 0 && info.IsCommitted && info.EncodeNs > 0, "four pictures are no latent");
+                still.Append(Shared.Seed());
+                rollout.Rest();
+                using (Anchor one = rollout.Anchor())
+                using (Anchor other = still.Anchor())
+                {
+                    Expect.Same(one.Picture(), other.Picture(), "a still and the same picture four times");
+                }
+                Expect.True(rollout.TrySubmitPictures(Shared.Seed(), Shared.Seed(), Shared.Seed(), Shared.Seed(), out long ticket), "the queue is full");
+                Expect.True(rollout.Wait(ticket, Timeout.InfiniteTimeSpan, out info, out Anchor made), "it does not end");
+                made.Dispose();
+                Expect.Equal(1L, info.Latent);
+                rollout.KeepEncoderStream(false);
+                Expect.Fails(Result.Unsupported, () => rollout.KeepEncoderStream(true));
+            }
+        }
+
+        [Test]
         private static void EqualSeedsAndControlsGiveEqualPictures()
         {
             byte[][] first = Shared.Shown(Shared.Walk);

@@ -541,6 +541,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "rollout_append": (_handle, POINTER(Picture), POINTER(StepInfo)),
     "rollout_append_pictures": (_handle, POINTER(Picture), c_uint32, POINTER(StepInfo)),
     "rollout_keep_encoder_stream": (_handle, c_uint32),
+    "rollout_rest": (_handle,),
     "rollout_step": (_handle, POINTER(Controls), POINTER(StepInfo)),
     "rollout_set_budget": (_handle, c_uint64, _text),
     "rollout_govern": (_handle, POINTER(Budget)),

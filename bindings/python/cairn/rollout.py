@@ -235,6 +235,12 @@ class Rollout(Object):
         """
         call("rollout_keep_encoder_stream", self._handle, int(keep))
 
+    def rest(self) -> None:
+        """Lets others use the device's memory of a rollout that makes no latents for a while: rings, latents and pictures are evicted after
+        what is under way, and the next call that needs them brings them back, or raises `OutOfMemory` with all as it was. `pause` has a
+        rollout whose queue was used rest too. Nothing happens on a processor. Raises `Busy` while steps are queued."""
+        call("rollout_rest", self._handle)
+
     def step(self, controls: Controls = Controls()) -> StepInfo:  # noqa: B008 (it does not change)
         """Makes the next latent; the controls stand for one latent's span of world time. Raises `InvalidArgument`, `Busy`,
         `Unsupported` for a key that the world does not know, `OutOfMemory`, `DeviceError`, `Cancelled`."""

@@ -23,7 +23,7 @@ use super::times::Kind;
 use super::way::Way;
 use crate::bundle::Precision;
 use crate::gpu::compute::{Frames, Resting};
-use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, Resize, Shared, Spent, buffer};
+use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, ResidencySet, Resize, Shared, Spent, buffer};
 use crate::runtime::Graph;
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::graph::TensorSpec;
@@ -53,6 +53,8 @@ pub(super) struct DirectMlLane {
     // Bindings hold allocations of buffers: they are dropped first.
     pub(super) bindings: Vec<Bound>,
     pub(super) buffers: Vec<Buffer>,
+    /// The buffers' residency, which every use of them asks for first.
+    residency: Mutex<ResidencySet>,
     /// Copies that are recorded once, and the bytes that they move.
     kept: Vec<(KeptList, u64)>,
     looks: Vec<Look>,
@@ -143,6 +145,7 @@ impl DirectMlLane {
         Ok(Self {
             bindings,
             buffers,
+            residency: Mutex::new(ResidencySet::new()),
             kept,
             looks,
             copying,
@@ -215,6 +218,11 @@ impl DirectMlLane {
         self.recorder.get_mut().fill(&buffer.resource, self.zeroes.resource(), regions)
     }
 
+    /// Has buffers be resident for what is submitted from now on.
+    fn be_resident(&self) -> Result<()> {
+        self.residency.lock().make_resident(&self.gpu, self.gpu.anchors())
+    }
+
     /// Waits for what was submitted.
     pub(super) fn wait(&self, moment: &Moment) -> Result<()> {
         let start = Instant::now();
@@ -233,10 +241,12 @@ impl DirectMlLane {
 
 impl Lane for DirectMlLane {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
+        self.be_resident()?;
         let resource = buffer(&self.gpu, Heap::Device, bytes)?;
         // SAFETY: a live resource, which outlives the allocation.
         let take = || unsafe { resource_from_d3d(resource.as_raw().cast()) };
         let allocation = make("take a buffer", take).map_err(|e| self.or_removed(e))?;
+        self.residency.get_mut().add(&self.gpu, &resource)?;
         self.buffers.push(Buffer { allocation, resource, bytes });
         let made = BufferId(self.buffers.len() - 1);
         self.blank(made)?;
@@ -270,6 +280,7 @@ impl Lane for DirectMlLane {
     }
 
     fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()> {
+        self.be_resident()?;
         let buffer = &self.buffers[to.0];
         assert!(at + bytes.len() <= buffer.bytes, "inside the buffer");
         self.recorder.get_mut().upload(&buffer.resource, at, bytes)?;
@@ -278,6 +289,7 @@ impl Lane for DirectMlLane {
     }
 
     fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
+        self.be_resident()?;
         let mut staged = Shared::new(&self.gpu, Heap::Upload, contents.iter().map(|(_, bytes)| bytes.len()).sum())?;
         let recorder = self.recorder.get_mut();
         recorder.apart()?;
@@ -297,12 +309,14 @@ impl Lane for DirectMlLane {
     }
 
     fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
+        self.be_resident()?;
         self.recorder.get_mut().apart()?;
         buffers.iter().try_for_each(|buffer| self.blank(*buffer))?;
         self.recorder.get_mut().submit()
     }
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
+        self.be_resident()?;
         assert_ne!(to, from, "two buffers of this lane");
         let (to, from) = (&self.buffers[to.0], &self.buffers[from.0]);
         for r in regions {
@@ -322,6 +336,7 @@ impl Lane for DirectMlLane {
     }
 
     fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+        self.be_resident()?;
         copies.iter().try_for_each(|copies| self.kept[copies.0].0.ready())?;
         let recorder = self.recorder.get_mut();
         let begun = recorder.start(self.copying)?;
@@ -336,6 +351,7 @@ impl Lane for DirectMlLane {
     }
 
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
+        self.be_resident()?;
         let resources = of.iter().map(|buffer| &self.buffers[buffer.0]);
         let contents: Vec<_> = resources.map(|buffer| (&buffer.resource, buffer.bytes)).collect();
         self.recorder.get_mut().submit()?;
@@ -351,6 +367,7 @@ impl Lane for DirectMlLane {
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
+        self.be_resident()?;
         match &self.bindings[binding.0].capture {
             Capture::Never(_) => self.run_as_ever(binding),
             Capture::Untried | Capture::Checked(..) => self.run_both_ways(binding),
@@ -381,6 +398,7 @@ impl Lane for DirectMlLane {
     }
 
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
+        self.be_resident()?;
         let buffer = &self.buffers[from.0];
         assert!(at + into.len() <= buffer.bytes, "inside the buffer");
         let readback = Shared::new(&self.gpu, Heap::Readback, into.len())?;
@@ -403,6 +421,7 @@ impl Lane for DirectMlLane {
     }
 
     fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
+        self.be_resident()?;
         self.looks[look.0].ready()?;
         let list = self.looks[look.0].list().clone();
         let recorder = self.recorder.get_mut();
@@ -410,6 +429,20 @@ impl Lane for DirectMlLane {
         self.looks[look.0].runs_until(&moment);
         self.wait(&moment)?;
         Ok(self.looks[look.0].read(&self.answer))
+    }
+
+    fn rest(&mut self) -> Result<()> {
+        if self.is_resting() {
+            return Ok(());
+        }
+        // What was recorded and not submitted uses the buffers as well.
+        let moment = self.recorder.get_mut().now()?;
+        self.wait(&moment)?;
+        self.residency.get_mut().evict(&self.gpu)
+    }
+
+    fn is_resting(&self) -> bool {
+        !self.residency.lock().is_resident()
     }
 
     fn bytes(&self) -> Bytes {
@@ -424,6 +457,7 @@ impl Lane for DirectMlLane {
     }
 
     fn keep_on_device(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut Snapshot) -> Result<()> {
+        self.be_resident()?;
         let frames = self.frames.as_mut().expect("made with the room");
         let state = D3D12_RESOURCE_STATE_COMMON;
         let latent = &self.buffers[latent.0];

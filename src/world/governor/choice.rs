@@ -173,6 +173,16 @@ impl Choice {
         Some(Decision { why, took })
     }
 
+    /// Records the bytes of the device's memory that are left after its budget has changed: where they are less than none, a narrower window
+    /// follows, whatever was measured.
+    pub(super) fn note_memory(&mut self, room: i128) -> Option<Decision> {
+        let window = self.narrower_for(Some(room))?;
+        self.left = self.windows[self.at.window].relative.map(|relative| self.pass() / relative);
+        self.at.window = window;
+        self.begin();
+        Some(Decision { why: Why::MemoryIsShort, took: self.took() })
+    }
+
     /// Time for a frame that is shown, as measured last.
     pub(super) fn took(&self) -> Duration {
         self.cost(self.at)
@@ -226,13 +236,20 @@ impl Choice {
         self.windows[window].allowed && (more <= 0 || room.is_none_or(|room| more <= room))
     }
 
+    fn narrower(&self, room: Option<i128>) -> Option<usize> {
+        (self.at.window + 1..self.windows.len()).find(|window| self.may_have(*window, room))
+    }
+
+    /// The window that follows where memory is short.
+    fn narrower_for(&self, room: Option<i128>) -> Option<usize> {
+        room.filter(|room| *room < 0).and_then(|_| self.narrower(room))
+    }
+
     fn decide(&mut self, took: Duration, room: Option<i128>) -> Option<(Setting, Why)> {
-        let narrower = (self.at.window + 1..self.windows.len()).find(|window| self.may_have(*window, room));
-        if room.is_some_and(|room| room < 0)
-            && let Some(window) = narrower
-        {
+        if let Some(window) = self.narrower_for(room) {
             return Some((Setting { window, ..self.at }, Why::MemoryIsShort));
         }
+        let narrower = self.narrower(room);
         let budget = self.budget?;
         let settings = |window: usize| {
             let (made, passes) = (self.made.len(), self.passes.len());
@@ -268,6 +285,22 @@ impl Choice {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_budget_of_memory_that_shrinks_is_obeyed_before_the_next_latent() {
+        let mut choice = choice(1_000_000);
+        assert_eq!(choice.note_memory(0), None, "what is granted is just enough");
+        let decision = choice.note_memory(-1).expect("a narrower window");
+        assert_eq!((decision.why, has(&choice).0), (Why::MemoryIsShort, 8));
+        assert_eq!(choice.note_memory(-1), None, "there is no narrower one");
+        // It comes back as after any other change: once there is room for it, and time.
+        let latents = |choice: &mut Choice, room| {
+            (0..12).for_each(|_| _ = choice.note_latent(Duration::from_micros(1_000), Some(room)));
+            has(choice).0
+        };
+        assert_eq!(latents(&mut choice, 1 << 20), 8, "its ring would not fit");
+        assert_eq!(latents(&mut choice, 1 << 30), 64);
+    }
 
     /// A device whose times are as its load has it, in microseconds: of a pass at g64, of one at g8, of all else of a latent, of a frame that
     /// is made, and of one that is not.

@@ -12,6 +12,7 @@ use super::budget::passes_of;
 use super::rollout::Rollout;
 use super::schedule::Schedule;
 use super::world::World;
+use crate::runtime::MemoryChanges;
 use crate::{Error, ErrorKind, Result};
 
 /// Windows of a budget, at most.
@@ -80,6 +81,8 @@ pub(super) struct Governed {
     /// Widest window first.
     worlds: Vec<Arc<World>>,
     schedules: Vec<Schedule>,
+    /// The device's memory budget, where the system tells of its changes.
+    memory_changes: Option<MemoryChanges>,
 }
 
 impl Governor {
@@ -134,7 +137,21 @@ impl Governor {
     pub(crate) fn note_latent(&self, took: Duration, room: Option<i128>) {
         let mut state = self.state.lock();
         state.figures.latents += 1;
-        let Some(Decision { why, took }) = state.choice.note_latent(took, room) else { return };
+        let Some(decision) = state.choice.note_latent(took, room) else { return };
+        drop(state);
+        self.carry_out(decision);
+    }
+
+    /// Records that the device's memory budget has changed, with what is left of it: where that is too little, the window becomes narrower at
+    /// once, and not after the next latents.
+    pub(crate) fn note_memory(&self, room: i128) {
+        let decision = self.state.lock().choice.note_memory(room);
+        decision.into_iter().for_each(|decision| self.carry_out(decision));
+    }
+
+    /// Counts and logs what was decided.
+    fn carry_out(&self, Decision { why, took }: Decision) {
+        let mut state = self.state.lock();
         let (count, cause) = match why {
             Why::TooLong => (&mut state.figures.less, "that is too long"),
             Why::TimeIsLeft => (&mut state.figures.more, "there is time for more"),
@@ -221,7 +238,8 @@ impl Rollout {
         let choice = Choice::new(budget.frame, budget.multiplier, windows, passes);
         let governor = Arc::new(Governor::new(choice, budget.multiplier));
         self.budget = None;
-        self.governed = Some(Governed { governor: governor.clone(), worlds: all, schedules });
+        let memory_changes = self.world().device().memory_changes();
+        self.governed = Some(Governed { governor: governor.clone(), worlds: all, schedules, memory_changes });
         Ok(governor)
     }
 
@@ -239,6 +257,11 @@ impl Rollout {
     /// move to another window, which takes a while, is made. One that cannot be made is logged and not tried again.
     pub fn obey(&mut self) {
         let Some(governed) = self.governed.take() else { return };
+        if governed.memory_changes.as_ref().is_some_and(MemoryChanges::come)
+            && let Some(room) = self.memory_left()
+        {
+            governed.governor.note_memory(room);
+        }
         let Setting { window, passes, .. } = governed.governor.setting();
         let (world, schedule) = (governed.worlds[window].clone(), governed.schedules[passes].clone());
         // The move takes it along.
@@ -277,7 +300,12 @@ impl Rollout {
         let Some(governor) = self.governor().cloned() else { return };
         let spent = self.spent_on_device().zip(before).map(|(now, before)| now.saturating_sub(before));
         let took = spent.unwrap_or_else(|| start.elapsed());
-        let room = self.world().device().memory();
-        governor.note_latent(took, room.map(|memory| i128::from(memory.granted) - i128::from(memory.used)));
+        governor.note_latent(took, self.memory_left());
+    }
+
+    /// Bytes of the device's memory budget that are left, less than none where more is used than is granted; none where nobody says.
+    fn memory_left(&self) -> Option<i128> {
+        let memory = self.world().device().memory()?;
+        Some(i128::from(memory.granted) - i128::from(memory.used))
     }
 }

@@ -1,0 +1,62 @@
+//! When the system grants another amount of an adapter's memory.
+
+use windows::Win32::Foundation::{CloseHandle, HANDLE, WAIT_OBJECT_0};
+use windows::Win32::Graphics::Dxgi::IDXGIAdapter3;
+use windows::Win32::System::Threading::{CreateEventW, WaitForSingleObject};
+use windows::core::Interface;
+
+use super::Gpu;
+
+/// Notices that the budget of an adapter's memory has changed.
+///
+/// Threads: may be used from any thread at any time.
+pub(crate) struct BudgetChanges {
+    adapter: IDXGIAdapter3,
+    event: HANDLE,
+    cookie: u32,
+}
+
+// SAFETY: an adapter and an event of the system's may be used from any thread.
+unsafe impl Send for BudgetChanges {}
+// SAFETY: as above.
+unsafe impl Sync for BudgetChanges {}
+
+impl BudgetChanges {
+    /// None where the system does not say.
+    pub(crate) fn of(gpu: &Gpu) -> Option<Self> {
+        let adapter = gpu.found().ok()?.0.cast::<IDXGIAdapter3>().ok()?;
+        // SAFETY: no name and no security attributes are given. Each signal is taken once.
+        let event = unsafe { CreateEventW(None, false, false, None) }.ok()?;
+        // SAFETY: a live adapter, and an event that is closed after it was unregistered.
+        match unsafe { adapter.RegisterVideoMemoryBudgetChangeNotificationEvent(event) } {
+            Ok(cookie) => Some(Self { adapter, event, cookie }),
+            Err(e) => {
+                log::debug!("IDXGIAdapter3::RegisterVideoMemoryBudgetChangeNotificationEvent failed: {e}");
+                // SAFETY: the handle is open and nobody else's.
+                _ = unsafe { CloseHandle(event) };
+                None
+            }
+        }
+    }
+
+    /// Whether it has changed since this was asked last. Does not wait.
+    pub(crate) fn changed(&self) -> bool {
+        // SAFETY: the handle is open.
+        unsafe { WaitForSingleObject(self.event, 0) == WAIT_OBJECT_0 }
+    }
+}
+
+impl Drop for BudgetChanges {
+    fn drop(&mut self) {
+        // SAFETY: a live adapter and what it gave.
+        unsafe { self.adapter.UnregisterVideoMemoryBudgetChangeNotification(self.cookie) };
+        // SAFETY: the handle is open and nobody else's.
+        _ = unsafe { CloseHandle(self.event) };
+    }
+}
+
+impl std::fmt::Debug for BudgetChanges {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "BudgetChanges({})", self.cookie)
+    }
+}

@@ -1,0 +1,130 @@
+//! Which memory of ours is on the device: how it ranks beside an engine's, and what is evicted while nobody uses it.
+
+use windows::Win32::Foundation::E_NOTIMPL;
+use windows::Win32::Graphics::Direct3D12::{
+    D3D12_FENCE_FLAG_NONE, D3D12_RESIDENCY_FLAG_NONE, D3D12_RESIDENCY_PRIORITY_LOW, ID3D12Device1, ID3D12Device3,
+    ID3D12Fence, ID3D12Pageable, ID3D12Resource,
+};
+use windows::core::Interface;
+
+use super::failure::failed_on;
+use super::{Gpu, Moment, Queue};
+use crate::{Error, ErrorKind, Result};
+
+/// Memory that is resident, or evicted, together. What is added to it has a priority below an engine's own memory, which has
+/// `D3D12_RESIDENCY_PRIORITY_NORMAL` unless the engine says otherwise: where memory is short, the system moves this out first.
+pub(crate) struct ResidencySet {
+    objects: Vec<Option<ID3D12Pageable>>,
+    is_resident: bool,
+    /// Signalled by the device when an `EnqueueMakeResident` is done, and its last value; none before the first.
+    fence: Option<(ID3D12Fence, u64)>,
+}
+
+impl ResidencySet {
+    pub(crate) fn new() -> Self {
+        Self { objects: Vec::new(), is_resident: true, fence: None }
+    }
+
+    pub(crate) fn is_resident(&self) -> bool {
+        self.is_resident
+    }
+
+    /// Adds memory that is resident, as everything is when it is made. The set must be resident.
+    pub(crate) fn add(&mut self, gpu: &Gpu, resource: &ID3D12Resource) -> Result<()> {
+        assert!(self.is_resident, "a resident set");
+        let object: ID3D12Pageable =
+            resource.cast().map_err(|e| failed_on(gpu.device(), "IUnknown::QueryInterface", &e))?;
+        let object = Some(object);
+        // A Windows of before 1709 has no priorities. That memory ranks as the engine's then harms nobody while there is enough.
+        if let Ok(device) = gpu.device().cast::<ID3D12Device1>() {
+            // SAFETY: a live device, and one object with one priority, which live during the call.
+            let told = unsafe { device.SetResidencyPriority(1, &object, &D3D12_RESIDENCY_PRIORITY_LOW) };
+            if let Err(e) = told {
+                log::debug!("ID3D12Device1::SetResidencyPriority failed: {e}");
+            }
+        }
+        self.objects.push(object);
+        Ok(())
+    }
+
+    /// Gives the memory's place on the device to whoever needs it; the contents stay. Nothing on the device may use it any more.
+    ///
+    /// # Errors
+    /// `Device`, `DeviceRemoved`. It is resident then.
+    pub(crate) fn evict(&mut self, gpu: &Gpu) -> Result<()> {
+        if self.is_resident && !self.objects.is_empty() {
+            // SAFETY: a live device and live objects, each resident once and used by nothing.
+            unsafe { gpu.device().Evict(&self.objects) }
+                .map_err(|e| failed_on(gpu.device(), "ID3D12Device::Evict", &e))?;
+            self.is_resident = false;
+        }
+        Ok(())
+    }
+
+    /// Brings the memory back for what `queue` is given from now on. The queue waits for it on the device, this thread does not, but on a
+    /// Windows that has no `EnqueueMakeResident`.
+    ///
+    /// # Errors
+    /// `OutOfMemory` where there is no place for it; `Device`, `DeviceRemoved`. It is evicted then, with all its contents, and the next
+    /// call tries again.
+    pub(crate) fn make_resident(&mut self, gpu: &Gpu, queue: &Queue) -> Result<()> {
+        if self.is_resident {
+            return Ok(());
+        }
+        match self.enqueue(gpu)? {
+            // Nothing was brought back that nothing waits for.
+            Some(moment) => queue.wait(&moment),
+            None => {
+                // SAFETY: a live device and live objects.
+                unsafe { gpu.device().MakeResident(&self.objects) }
+                    .map_err(|e| no_place(failed_on(gpu.device(), "ID3D12Device::MakeResident", &e)))?;
+                self.is_resident = true;
+                Ok(())
+            }
+        }
+    }
+
+    /// Has the system bring the memory back; when it is there. None where the system cannot do that beside its caller.
+    fn enqueue(&mut self, gpu: &Gpu) -> Result<Option<Moment>> {
+        let device = gpu.device();
+        let Ok(newer) = device.cast::<ID3D12Device3>() else { return Ok(None) };
+        let (fence, value) = match &self.fence {
+            Some((fence, last)) => (fence.clone(), last + 1),
+            None => {
+                // SAFETY: a live device; the call takes values only.
+                let fence = unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) };
+                (fence.map_err(|e| failed_on(device, "ID3D12Device::CreateFence", &e))?, 1)
+            }
+        };
+        // SAFETY: a live device, live objects, and a fence of the device whose value has not been used.
+        match unsafe { newer.EnqueueMakeResident(D3D12_RESIDENCY_FLAG_NONE, &self.objects, &fence, value) } {
+            Ok(()) => {}
+            Err(e) if e.code() == E_NOTIMPL => return Ok(None),
+            Err(e) => return Err(no_place(failed_on(device, "ID3D12Device3::EnqueueMakeResident", &e))),
+        }
+        self.is_resident = true;
+        let moment = Moment::new(&fence, value, device);
+        self.fence = Some((fence, value));
+        Ok(Some(moment))
+    }
+}
+
+/// What to do where memory cannot come back.
+fn no_place(error: Error) -> Error {
+    if error.kind() != ErrorKind::OutOfMemory {
+        return error;
+    }
+    Error::new(ErrorKind::OutOfMemory, format!("a resting rollout's memory finds no place: {}", error.cause()))
+        .remedy("Free memory of the device, or let other rollouts rest, and try again")
+}
+
+impl std::fmt::Debug for ResidencySet {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "ResidencySet({} objects, {})",
+            self.objects.len(),
+            if self.is_resident { "resident" } else { "evicted" }
+        )
+    }
+}

@@ -1,0 +1,235 @@
+//! Which memory is on a Direct3D 12 device: a rollout's ranks below an engine's, leaves while the rollout rests, and is back before it is used.
+//! On Windows, or in the lab.
+#![cfg(windows)]
+
+use std::ffi::c_void;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Duration;
+
+use cairn::ErrorKind;
+use cairn::bundle::Precision;
+use cairn::gpu::windows::Win32::Foundation::HANDLE;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESIDENCY_PRIORITY_LOW;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::{
+    CreateDXGIFactory1, DXGI_MEMORY_SEGMENT_GROUP, DXGI_QUERY_VIDEO_MEMORY_INFO, IDXGIAdapter3, IDXGIFactory1,
+};
+use cairn::gpu::windows::Win32::System::Threading::SetEvent;
+use cairn::gpu::windows::core::{HRESULT, Interface};
+use cairn::gpu::{Gpu, adapters};
+use cairn::runtime::{Device, DirectMlOptions};
+use cairn::world::{Budget, KeptAnchor, Rollout, World, WorldOptions};
+
+mod common;
+use common::{bundle, controls, fingerprint, ort, picture, point};
+#[path = "d3d12/residents.rs"]
+mod residents;
+#[path = "d3d12/tables.rs"]
+mod tables;
+use residents::{Back, Told, comes_back, told};
+
+/// One test at a time: what is noted is the process's.
+fn alone() -> std::sync::MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+fn world_at(device: &Device, window: Option<u32>) -> Arc<World> {
+    let options = WorldOptions { precision: Some(Precision::F16), global_window: window, ..WorldOptions::default() };
+    World::load(device, &bundle("tiny"), options).expect("a world")
+}
+
+fn device_on(gpu: &Gpu) -> Device {
+    let options = DirectMlOptions { deterministic: true, ..DirectMlOptions::default() };
+    Device::directml(&ort(), gpu, options).expect("DirectML")
+}
+
+/// The objects that a rest evicted, of what was told.
+fn evicted(told: &[Told]) -> Vec<usize> {
+    match told.iter().filter(|told| matches!(told, Told::Evicted(_))).collect::<Vec<_>>()[..] {
+        [Told::Evicted(objects)] => objects.clone(),
+        _ => panic!("no rest, or several: {told:?}"),
+    }
+}
+
+#[test]
+fn a_rollout_that_rests_gives_its_memory_up_and_goes_on_as_if_it_had_not() {
+    let _alone = alone();
+    comes_back(Back::Later);
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    residents::install(&gpu);
+    let world = world_at(&device_on(&gpu), None);
+    _ = told();
+    let mut rollout = Rollout::new(&world, &point(&world), 7).expect("a rollout");
+    let (made, faults) = told();
+    assert_eq!(faults, [""; 0]);
+    let ranks = |told: &[Told]| -> Vec<usize> {
+        let of = |told: &Told| match told {
+            Told::Priority(object, D3D12_RESIDENCY_PRIORITY_LOW) => Some(*object),
+            Told::Priority(..) => panic!("another priority: {told:?}"),
+            _ => None,
+        };
+        told.iter().filter_map(of).collect()
+    };
+    let ours = ranks(&made);
+    let mut other = Rollout::new(&world, &point(&world), 7).expect("a rollout");
+    let others = ranks(&told().0);
+
+    let seed = picture(40, 22, 9);
+    for rollout in [&mut rollout, &mut other] {
+        rollout.append(&seed).expect("a seed");
+        rollout.step(&controls(1)).expect("a step");
+    }
+    let anchor = KeptAnchor::of(&mut rollout, false).expect("an anchor");
+    let bits = fingerprint(&mut rollout).expect("bits");
+    assert!(bits == fingerprint(&mut other).expect("bits"));
+    _ = told();
+
+    // Everything that the rollout made goes, once, and nothing of another's.
+    assert!(!rollout.is_resting());
+    rollout.rest().expect("a rest");
+    rollout.rest().expect("nothing more to do");
+    assert!(rollout.is_resting());
+    let (during, faults) = told();
+    let gone = evicted(&during);
+    assert_eq!(faults, [""; 0]);
+    assert_eq!(gone, ours, "rings, latents, memories and pictures");
+    assert!(!others.is_empty() && gone.iter().all(|object| !others.contains(object)));
+
+    // The other one and the anchor do not notice.
+    other.step(&controls(2)).expect("a step");
+    anchor.picture().expect("a picture");
+    assert!(rollout.is_resting());
+    let (between, _) = told();
+    assert!(!between.iter().any(|told| matches!(told, Told::Enqueued(..) | Told::MadeResident(_))));
+
+    // It cannot come back: a typed error, and all as it was.
+    for how in [Back::NotLater, Back::NotAtOnce] {
+        comes_back(how);
+        for refused in [
+            rollout.step(&controls(2)).map(drop),
+            rollout.append(&seed).map(drop),
+            rollout.reset(),
+            rollout.save().map(drop),
+        ] {
+            let refused = refused.expect_err("there is no place");
+            assert_eq!(refused.kind(), ErrorKind::OutOfMemory, "{refused}");
+            assert!(refused.to_string().contains("rest"), "{refused}");
+        }
+        assert!(rollout.is_resting());
+    }
+    _ = told();
+
+    // The queue waits for it before it is given anything; the step is what it would have been.
+    comes_back(Back::Later);
+    rollout.step(&controls(2)).expect("a step");
+    let (back, faults) = told();
+    assert_eq!(faults, [""; 0]);
+    let first = back.iter().position(|told| matches!(told, Told::Enqueued(..))).expect("it was brought back");
+    let Told::Enqueued(objects, fence, value) = &back[first] else { unreachable!("found as such") };
+    assert_eq!(objects, &gone);
+    assert_eq!(back[..first].iter().filter(|told| **told == Told::Executes).count(), 0, "{back:?}");
+    assert_eq!(back[first + 1], Told::Waits(*fence, *value), "before anything is executed");
+    assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut other).expect("bits"));
+
+    // A system that cannot bring memory back beside its caller.
+    rollout.rest().expect("a rest");
+    comes_back(Back::AtOnce);
+    assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut other).expect("bits"));
+    let (back, faults) = told();
+    assert_eq!(faults, [""; 0]);
+    assert!(back.contains(&Told::MadeResident(gone)), "{back:?}");
+    // One that rests can be given up.
+    rollout.rest().expect("a rest");
+    drop(rollout);
+    other.step(&controls(3)).expect("a step");
+}
+
+/// The event that a change of the budget sets, and what of it there is.
+static EVENT: AtomicUsize = AtomicUsize::new(0);
+static GRANTED: AtomicU64 = AtomicU64::new(u64::MAX);
+
+unsafe extern "system" fn register(_: *mut c_void, event: HANDLE, cookie: *mut u32) -> HRESULT {
+    EVENT.store(event.0 as usize, Ordering::SeqCst);
+    // SAFETY: the caller's own place.
+    unsafe { cookie.write(7) };
+    HRESULT(0)
+}
+
+unsafe extern "system" fn unregister(_: *mut c_void, cookie: u32) {
+    assert_eq!(cookie, 7);
+    EVENT.store(0, Ordering::SeqCst);
+}
+
+unsafe extern "system" fn query(
+    _: *mut c_void,
+    _: u32,
+    _: DXGI_MEMORY_SEGMENT_GROUP,
+    told: *mut DXGI_QUERY_VIDEO_MEMORY_INFO,
+) -> HRESULT {
+    let (granted, used) = (GRANTED.load(Ordering::SeqCst), 1 << 30);
+    // SAFETY: the caller's own place.
+    unsafe { told.write(DXGI_QUERY_VIDEO_MEMORY_INFO { Budget: granted, CurrentUsage: used, ..Default::default() }) };
+    HRESULT(0)
+}
+
+/// Plays the system's budget for all adapters, for the rest of the process.
+fn play_budget() {
+    type Register = unsafe extern "system" fn(*mut c_void, HANDLE, *mut u32) -> HRESULT;
+    type Query = unsafe extern "system" fn(
+        *mut c_void,
+        u32,
+        DXGI_MEMORY_SEGMENT_GROUP,
+        *mut DXGI_QUERY_VIDEO_MEMORY_INFO,
+    ) -> HRESULT;
+    static REGISTER: OnceLock<Register> = OnceLock::new();
+    static UNREGISTER: OnceLock<unsafe extern "system" fn(*mut c_void, u32)> = OnceLock::new();
+    static QUERY: OnceLock<Query> = OnceLock::new();
+    assert!(!adapters().expect("adapters").is_empty());
+    // SAFETY: no arguments but a number.
+    let adapter = unsafe { CreateDXGIFactory1::<IDXGIFactory1>().expect("DXGI").EnumAdapters1(0) }.expect("an adapter");
+    let adapter: IDXGIAdapter3 = adapter.cast().expect("an adapter of today");
+    let table = Interface::vtable(&adapter);
+    replace_all(table, (&REGISTER, register), (&UNREGISTER, unregister), (&QUERY, query));
+
+    fn replace_all(
+        table: &<IDXGIAdapter3 as Interface>::Vtable,
+        register: (&OnceLock<Register>, Register),
+        unregister: (
+            &OnceLock<unsafe extern "system" fn(*mut c_void, u32)>,
+            unsafe extern "system" fn(*mut c_void, u32),
+        ),
+        query: (&OnceLock<Query>, Query),
+    ) {
+        tables::replace(&raw const table.RegisterVideoMemoryBudgetChangeNotificationEvent, register.0, register.1);
+        tables::replace(&raw const table.UnregisterVideoMemoryBudgetChangeNotification, unregister.0, unregister.1);
+        tables::replace(&raw const table.QueryVideoMemoryInfo, query.0, query.1);
+    }
+}
+
+#[test]
+fn a_budget_that_shrinks_narrows_the_window_before_the_next_latent() {
+    let _alone = alone();
+    comes_back(Back::Later);
+    play_budget();
+    GRANTED.store(1 << 40, Ordering::SeqCst);
+    let device = device_on(&Gpu::on_adapter(None).expect("a device"));
+    let [wide, narrow] = [16, 4].map(|window| world_at(&device, Some(window)));
+    let mut rollout = Rollout::new(&wide, &point(&wide), 7).expect("a rollout");
+    rollout.append(&picture(40, 22, 9)).expect("a seed");
+    let budget = Budget { frame: Some(Duration::from_secs(3600)), multiplier: 1, ..Budget::default() };
+    let governor = rollout.govern(&budget, std::slice::from_ref(&narrow)).expect("a budget");
+    let event = EVENT.load(Ordering::SeqCst);
+    assert!(event != 0, "it asks to be told of changes");
+    rollout.step(&controls(0)).expect("a step");
+    assert_eq!(rollout.world().global_window(), 16);
+
+    // Less is granted than is used, and that is told.
+    GRANTED.store(1 << 20, Ordering::SeqCst);
+    // SAFETY: the event that was registered.
+    unsafe { SetEvent(HANDLE(event as *mut c_void)) }.expect("it is set");
+    rollout.step(&controls(1)).expect("a step");
+    assert_eq!((rollout.world().global_window(), governor.statistics().short_of_memory), (4, 1));
+    rollout.ungovern();
+    assert_eq!(EVENT.load(Ordering::SeqCst), 0, "nobody is told any more");
+}
