@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use cairn::guidance::Guidance;
 use cairn::guidance::picture_flow::{self, Extractor, StageTimes};
+use cairn::tasks::Pool;
 use cairn::{Picture, Result};
 use rayon::prelude::*;
 
@@ -19,22 +20,23 @@ fn main() -> Result<()> {
     let (width, height) = if is_measured { (1920, 1080) } else { (64, 36) };
     let turns = if is_measured { TURNS } else { 1 };
     let (previous, current) = (view(width, height, 0.0)?, view(width, height, 1.0)?);
-    let pools = [1, 2].map(|threads| {
+    let averaging = [1, 2].map(|threads| {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("two threads can be started")
     });
+    let extracting = [Pool::new(1)?, Pool::new(2)?];
 
     let mut lines = Vec::new();
-    for (pool, threads) in pools.iter().zip([1, 2]) {
+    for ((averaging, extracting), threads) in averaging.iter().zip(&extracting).zip([1, 2]) {
         let mut out = current.clone();
         let (previous, current) = (&previous, &current);
         lines.push(Line::new("average of two pictures", threads, move || {
-            pool.install(|| average(previous, current, &mut out));
+            averaging.install(|| average(previous, current, &mut out));
             Ok(StageTimes::default())
         }));
         let mut guidance = Guidance::new(width, height, picture_flow::PROJECTION)?;
         let mut extractor = Extractor::new();
         lines.push(Line::new("extract", threads, move || {
-            pool.install(|| extractor.extract(previous, current, &mut guidance))?;
+            extracting.install(|| extractor.extract(previous, current, &mut guidance))?;
             Ok(extractor.stage_times())
         }));
     }

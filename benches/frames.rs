@@ -14,6 +14,7 @@ use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator};
 use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, paper};
 use cairn::present::upscale::{Filter, Upscaler};
+use cairn::tasks::Pool;
 use cairn::{Picture, PictureF16};
 use half::f16;
 use rayon::prelude::*;
@@ -26,8 +27,8 @@ fn main() -> cairn::Result<()> {
     let is_measured = std::env::args().any(|arg| arg == "--bench");
     let (render, presented) = if is_measured { ((1280, 720), (1920, 1080)) } else { ((64, 36), (96, 54)) };
     let turns = if is_measured { TURNS } else { 1 };
-    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be started");
-    let (one, two) = (&pool(1), &pool(2));
+    let (one, two) = (&Pool::new(1)?, &Pool::new(2)?);
+    let averaging = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("two threads can be started");
 
     let turn = Scene::new(presented, Shape { step: 0.0, pillars: 1 })?;
     let walk = Scene::new(presented, Shape { step: 0.04, pillars: 12 })?;
@@ -44,7 +45,7 @@ fn main() -> cairn::Result<()> {
     let mut lines: Vec<Line<'_>> = Vec::new();
     let mut out = current.clone();
     lines.push(Line::new("average of two pictures", move || {
-        two.install(|| average(previous, current, &mut out));
+        averaging.install(|| average(previous, current, &mut out));
         Ok(())
     }));
     for (name, pair) in [

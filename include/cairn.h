@@ -255,7 +255,95 @@ typedef void (*cairn_log_callback)(uint32_t level, const char *target, const cha
  */
 CAIRN_API cairn_result cairn_set_log_callback(uint32_t level, cairn_log_callback callback, void *user);
 
-/* ---- 4. Create: devices ------------------------------------------------------------------------------------------ */
+/* ---- 4. Threads -------------------------------------------------------------------------------------------------- */
+
+/**
+ * Threads of the library's own have a priority below normal, so that a game's go first: THREAD_PRIORITY_BELOW_NORMAL on Windows, a
+ * nice value raised by 5 on Linux.
+ */
+#define CAIRN_PRIORITY_BELOW_NORMAL 0
+/** They have the normal priority; on Linux that of the thread whose call starts them. */
+#define CAIRN_PRIORITY_NORMAL 1
+/** They have the lowest priority: THREAD_PRIORITY_LOWEST on Windows, a nice value raised by 10 on Linux. */
+#define CAIRN_PRIORITY_LOWEST 2
+/** The most threads of the library's own, and the most that a host's job system may have. */
+#define CAIRN_MAX_THREADS 1024
+
+/**
+ * The library's own threads, which share work on pictures with the thread that calls: frame generation on the processor, motion,
+ * resampling.
+ */
+typedef struct cairn_thread_options {
+    /** sizeof(cairn_thread_options) */
+    uint32_t struct_size;
+    /**
+     * How many, 1 to CAIRN_MAX_THREADS, beside those that call; 0 for one less than the physical cores this process may use, at
+     * least one.
+     */
+    uint32_t threads;
+    /** CAIRN_PRIORITY_BELOW_NORMAL, CAIRN_PRIORITY_NORMAL or CAIRN_PRIORITY_LOWEST */
+    uint32_t priority;
+    /** 0 */
+    uint32_t reserved;
+} cairn_thread_options;
+
+/**
+ * Does a part of the library's work; data is what cairn_run_callback got. May be called on any thread. A call with data whose work is
+ * over returns at once, until the library is unloaded.
+ */
+typedef void (*cairn_job)(void *data);
+
+/**
+ * Calls job(data) up to jobs times, at the same time on as many threads as it likes, the calling one among them, and returns when
+ * these calls have returned. Each call takes a share of the work that no other has; what is left undone when it returns, whether it
+ * made too few calls or none, the library does on the calling thread, and it waits for calls that have not returned. user is what
+ * the scheduler has.
+ *
+ * It is called on threads that call the library, also on several at once, without any lock held, and never within a job. It may call
+ * Cairn, but must not destroy an object that a call further up is using, and must not throw.
+ */
+typedef void (*cairn_run_callback)(void *user, uint32_t jobs, cairn_job job, void *data);
+
+/** A host's job system. */
+typedef struct cairn_scheduler {
+    /** sizeof(cairn_scheduler) */
+    uint32_t struct_size;
+    /** The most jobs that run at the same time, 1 to CAIRN_MAX_THREADS. */
+    uint32_t concurrency;
+    /** Runs jobs; required. */
+    cairn_run_callback run;
+    /** Handed to the callback. */
+    void *user;
+} cairn_scheduler;
+
+/**
+ * Sets how many threads of its own the library has, and their priority, for the whole process. They start with the first work to be
+ * shared, and have ended when the call that destroys the last object returns. Results do not depend on how many there are.
+ *
+ * options: may be null for the defaults.
+ *
+ * Ownership: options stays the caller's, on success or on failure, which changes nothing.
+ * Threads: any thread, while there is no object of this library.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY while there is an object.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_set_threads(const cairn_thread_options *options);
+
+/**
+ * Sets the job system on which the library shares its work in place of threads of its own, which then are not started, for the whole
+ * process. Results do not depend on it.
+ *
+ * scheduler: null for the library's own threads.
+ *
+ * Ownership: scheduler stays the caller's and is copied; on success its user must live until another is set, on failure nothing
+ * changes.
+ * Threads: any thread, while there is no object of this library.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY while there is an object.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_set_scheduler(const cairn_scheduler *scheduler);
+
+/* ---- 5. Create: devices ------------------------------------------------------------------------------------------ */
 
 /** The host's processor, by ONNX Runtime's CPU provider. */
 #define CAIRN_DEVICE_CPU 1
@@ -446,7 +534,7 @@ CAIRN_API cairn_result cairn_device_requirements(
     uint32_t kind, const cairn_cpu_options *options, cairn_requirement *requirements, size_t stride, uint32_t capacity,
     uint32_t *count);
 
-/* ---- 5. Create: worlds ------------------------------------------------------------------------------------------- */
+/* ---- 6. Create: worlds ------------------------------------------------------------------------------------------- */
 
 /** A stage of loading: files are read and checked; done and total count bytes. */
 #define CAIRN_LOAD_READING 1
@@ -642,7 +730,7 @@ CAIRN_API cairn_result cairn_world_get_licence(const cairn_world *world, char *t
  */
 CAIRN_API cairn_result cairn_world_destroy(cairn_world *world);
 
-/* ---- 6. Per frame: pictures and controls ------------------------------------------------------------------------- */
+/* ---- 7. Per frame: pictures and controls ------------------------------------------------------------------------- */
 
 /** Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default. */
 #define CAIRN_FORMAT_RGBA8 0
@@ -709,7 +797,7 @@ typedef struct cairn_controls {
     uint64_t keys[4];
 } cairn_controls;
 
-/* ---- 7. Per frame: anchors --------------------------------------------------------------------------------------- */
+/* ---- 8. Per frame: anchors --------------------------------------------------------------------------------------- */
 
 /**
  * A flag of cairn_anchor_info: nothing leads from the anchor before to this one, so that nothing may be generated between
@@ -807,7 +895,7 @@ CAIRN_API cairn_result cairn_anchor_read_latent(const cairn_anchor *anchor, floa
  */
 CAIRN_API cairn_result cairn_anchor_destroy(cairn_anchor *anchor);
 
-/* ---- 8. Per frame: rollouts -------------------------------------------------------------------------------------- */
+/* ---- 9. Per frame: rollouts -------------------------------------------------------------------------------------- */
 
 /** The longest queue there may be. */
 #define CAIRN_MAX_QUEUE 64
@@ -1028,7 +1116,7 @@ CAIRN_API cairn_result cairn_rollout_set_budget(cairn_rollout *rollout, uint64_t
  */
 CAIRN_API cairn_result cairn_rollout_get_anchor(const cairn_rollout *rollout, cairn_anchor **anchor);
 
-/* ---- 9. Per frame: the queue of a rollout ------------------------------------------------------------------------ */
+/* ---- 10. Per frame: the queue of a rollout ----------------------------------------------------------------------- */
 
 /** A timeout that never comes. */
 #define CAIRN_FOREVER UINT64_MAX
@@ -1099,7 +1187,8 @@ CAIRN_API cairn_result cairn_rollout_poll(
  *
  * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
  * Threads: any thread, at any time. Destroying the rollout ends the wait with CAIRN_ERROR_CANCELLED.
- * Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; and all others of cairn_rollout_poll.
+ * Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; CAIRN_ERROR_BUSY from within a callback of a call or a step of the rollout,
+ * which would wait for itself; and all others of cairn_rollout_poll.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_wait(
@@ -1149,7 +1238,7 @@ CAIRN_API cairn_result cairn_rollout_resume(const cairn_rollout *rollout);
  */
 CAIRN_API cairn_result cairn_rollout_single_step(const cairn_rollout *rollout);
 
-/* ---- 10. Per frame: the state of a rollout ----------------------------------------------------------------------- */
+/* ---- 11. Per frame: the state of a rollout ----------------------------------------------------------------------- */
 
 /**
  * Copies the whole state of a rollout: its memory, clocks, seed, operating point and last pictures. A rollout that takes it up
@@ -1204,7 +1293,7 @@ CAIRN_API cairn_result cairn_rollout_restore(cairn_rollout *rollout, const void 
  */
 CAIRN_API cairn_result cairn_rollout_restore_file(cairn_rollout *rollout, const char *path);
 
-/* ---- 11. Per frame: guidance ------------------------------------------------------------------------------------- */
+/* ---- 12. Per frame: guidance ------------------------------------------------------------------------------------- */
 
 /** Motion from what scores best (docs/motion.md); today CAIRN_MOTION_PICTURES. */
 #define CAIRN_MOTION_AUTO 0
@@ -1344,7 +1433,7 @@ CAIRN_API cairn_result cairn_guidance_read_depth(const cairn_guidance *guidance,
  */
 CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 
-/* ---- 12. Per frame: presenters ----------------------------------------------------------------------------------- */
+/* ---- 13. Per frame: presenters ----------------------------------------------------------------------------------- */
 
 /** The generator is used where it can be. */
 #define CAIRN_PREFER_AUTO 0
@@ -1610,7 +1699,7 @@ CAIRN_API cairn_result cairn_presenter_reset(const cairn_presenter *presenter);
  */
 CAIRN_API cairn_result cairn_presenter_destroy(cairn_presenter *presenter);
 
-/* ---- 13. Per frame: budgets -------------------------------------------------------------------------------------- */
+/* ---- 14. Per frame: budgets -------------------------------------------------------------------------------------- */
 
 /** The most worlds of a budget. */
 #define CAIRN_MAX_BUDGET_WORLDS 8
@@ -1672,7 +1761,7 @@ typedef struct cairn_budget {
  */
 CAIRN_API cairn_result cairn_rollout_govern(cairn_rollout *rollout, const cairn_budget *budget);
 
-/* ---- 14. Per frame: input written down, and played again --------------------------------------------------------- */
+/* ---- 15. Per frame: input written down, and played again --------------------------------------------------------- */
 
 /** What a player does, by world time, in the format of docs/control-script.md. It does not change. */
 typedef struct cairn_script cairn_script;
@@ -1836,7 +1925,7 @@ CAIRN_API cairn_result cairn_recorder_make_script(
  */
 CAIRN_API cairn_result cairn_recorder_destroy(cairn_recorder *recorder);
 
-/* ---- 15. Queries: statistics ------------------------------------------------------------------------------------- */
+/* ---- 16. Queries: statistics ------------------------------------------------------------------------------------- */
 
 /** What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time. */
 typedef struct cairn_rollout_statistics {
@@ -2018,13 +2107,14 @@ CAIRN_API cairn_result cairn_rollout_get_statistics(const cairn_rollout *rollout
  *
  * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
  * Threads: any thread, at any time.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY from within a
+ * callback of a call that records frames of the presenter.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_get_statistics(
     const cairn_presenter *presenter, cairn_presenter_statistics *statistics);
 
-/* ---- 16. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
+/* ---- 17. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
 
 /** A flag of cairn_d3d12_options: ONNX Runtime's deterministic kernels only, and no captured passes. */
 #define CAIRN_D3D12_DETERMINISTIC 1
@@ -2210,7 +2300,7 @@ CAIRN_API cairn_result cairn_presenter_submit_d3d12(
  */
 CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter);
 
-/* ---- 17. Experimental: AMD's swap chain -------------------------------------------------------------------------- */
+/* ---- 18. Experimental: AMD's swap chain -------------------------------------------------------------------------- */
 
 /** The provider that AMD's libraries and the driver prefer. */
 #define CAIRN_FSR_ANY 0
@@ -2579,7 +2669,8 @@ CAIRN_API cairn_result cairn_swapchain_fit(cairn_swapchain *swapchain);
  *
  * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
  * Threads: any thread, at any time; waits for another call on the swap chain.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_DEVICE.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_DEVICE;
+ * CAIRN_ERROR_BUSY from within a callback of a call on it.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_swapchain_get_statistics(

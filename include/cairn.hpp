@@ -241,6 +241,8 @@ template <class C> struct sized : C {
     sized(const C &other) noexcept : C(other) { this->struct_size = sizeof(C); }
 };
 
+using thread_options = sized<cairn_thread_options>;
+using scheduler = sized<cairn_scheduler>;
 using cpu_options = sized<cairn_cpu_options>;
 using device_info = sized<cairn_device_info>;
 using adapter = sized<cairn_adapter>;
@@ -442,6 +444,24 @@ private:
 inline result<void> set_log_callback(std::uint32_t level, cairn_log_callback callback, void *user = nullptr)
 {
     return detail::done(cairn_set_log_callback(level, callback, user));
+}
+
+/** Sets how many threads of its own the library has, and their priority, while there is no object: cairn_set_threads. */
+inline result<void> set_threads(const thread_options &options = {})
+{
+    return detail::done(cairn_set_threads(&options));
+}
+
+/** Has the library share its work on a host's job system, while there is no object: cairn_set_scheduler. */
+inline result<void> set_scheduler(const scheduler &jobs)
+{
+    return detail::done(cairn_set_scheduler(&jobs));
+}
+
+/** Has the library share its work on threads of its own again, while there is no object: cairn_set_scheduler. */
+inline result<void> reset_scheduler()
+{
+    return detail::done(cairn_set_scheduler(nullptr));
 }
 
 /** What devices can be made of: cairn_adapters. */

@@ -61,6 +61,8 @@ extern "C" {
     X(cairn_result, cairn_last_error, (char *text, size_t capacity, size_t *length)) \
     X(cairn_result, cairn_last_error_part, (uint32_t part, char *text, size_t capacity, size_t *length)) \
     X(cairn_result, cairn_set_log_callback, (uint32_t level, cairn_log_callback callback, void *user)) \
+    X(cairn_result, cairn_set_threads, (const cairn_thread_options *options)) \
+    X(cairn_result, cairn_set_scheduler, (const cairn_scheduler *scheduler)) \
     X(cairn_result, cairn_device_create_cpu, (const cairn_cpu_options *options, cairn_device **device)) \
     X(cairn_result, cairn_device_get_info, (const cairn_device *device, cairn_device_info *info)) \
     X(cairn_result, cairn_device_destroy, (cairn_device *device)) \

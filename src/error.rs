@@ -33,6 +33,8 @@ pub enum ErrorKind {
     DeviceRemoved,
     /// A saved state does not belong to this world, or is damaged.
     InvalidState,
+    /// The object is in use by something that allows no second call beside it; nothing was done.
+    Busy,
     /// The caller asked to stop.
     Cancelled,
 }

@@ -32,6 +32,8 @@ pub mod ffx;
 #[cfg(windows)]
 pub mod gpu;
 
+pub mod tasks;
+
 mod error;
 mod picture;
 mod texels;

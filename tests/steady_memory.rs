@@ -47,7 +47,7 @@ static ALLOCATOR: Counting = Counting;
 
 /// Runs `work` on one worker thread, once to warm up, and counts the allocations of the next five times.
 fn allocations_when_warm(mut work: impl FnMut() + Send) -> usize {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let pool = cairn::tasks::Pool::new(1).expect("a thread");
     pool.install(|| {
         work();
         let before = ALLOCATIONS.get();

@@ -68,8 +68,9 @@ impl Gate {
     }
 }
 
+/// The thread whose call this one works for: a thread that shares a loop is inside wherever the loop's call is.
 fn current() -> ThreadId {
-    std::thread::current().id()
+    crate::tasks::calling_thread()
 }
 
 #[cfg(test)]

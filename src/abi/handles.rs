@@ -12,13 +12,14 @@ use std::hash::BuildHasher;
 use std::ops::Deref;
 use std::sync::Arc;
 
-use parking_lot::RwLock;
+use parking_lot::{Mutex, MutexGuard, RwLock};
 
 use super::gate::Gate;
 use super::results::{
     CAIRN_ERROR_BUSY, CAIRN_ERROR_INVALID_HANDLE, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED, CAIRN_OK, Failure,
     Outcome,
 };
+use crate::tasks::Use;
 
 const SLOT_BITS: u32 = 24;
 const GENERATION_BITS: u32 = 32;
@@ -51,6 +52,11 @@ pub(super) trait Handle {
 pub(super) trait Object: Any + Send + Sync {
     /// The handle is gone: calls that still wait for something must come to an end.
     fn close(&self) {}
+
+    /// Whether the calling thread is one of the object's own, which its end waits for: a callback of work it does there.
+    fn is_on_own_thread(&self) -> bool {
+        false
+    }
 }
 
 static TABLE: RwLock<Table> = RwLock::new(Table { slots: Vec::new(), free: Vec::new() });
@@ -67,17 +73,19 @@ struct Slot {
     entry: Option<Entry>,
 }
 
-#[derive(Clone)]
 struct Entry {
     kind: Kind,
     gate: Arc<Gate>,
     object: Arc<dyn Object>,
+    /// The threads that share the library's work end with the last object, after it.
+    _threads: Use,
 }
 
 /// A call's hold on an object. The object's end waits until it is dropped; a panic while it lives poisons the object.
 pub(super) struct Entered<T> {
     // Given back before the gate is left, so that whoever waits there has the last hold.
     object: Arc<T>,
+    is_nested: bool,
     _pass: Pass,
 }
 
@@ -89,6 +97,22 @@ struct Pass {
 }
 
 impl<T> Entered<T> {
+    /// Whether this call comes from a callback of another call on the object: locks of that one must not be waited for.
+    pub(super) fn is_nested(&self) -> bool {
+        self.is_nested
+    }
+
+    /// Locks a part of the object; a callback of the call that has it locked does not wait for that.
+    pub(super) fn lock_part<'a, M>(&self, part: &'a Mutex<M>) -> Outcome<MutexGuard<'a, M>> {
+        if !self.is_nested {
+            return Ok(part.lock());
+        }
+        part.try_lock().ok_or_else(|| {
+            Failure::new(CAIRN_ERROR_BUSY, "the object is in use: this is a callback of a call on it")
+                .remedy("Call it after that call")
+        })
+    }
+
     /// The object for keeps, also when its handle is gone.
     pub(super) fn share(&self) -> Arc<T> {
         self.object.clone()
@@ -117,7 +141,7 @@ pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*m
     let full = || {
         Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "there is no room for another handle").remedy("Destroy some objects")
     };
-    let entry = Entry { kind: H::KIND, gate: Arc::default(), object: object.into() };
+    let entry = Entry { kind: H::KIND, gate: Arc::default(), object: object.into(), _threads: Use::new() };
     let mut table = TABLE.write();
     let slot = match table.free.pop() {
         Some(slot) => slot,
@@ -158,12 +182,14 @@ fn hold<H: Handle>(handle: *const H, alone: bool) -> Outcome<Entered<H::Object>>
         )
         .remedy("Destroy it"));
     }
+    let is_on_own_thread = object.is_on_own_thread();
     let object = (object as Arc<dyn Any + Send + Sync>).downcast().map_err(|_| no_handle::<H>("is of another kind"))?;
     // Still under the table's lock, so that a destroy on another thread comes either before or waits.
-    if !gate.enter(alone) {
+    let is_nested = gate.holds_me() || is_on_own_thread;
+    if alone && is_on_own_thread || !gate.enter(alone) {
         return Err(busy::<H>("another call is using it"));
     }
-    Ok(Entered { object, _pass: Pass { gate, alone, was_panicking: std::thread::panicking() } })
+    Ok(Entered { object, is_nested, _pass: Pass { gate, alone, was_panicking: std::thread::panicking() } })
 }
 
 /// Ends a handle: no later call finds it, calls in flight are waited for, and the object goes when no child needs it.
@@ -173,8 +199,8 @@ pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
     }
     let entry = {
         let mut table = TABLE.write();
-        let gate = &table.find(handle.cast_const())?.gate;
-        if gate.holds_me() {
+        let entry = table.find(handle.cast_const())?;
+        if entry.gate.holds_me() || entry.object.is_on_own_thread() {
             return Err(busy::<H>("this is a callback of a call on it").remedy("Destroy it after that call"));
         }
         table.remove(handle.cast_const())

@@ -5,7 +5,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `version`, `results`, `logging` | the two version numbers; results and the last error; the host's log callback |
+//! | `version`, `results`, `logging`, `threads` | the two version numbers; results and the last error; the host's log callback; threads, or the host's job system |
 //! | `requirements`, `device`, `world` | what is created first |
 //! | `images`, `controls` | what crosses the border in every frame |
 //! | `rollout`, `steps`, `anchor`, `state` | a rollout step by step, by its queue, what it makes, and its state kept |
@@ -40,6 +40,7 @@ pub mod state;
 pub mod statistics;
 pub mod steps;
 pub mod swapchain;
+pub mod threads;
 pub mod version;
 pub mod world;
 

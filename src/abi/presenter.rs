@@ -122,8 +122,8 @@ impl Presenting {
     }
 
     /// What brought frames to their size last, and why AMD's upscaler did not.
-    pub(super) fn scaled_by(&self) -> (String, String) {
-        if let Some(said) = self.recording.lock().scaled_by() {
+    pub(super) fn scaled_by(&self, recording: &mut Recording) -> (String, String) {
+        if let Some(said) = recording.scaled_by() {
             return said;
         }
         let scales = self.presenter.size().zip(self.presenter.anchor_size()).is_some_and(|(size, of)| size != of);
@@ -131,8 +131,8 @@ impl Presenting {
     }
 
     /// The generator of the frame that was made last, and why no other is used.
-    pub(super) fn used(&self) -> (String, String) {
-        let used = self.recording.lock().used(&self.presenter);
+    pub(super) fn used(&self, recording: &mut Recording) -> (String, String) {
+        let used = recording.used(&self.presenter);
         let (recorded, why) = used.unwrap_or_else(|| (None, self.preference.clone()));
         (recorded.unwrap_or_else(|| self.generator.to_owned()), why)
     }

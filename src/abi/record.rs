@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::structs::Struct;
 use super::{
     anchor::*, budget::*, controls::*, d3d12::*, device::*, guidance::*, images::*, logging::*, presenter::*,
-    requirements::*, results::*, rollout::*, statistics::*, steps::*, swapchain::*, version::*, world::*,
+    requirements::*, results::*, rollout::*, statistics::*, steps::*, swapchain::*, threads::*, version::*, world::*,
 };
 
 /// Constants and structs, in the words of `abi.txt`.
@@ -34,6 +34,7 @@ fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
         CAIRN_ERROR_POISONED CAIRN_ERROR_INTERNAL CAIRN_ERROR_DEVICE_REMOVED
         CAIRN_LAST_ERROR_FUNCTION CAIRN_LAST_ERROR_FIELD CAIRN_LAST_ERROR_CAUSE CAIRN_LAST_ERROR_REMEDY
         CAIRN_LOG_OFF CAIRN_LOG_ERROR CAIRN_LOG_WARNING CAIRN_LOG_INFO CAIRN_LOG_DEBUG CAIRN_LOG_TRACE
+        CAIRN_PRIORITY_BELOW_NORMAL CAIRN_PRIORITY_NORMAL CAIRN_PRIORITY_LOWEST CAIRN_MAX_THREADS
         CAIRN_DEVICE_CPU CAIRN_DEVICE_D3D12 CAIRN_PRECISION_F32 CAIRN_PRECISION_F16 CAIRN_CPU_DETERMINISTIC
         CAIRN_REQUIREMENT_PLATFORM CAIRN_REQUIREMENT_ONNXRUNTIME CAIRN_REQUIREMENT_MEMORY
         CAIRN_REQUIREMENT_FSR_LIBRARIES CAIRN_REQUIREMENT_FSR_PROVIDER CAIRN_REQUIREMENT_FSR_SYSTEM
@@ -58,6 +59,8 @@ fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
 }
 
 fn structs(text: &mut String) {
+    one::<cairn_thread_options>(text);
+    one::<cairn_scheduler>(text);
     one::<cairn_cpu_options>(text);
     one::<cairn_device_info>(text);
     one::<cairn_adapter>(text);

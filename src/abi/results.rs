@@ -253,6 +253,7 @@ impl From<Error> for Failure {
             ErrorKind::Device => CAIRN_ERROR_DEVICE,
             ErrorKind::DeviceRemoved => CAIRN_ERROR_DEVICE_REMOVED,
             ErrorKind::InvalidState => CAIRN_ERROR_INVALID_STATE,
+            ErrorKind::Busy => CAIRN_ERROR_BUSY,
             ErrorKind::Cancelled => CAIRN_ERROR_CANCELLED,
         };
         let part = |part: Option<&str>| part.map(str::to_owned);

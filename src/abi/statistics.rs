@@ -248,7 +248,8 @@ describe!(cairn_presenter_statistics, [304, 376], {
 ///
 /// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
 /// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY from within a
+/// callback of a call that records frames of the presenter.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_get_statistics(
@@ -259,11 +260,13 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         let presenting = enter(presenter)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
+        let mut recording = presenting.lock_part(&presenting.recording)?;
         // First, as it may find out more.
-        let (generator, preference) = presenting.used();
-        let (upscaler, upscaling) = presenting.scaled_by();
+        let (generator, preference) = presenting.used(&mut recording);
+        let (upscaler, upscaling) = presenting.scaled_by(&mut recording);
         let done = presenting.presenter.statistics();
-        let device = presenting.recording.lock().figures();
+        let device = recording.figures();
+        drop(recording);
         statistics.write(&cairn_presenter_statistics {
             struct_size: 0,
             reserved: 0,

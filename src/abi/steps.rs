@@ -117,7 +117,8 @@ pub unsafe extern "C" fn cairn_rollout_poll(
 ///
 /// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
 /// Threads: any thread, at any time. Destroying the rollout ends the wait with CAIRN_ERROR_CANCELLED.
-/// Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; and all others of cairn_rollout_poll.
+/// Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; CAIRN_ERROR_BUSY from within a callback of a call or a step of the rollout,
+/// which would wait for itself; and all others of cairn_rollout_poll.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_wait(
@@ -214,7 +215,7 @@ unsafe fn result(
         check_out(anchor, "anchor")?;
     }
     let mut handle = std::ptr::null_mut();
-    let became = running.ticket(ticket, timeout, |done| {
+    let became = running.ticket(ticket, timeout, running.is_nested(), |done| {
         if !anchor.is_null() {
             handle = insert::<cairn_anchor>(done.anchor.clone())?;
         }

@@ -18,7 +18,7 @@ pub mod structs;
 #[cfg(any(windows, test))]
 mod told;
 
-use behind::Showing;
+use behind::{Showing, is_presenting_thread};
 pub use structs::*;
 
 /// DXGI's own, declared so that its header is not needed.
@@ -56,7 +56,11 @@ impl Handle for cairn_swapchain {
     type Object = Mutex<Showing>;
 }
 
-impl Object for Mutex<Showing> {}
+impl Object for Mutex<Showing> {
+    fn is_on_own_thread(&self) -> bool {
+        is_presenting_thread()
+    }
+}
 
 /// Has AMD take over an engine's swap chain. It must be in a window and *own the only reference to it; none of its buffers may be held.
 ///
@@ -311,7 +315,8 @@ pub unsafe extern "C" fn cairn_swapchain_fit(swapchain: *mut cairn_swapchain) ->
 ///
 /// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
 /// Threads: any thread, at any time; waits for another call on the swap chain.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_DEVICE.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_DEVICE;
+/// CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_swapchain_get_statistics(
@@ -322,7 +327,7 @@ pub unsafe extern "C" fn cairn_swapchain_get_statistics(
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
         let showing = enter(swapchain)?;
-        let figures = showing.lock().statistics()?;
+        let figures = showing.lock_part(&*showing)?.statistics()?;
         statistics.write(&figures);
         Ok(CAIRN_OK)
     })
@@ -341,7 +346,8 @@ pub unsafe extern "C" fn cairn_swapchain_destroy(swapchain: *mut cairn_swapchain
     call("cairn_swapchain_destroy", || {
         if !swapchain.is_null() {
             // AMD's library would present with what is gone.
-            let others = enter(swapchain.cast_const())?.lock().held_by_others();
+            let showing = enter(swapchain.cast_const())?;
+            let others = showing.lock_part(&*showing)?.held_by_others();
             if others > 0 {
                 let why = format!("references to the DXGI swap chain that are left: {others}");
                 return Err(Failure::new(CAIRN_ERROR_BUSY, why).field("swapchain").remedy("Release them first"));

@@ -1,9 +1,9 @@
 //! A rollout with its queue: steps in order, one at a time, on the caller's thread or on a worker's.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::sync::{Arc, OnceLock};
+use std::thread::{JoinHandle, ThreadId};
 use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
@@ -16,6 +16,7 @@ use super::results::{
     Failure, Outcome,
 };
 use crate::Picture;
+use crate::tasks::calling_thread;
 use crate::world::{
     Budget, ControlInput, Governor, GovernorStatistics, KeptAnchor, Rollout, Statistics, StepInfo, World,
 };
@@ -33,6 +34,8 @@ struct Shared {
     core: Mutex<Core>,
     queue: Mutex<Queue>,
     changed: Condvar,
+    /// The worker's thread.
+    thread: OnceLock<ThreadId>,
     /// Ends the step in progress; set and cleared with the queue locked.
     stop: Arc<AtomicBool>,
     /// Whether its memory is a graphics device's.
@@ -105,6 +108,10 @@ impl Object for Running {
         queue.give_up("its rollout was destroyed");
         self.shared.changed.notify_all();
     }
+
+    fn is_on_own_thread(&self) -> bool {
+        self.shared.thread.get() == Some(&calling_thread())
+    }
 }
 
 impl Drop for Running {
@@ -125,6 +132,7 @@ impl Running {
             core,
             queue: Mutex::default(),
             changed: Condvar::new(),
+            thread: OnceLock::new(),
             stop,
             has_device_memory,
             broken: AtomicBool::new(false),
@@ -179,13 +187,16 @@ impl Running {
     }
 
     /// What has become of a ticket, after waiting for it at most `timeout`; `None` waits for ever. `take` gets what its step
-    /// made, and only when that works the ticket is over.
+    /// made, and only when that works the ticket is over. A thread that the step needs, as the worker's or, where the call `is_nested`,
+    /// one that is inside another call on the rollout, does not wait.
     pub(super) fn ticket(
         &self,
         ticket: u64,
         timeout: Option<Duration>,
+        is_nested: bool,
         take: impl FnOnce(&Done) -> Outcome<()>,
     ) -> Outcome<Ticket> {
+        let may_not_wait = timeout != Some(Duration::ZERO) && (is_nested || self.is_on_own_thread());
         let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
         let mut queue = self.shared.queue.lock();
         loop {
@@ -201,6 +212,10 @@ impl Running {
             let open = queue.running == Some(ticket) || queue.waiting.iter().any(|(waiting, _)| *waiting == ticket);
             if !open {
                 return Err(Failure::argument("ticket", format!("{ticket} is none, or was asked for already")));
+            }
+            if may_not_wait {
+                let why = "this is a callback of a call or a step of its own, which would wait for itself";
+                return Err(busy(why).remedy("Wait on another thread, or after the callback"));
             }
             match deadline {
                 Some(deadline) => {
@@ -330,6 +345,7 @@ impl Shared {
 
     /// The worker's life: one step after the other until the rollout is destroyed.
     fn work(&self) {
+        _ = self.thread.set(std::thread::current().id());
         while let Some((ticket, job)) = self.next() {
             let result = guard(|| {
                 let mut core = self.core.lock();

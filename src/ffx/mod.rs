@@ -51,6 +51,8 @@ pub use provider::{Choice, Dialect, Family, Version, choose, versions};
 #[cfg(windows)]
 pub use requirements::{Needed, Requirement, requirements};
 #[cfg(windows)]
+pub(crate) use swapchain::is_presenting_thread;
+#[cfg(windows)]
 pub use swapchain::{
     Interface, Paced, PacedPictures, Pacing, Swapchain, SwapchainMemory, SwapchainOptions, swapchain_memory_needed,
 };

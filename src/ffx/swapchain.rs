@@ -116,6 +116,16 @@ impl<Head: Creates> Pacer for Context<Head> {
     }
 }
 
+thread_local! {
+    /// Whether AMD's library generates a frame on this thread for a swap chain, whose end waits for that.
+    static GENERATES: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this is a thread that presents for AMD's library, in a message of a frame that it generates.
+pub(crate) fn is_presenting_thread() -> bool {
+    GENERATES.get()
+}
+
 /// Hands the struct of a frame on to the generator.
 unsafe extern "C" fn generate(asked: *mut DispatchFrameGeneration, user: *mut c_void) -> ReturnCode {
     if asked.is_null() || user.is_null() {
@@ -134,8 +144,10 @@ unsafe extern "C" fn generate(asked: *mut DispatchFrameGeneration, user: *mut c_
             (*asked).reset = true;
         }
     }
+    let before = GENERATES.replace(true);
     // SAFETY: a live context, and the struct that the library has just handed over.
     let code = unsafe { shared.api.forward(context, asked.cast()) };
+    GENERATES.set(before);
     if code == ReturnCode::OK {
         shared.generated.fetch_add(1, Ordering::Relaxed);
     } else {

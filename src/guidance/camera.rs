@@ -12,9 +12,9 @@
 //! it. The numbers of an [`Eye`] are a world's own: who does not know them has no use for it.
 
 use half::f16;
-use rayon::prelude::*;
 
 use super::{Guidance, Projection};
+use crate::tasks::{Parallel, ParallelSliceMut, Use};
 use crate::world::{ControlInput, Key, WorldTime};
 use crate::{Error, ErrorKind, Result};
 
@@ -54,6 +54,7 @@ pub struct Extractor {
     pitch: f64,
     /// East and north, in units a second.
     velocity: [f64; 2],
+    _threads: Use,
 }
 
 /// Where the eye looks: its unit axes right, up and forward, in east, up and north.
@@ -92,7 +93,7 @@ impl Extractor {
         if pitch.is_nan() || pitch.abs() > most_pitch {
             return refuse("pitch", pitch);
         }
-        Ok(Self { eye, yaw: 0.0, pitch: pitch.into(), velocity: [0.0; 2] })
+        Ok(Self { eye, yaw: 0.0, pitch: pitch.into(), velocity: [0.0; 2], _threads: Use::new() })
     }
 
     /// Fills `out` for the step that `controls` took in `time`, at the `render` size `(width, height)`, whose pixels are

@@ -16,11 +16,11 @@
 //! **Depth is flat**, as that of [`picture_flow`].
 
 use half::f16;
-use rayon::prelude::*;
 
 use super::lift::{Tap, bilinear};
 use super::{Guidance, LatentView, Projection, check_shapes, filled, picture_flow};
 use crate::Result;
+use crate::tasks::{Parallel, ParallelSliceMut, Use};
 
 /// The camera stated for the flat depth; the same as that of [`picture_flow`].
 pub const PROJECTION: Projection = picture_flow::PROJECTION;
@@ -46,8 +46,8 @@ pub fn extract(z0: LatentView<'_>, z1: LatentView<'_>, render: (u32, u32), out: 
 }
 
 /// The extractor with its working memory, about seven kilobytes a cell of 32 channels. It allocates nothing once it has seen the largest
-/// latent and render size. Rows run in parallel on the current rayon pool; the result does not depend on how many threads it
-/// has.
+/// latent and render size. Rows run in parallel; the result does not depend on how many threads
+/// there are.
 #[derive(Debug, Default)]
 pub struct Extractor {
     /// The current latent, cell by cell, in standard deviations of its channels.
@@ -63,6 +63,7 @@ pub struct Extractor {
     /// In cells.
     flow: Vec<[f32; 2]>,
     columns: Vec<Tap>,
+    _threads: Use,
 }
 
 impl Extractor {

@@ -18,11 +18,11 @@
 mod gpu;
 
 use half::f16;
-use rayon::prelude::*;
 
 use super::lift::{Tap, bilinear};
 use super::{Guidance, LatentView, Projection, check_shapes};
 use crate::Result;
+use crate::tasks::{Parallel, ParallelSliceMut, Use};
 
 #[cfg(windows)]
 pub use gpu::{GpuExtractor, LatentBuffer};
@@ -51,6 +51,7 @@ pub struct Extractor {
     displacement: Vec<[f32; 2]>,
     pseudo_depth: Vec<f32>,
     columns: Vec<Tap>,
+    _threads: Use,
 }
 
 impl Default for Extractor {
@@ -68,7 +69,14 @@ impl Extractor {
     /// One whose motion is `-U(scale d)`: the paper's with another factor than [`COMPRESSION`], which its authors left
     /// uncalibrated. What is not finite moves nothing.
     pub fn scaled(scale: f32) -> Self {
-        Self { scale, delta: Vec::new(), displacement: Vec::new(), pseudo_depth: Vec::new(), columns: Vec::new() }
+        Self {
+            scale,
+            delta: Vec::new(),
+            displacement: Vec::new(),
+            pseudo_depth: Vec::new(),
+            columns: Vec::new(),
+            _threads: Use::new(),
+        }
     }
 
     /// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`;

@@ -42,7 +42,6 @@ use std::time::{Duration, Instant};
 use fearless_simd::Level;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use rayon::prelude::*;
 
 use super::{Guidance, Projection, paper};
 use crate::{Error, ErrorKind, Picture, Result};
@@ -52,6 +51,8 @@ pub use gpu::{DESCRIPTORS, GpuExtractor};
 use grid::Grid;
 use pyramid::Pyramid;
 use trust::Trust;
+
+use crate::tasks::{self, Parallel, ParallelSliceMut, Use};
 
 /// The camera stated for the flat depth; the same as [`paper::PROJECTION`].
 pub const PROJECTION: Projection = paper::PROJECTION;
@@ -75,7 +76,7 @@ pub fn extract(previous: &Picture, current: &Picture, out: &mut Guidance) -> Res
 }
 
 /// The extractor with its working memory, about 60 bytes per pixel, a quarter of that in large pictures. It allocates nothing once it has seen the largest
-/// picture. Rows run in parallel on the current rayon pool; the result depends neither on how many threads it has nor on
+/// picture. Rows run in parallel; the result depends neither on how many threads there are nor on
 /// the vector instructions of the processor.
 #[derive(Debug)]
 pub struct Extractor {
@@ -86,6 +87,7 @@ pub struct Extractor {
     forward: Direction,
     trust: Trust,
     times: StageTimes,
+    _threads: Use,
 }
 
 /// How long the stages of an extraction took.
@@ -133,6 +135,7 @@ impl Extractor {
             forward: Direction::default(),
             trust: Trust::default(),
             times: StageTimes::default(),
+            _threads: Use::new(),
         }
     }
 
@@ -163,7 +166,7 @@ impl Extractor {
         let Self { level, previous: from, current: to, backward, forward, .. } = &mut *self;
         let (level, from, to) = (*level, &*from, &*to);
         let (back, forth) =
-            rayon::join(|| backward.follow(level, to, from, finest), || forward.follow(level, from, to, checked));
+            tasks::join_loops(|| backward.follow(level, to, from, finest), || forward.follow(level, from, to, checked));
         back.and(forth)?;
         let searched = Instant::now();
 

@@ -7,9 +7,8 @@
 //!
 //! **Depth** is grey: white at device depth 0 (near), black at 1 (far), linear in device depth.
 
-use rayon::prelude::*;
-
 use super::{DepthMap, MotionField};
+use crate::tasks::{Parallel, ParallelSliceMut};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// Draws `field` into `out`, which has the same size; see the module for the colours.

@@ -4,8 +4,7 @@
 //! visibly in the dark, at the price that a fine bright pattern darkens a little when it is made smaller. Beyond the
 //! edges the edge pixels go on. All four channels are treated alike.
 
-use rayon::prelude::*;
-
+use crate::tasks::{self, Parallel, ParallelSliceMut, Use};
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 
 /// The kernel a picture is resampled with.
@@ -55,6 +54,7 @@ pub struct Upscaler {
     rows: Table,
     /// One resampled source row for each band of output rows that is worked on at a time.
     scratch: Vec<f32>,
+    _threads: Use,
 }
 
 impl Upscaler {
@@ -74,13 +74,15 @@ impl Upscaler {
                 .remedy(format!("Use a width and a height from 1 to {MAX_SIDE}")));
             }
         }
-        let bands = rayon::current_num_threads().saturating_mul(BANDS_PER_THREAD).min(to.1 as usize);
+        let threads = Use::new();
+        let bands = tasks::concurrency().saturating_mul(BANDS_PER_THREAD).min(to.1 as usize);
         Ok(Self {
             from,
             to,
             columns: Table::new(from.0, to.0, filter)?,
             rows: Table::new(from.1, to.1, filter)?,
             scratch: filled(from.0 as usize * 4 * bands)?,
+            _threads: threads,
         })
     }
 

@@ -16,6 +16,7 @@ use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, 
 use super::memory::Memory;
 use super::{Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
+use crate::tasks::physical_cores;
 use crate::{Error, ErrorKind, Result};
 
 const MAX_THREADS: usize = 1024;
@@ -42,7 +43,7 @@ pub(super) struct CpuBackend {
 
 impl CpuBackend {
     pub(super) fn new(ort: &Ort, options: CpuOptions) -> Result<Self> {
-        let threads = options.threads.unwrap_or_else(physical_threads);
+        let threads = options.threads.unwrap_or_else(physical_cores);
         if threads == 0 || threads > MAX_THREADS {
             return Err(Error::new(ErrorKind::InvalidArgument, format!("{threads} threads cannot share a pass"))
                 .field("threads")
@@ -101,12 +102,6 @@ impl Backend for CpuBackend {
         let (memories, bindings, kept, looks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Ok(Box::new(CpuLane { memories, bindings, kept, looks, bytes: Bytes::default(), read: 0.into() }))
     }
-}
-
-/// Physical cores, or fewer where the process may use fewer processors.
-fn physical_threads() -> usize {
-    let allowed = std::thread::available_parallelism().map_or(1, usize::from);
-    sysinfo::System::physical_core_count().unwrap_or(allowed).clamp(1, allowed)
 }
 
 /// Work is done when submitted, so nothing ever waits.

@@ -13,6 +13,7 @@ enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESEN
 
 /* The structs that the library reads. */
 #define READ_STRUCTS(X)                                                                                               \
+    X(cairn_thread_options) X(cairn_scheduler)                                                                        \
     X(cairn_cpu_options) X(cairn_world_options) X(cairn_rollout_options) X(cairn_picture) X(cairn_target)             \
     X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)     \
     X(cairn_budget)                                                                                                   \
@@ -108,6 +109,8 @@ struct row {
     C3(cairn_last_error, ROOM, NUMBER(64), RESULT_OR_NULL(size_t))                                                    \
     C4(cairn_last_error_part, CHOICE(1, 4), ROOM, NUMBER(64), RESULT_OR_NULL(size_t))                                 \
     C3(cairn_set_log_callback, CHOICE(0, 5), NONE, NONE)                                                              \
+    C1(cairn_set_threads, READ_OR_NULL(cairn_thread_options))                                                         \
+    C1(cairn_set_scheduler, READ_OR_NULL(cairn_scheduler))                                                            \
     C2(cairn_device_create_cpu, READ_OR_NULL(cairn_cpu_options), RESULT(cairn_device *))                              \
     C2(cairn_device_get_info, SHARED(DEVICE), FILLED(cairn_device_info))                                              \
     C1(cairn_device_destroy, SHARED(DEVICE))                                                                          \
@@ -276,6 +279,12 @@ __attribute__((unused)) static int destroys(const struct row *row)
     return length > 8 && !strcmp(row->name + length - 8, "_destroy");
 }
 
+/* A row that answers CAIRN_ERROR_BUSY while there is any object. */
+__attribute__((unused)) static int needs_no_object(const struct row *row)
+{
+    return !strcmp(row->name, "cairn_set_threads") || !strcmp(row->name, "cairn_set_scheduler");
+}
+
 /* A member of a struct, and what may stand there: up to `most` for a choice, any of the bits of `most` for flags, what is finite
    for REAL_FIELD, and what is a number at all for NUMBER_FIELD. */
 struct field {
@@ -287,6 +296,10 @@ struct field {
 };
 #define FIELD(s, f, k, m) {#s "." #f, NUMBER_OF_##s, offsetof(s, f), k, m}
 static const struct field fields[] = {
+    FIELD(cairn_thread_options, threads, CHOICE_FIELD, CAIRN_MAX_THREADS),
+    FIELD(cairn_thread_options, priority, CHOICE_FIELD, 2),
+    FIELD(cairn_thread_options, reserved, CHOICE_FIELD, 0),
+    FIELD(cairn_scheduler, concurrency, CHOICE_FIELD, CAIRN_MAX_THREADS),
     FIELD(cairn_cpu_options, threads, CHOICE_FIELD, 1024),
     FIELD(cairn_cpu_options, flags, FLAGS_FIELD, 1),
     FIELD(cairn_cpu_options, reserved, CHOICE_FIELD, 0),

@@ -334,7 +334,9 @@ static void what_every_row_names_as_good_is_taken(void)
         cairn_result r = row->call(a);
         cairn_result elsewhere = row->shapes[0].kind == HANDLE_ARGUMENT && row->shapes[0].object == SWAPCHAIN
             ? CAIRN_ERROR_INVALID_HANDLE : CAIRN_ERROR_UNSUPPORTED;
-        int taken = is_for_windows(row->name) && !destroys(row) ? r == elsewhere : r >= 0;
+        int taken = is_for_windows(row->name) && !destroys(row) ? r == elsewhere
+            : needs_no_object(row)                                   ? r == CAIRN_ERROR_BUSY
+                                                                     : r >= 0;
         if (!taken) fprintf(stderr, "%s: %s (%s)\n", row->name, cairn_result_name(r), message());
         CHECK(taken);
         enum object kind = made_by(row);

@@ -19,12 +19,23 @@ static union {
 } rooms[MOST_ARGUMENTS];
 static unsigned char target_pixels[HEIGHT][WIDTH][4];
 
+/* A job system that does nothing with its jobs. */
+static void run_nothing(void *user, uint32_t jobs, cairn_job job, void *data)
+{
+    (void)user, (void)jobs, (void)job, (void)data;
+}
+
 /* Fills a struct that the library reads with what it takes. */
 static void good_struct(int number, void *to)
 {
     static const uint16_t still[WIDTH * HEIGHT * 2];
     memset(to, 0, 4096);
-    if (number == NUMBER_OF_cairn_cpu_options) {
+    if (number == NUMBER_OF_cairn_thread_options) {
+        *(cairn_thread_options *)to = (cairn_thread_options){.struct_size = sizeof(cairn_thread_options), .threads = 2};
+    } else if (number == NUMBER_OF_cairn_scheduler) {
+        *(cairn_scheduler *)to =
+            (cairn_scheduler){.struct_size = sizeof(cairn_scheduler), .concurrency = 4, .run = run_nothing};
+    } else if (number == NUMBER_OF_cairn_cpu_options) {
         *(cairn_cpu_options *)to = (cairn_cpu_options){.struct_size = sizeof(cairn_cpu_options), .threads = 2};
         ((cairn_cpu_options *)to)->onnxruntime = getenv("CAIRN_TEST_CALLS_ONNXRUNTIME");
     } else if (number == NUMBER_OF_cairn_world_options) {

@@ -210,6 +210,28 @@ static void the_log_comes_to_the_host()
     OK(cairn::set_log_callback(CAIRN_LOG_OFF, nullptr));
 }
 
+static void threads_are_set_while_there_is_no_object()
+{
+    cairn::thread_options options;
+    options.threads = 2;
+    options.priority = CAIRN_PRIORITY_NORMAL;
+    OK(cairn::set_threads(options));
+    OK(cairn::set_threads());
+    cairn::scheduler jobs;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn::set_scheduler(jobs));
+    jobs.concurrency = 4;
+    jobs.run = [](void *, std::uint32_t count, cairn_job job, void *data) {
+        while (count-- > 0) job(data);
+    };
+    OK(cairn::set_scheduler(jobs));
+    {
+        const auto recorder = cairn::recorder::create().value();
+        ANSWERS(CAIRN_ERROR_BUSY, cairn::set_threads(options));
+        ANSWERS(CAIRN_ERROR_BUSY, cairn::reset_scheduler());
+    }
+    OK(cairn::reset_scheduler());
+}
+
 /* A grey picture of the size, `level` bright. */
 static cairn::anchor grey(std::uint64_t number, unsigned char level, std::uint32_t flags = 0)
 {
@@ -360,6 +382,7 @@ int main()
     RUN(what_a_progress_function_throws_comes_out_of_the_load);
     RUN(scripts_come_back_as_they_were_recorded);
     RUN(the_log_comes_to_the_host);
+    RUN(threads_are_set_while_there_is_no_object);
     RUN(presenters_show_what_is_due_and_say_what_they_did);
     RUN(a_rollout_through_the_embedded_world);
     return failed != 0;

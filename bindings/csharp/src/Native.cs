@@ -44,6 +44,10 @@ namespace Cairn
         internal const int LOG_INFO = 3;
         internal const int LOG_DEBUG = 4;
         internal const int LOG_TRACE = 5;
+        internal const int PRIORITY_BELOW_NORMAL = 0;
+        internal const int PRIORITY_NORMAL = 1;
+        internal const int PRIORITY_LOWEST = 2;
+        internal const int MAX_THREADS = 1024;
         internal const int DEVICE_CPU = 1;
         internal const int DEVICE_D3D12 = 2;
         internal const int PRECISION_F32 = 1;
@@ -117,6 +121,24 @@ namespace Cairn
         internal const int INTERFACE_COPIED = 2;
         internal const int PACING_HYBRID_SPIN = 1;
         internal const int PACING_WAIT_ON_FENCE = 2;
+
+        [StructLayout(LayoutKind.Sequential)]
+        internal struct thread_options
+        {
+            internal uint struct_size;
+            internal uint threads;
+            internal uint priority;
+            internal uint reserved;
+        }
+
+        [StructLayout(LayoutKind.Sequential)]
+        internal struct scheduler
+        {
+            internal uint struct_size;
+            internal uint concurrency;
+            internal IntPtr run;
+            internal void* user;
+        }
 
         [StructLayout(LayoutKind.Sequential)]
         internal struct cpu_options
@@ -477,6 +499,12 @@ namespace Cairn
         internal delegate void log_callback(uint level, byte* target, byte* message, void* user);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate void job(void* data);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate void run_callback(void* user, uint jobs, IntPtr job, void* data);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate uint load_callback(load_progress* progress, void* user);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
@@ -496,6 +524,12 @@ namespace Cairn
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int set_log_callback_function(uint level, IntPtr callback, void* user);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int set_threads_function(thread_options* options);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int set_scheduler_function(scheduler* scheduler);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int device_create_cpu_function(cpu_options* options, IntPtr* device);
@@ -719,6 +753,8 @@ namespace Cairn
             internal readonly last_error_function last_error;
             internal readonly last_error_part_function last_error_part;
             internal readonly set_log_callback_function set_log_callback;
+            internal readonly set_threads_function set_threads;
+            internal readonly set_scheduler_function set_scheduler;
             internal readonly device_create_cpu_function device_create_cpu;
             internal readonly device_get_info_function device_get_info;
             internal readonly device_destroy_function device_destroy;
@@ -797,6 +833,8 @@ namespace Cairn
                 last_error = library.Resolve<last_error_function>("cairn_last_error");
                 last_error_part = library.Resolve<last_error_part_function>("cairn_last_error_part");
                 set_log_callback = library.Resolve<set_log_callback_function>("cairn_set_log_callback");
+                set_threads = library.Resolve<set_threads_function>("cairn_set_threads");
+                set_scheduler = library.Resolve<set_scheduler_function>("cairn_set_scheduler");
                 device_create_cpu = library.Resolve<device_create_cpu_function>("cairn_device_create_cpu");
                 device_get_info = library.Resolve<device_get_info_function>("cairn_device_get_info");
                 device_destroy = library.Resolve<device_destroy_function>("cairn_device_destroy");

@@ -233,6 +233,18 @@ namespace Cairn.Tests
         }
 
         [Test]
+        private static void ThreadsAreSetWhileThereIsNoObject()
+        {
+            using (Recorder recorder = new Recorder())
+            {
+                Expect.Contains("objects live", Expect.Fails(Result.Busy, () => Threads.Set(2)).Message);
+            }
+            Expect.Fails(Result.InvalidArgument, () => Threads.Set(1025));
+            Expect.Fails(Result.InvalidArgument, () => Threads.Set(2, (WorkerPriority)7));
+            Expect.Throws<ArgumentOutOfRangeException>(() => Threads.Set(-1));
+        }
+
+        [Test]
         private static void TheLogGoesToASinkThatMayThrow()
         {
             var heard = new List<string>();

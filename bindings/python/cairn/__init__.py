@@ -36,6 +36,7 @@ from .film import Film, Strip
 from .logs import log_to
 from .presenter import Frame, Guidance, GuidanceInfo, Presenter, PresenterStatistics
 from .rollout import Anchor, AnchorInfo, Rollout, RolloutInfo, RolloutStatistics, StepInfo
+from .threads import set_threads
 from .world import (
     Adapter,
     Device,
@@ -92,4 +93,5 @@ __all__ = [
     "key_code",
     "log_to",
     "requirements",
+    "set_threads",
 ]

@@ -58,6 +58,11 @@ LOG_INFO = 3
 LOG_DEBUG = 4
 LOG_TRACE = 5
 
+PRIORITY_BELOW_NORMAL = 0
+PRIORITY_NORMAL = 1
+PRIORITY_LOWEST = 2
+MAX_THREADS = 1024
+
 DEVICE_CPU = 1
 DEVICE_D3D12 = 2
 PRECISION_F32 = 1
@@ -207,6 +212,26 @@ class LoadProgress(Sized):
 
 load_callback = CFUNCTYPE(c_uint32, POINTER(LoadProgress), c_void_p)
 log_callback = CFUNCTYPE(None, c_uint32, c_char_p, c_char_p, c_void_p)
+job = CFUNCTYPE(None, c_void_p)
+run_callback = CFUNCTYPE(None, c_void_p, c_uint32, job, c_void_p)
+
+
+class ThreadOptions(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("threads", c_uint32),
+        ("priority", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class Scheduler(Sized):
+    _fields_ = [
+        ("struct_size", c_uint32),
+        ("concurrency", c_uint32),
+        ("run", run_callback),
+        ("user", c_void_p),
+    ]
 
 
 class WorldOptions(Sized):
@@ -520,6 +545,8 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "last_error": (_text, c_size_t, _length),
     "last_error_part": (c_uint32, _text, c_size_t, _length),
     "set_log_callback": (c_uint32, log_callback, c_void_p),
+    "set_threads": (POINTER(ThreadOptions),),
+    "set_scheduler": (POINTER(Scheduler),),
     "device_create_cpu": (POINTER(CpuOptions), _new),
     "device_get_info": (_handle, POINTER(DeviceInfo)),
     "device_destroy": (_handle,),

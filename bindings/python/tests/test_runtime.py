@@ -466,6 +466,14 @@ def test_the_log_goes_to_logging(device, caplog):
     assert not logs._current
 
 
+def test_threads_are_set_while_there_is_no_object(device):
+    with pytest.raises(cairn.Busy, match="objects live"):
+        cairn.set_threads(2)
+    for wrong in [{"threads": 0}, {"threads": 1025}, {"priority": "high"}]:
+        with pytest.raises(cairn.InvalidArgument):
+            cairn.set_threads(**wrong)
+
+
 def test_what_there_is(device):
     assert [adapter.kind for adapter in cairn.adapters()][0] == "cpu"
     needed = {requirement.what: requirement for requirement in cairn.requirements()}

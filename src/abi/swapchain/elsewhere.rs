@@ -10,6 +10,11 @@ use super::{
 use crate::abi::results::{Failure, Outcome};
 use crate::runtime::Device;
 
+/// There is no such thread.
+pub(super) fn is_presenting_thread() -> bool {
+    false
+}
+
 /// There is none, so that what follows is never called.
 pub(in crate::abi) enum Showing {}
 

@@ -12,6 +12,7 @@ use super::*;
 use crate::abi::d3d12::behind::object;
 use crate::abi::text::fixed_text;
 use crate::ffx::bindings::{Dimensions, MemoryUsage};
+pub(super) use crate::ffx::is_presenting_thread;
 use crate::ffx::{
     Api, Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Swapchain, SwapchainOptions,
 };

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::kernels::{Level, Sampled, Source};
+use crate::tasks;
 
 /// Levels within which a line of a bar is even, and the same in both anchors.
 const EVEN: u8 = 3;
@@ -25,11 +26,11 @@ impl Inside {
     pub(super) fn find<P: Sampled>(level: Level, previous: Source<'_, P>, current: Source<'_, P>) -> Self {
         let pair = Pair { level, previous, current };
         let (width, height) = (current.width, current.height);
-        let (top, bottom) = rayon::join(
+        let (top, bottom) = tasks::join(
             || (0..height).take_while(|&y| pair.is_row_even(y)).count(),
             || (0..height).rev().take_while(|&y| pair.is_row_even(y)).count(),
         );
-        let (left, right) = rayon::join(
+        let (left, right) = tasks::join(
             || pair.even_columns((0..width).step_by(COLUMNS).map(|x| x..width.min(x + COLUMNS)), |x| x),
             || {
                 let from_right = (1..=width).rev().step_by(COLUMNS).map(|x| x.saturating_sub(COLUMNS)..x);

@@ -7,11 +7,12 @@
 //! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
 
 use bytemuck::must_cast;
-use rayon::prelude::*;
+use parking_lot::Mutex;
 
 use super::kernels::{Level, Sampled, at_every_level, fetch};
 use super::sized;
 use crate::guidance::MotionField;
+use crate::tasks::{self, Parallel, ParallelSliceMut};
 use crate::{Raster, Result};
 
 /// Finds cuts; keeps its small pictures from call to call.
@@ -74,7 +75,7 @@ impl CutDetector {
         let side = current.width().max(current.height()) as usize;
         let factor = side.div_ceil(SMALL_SIDE);
         let (small_previous, small_current) = (&mut self.previous, &mut self.current);
-        let (a, b) = rayon::join(
+        let (a, b) = tasks::join_loops(
             || small_previous.reduce_picture(level, previous, factor),
             || small_current.reduce_picture(level, current, factor),
         );
@@ -151,15 +152,19 @@ fn whole_motion(previous: &Small, current: &Small) -> [isize; 2] {
     let (reach_x, reach_y) = ((current.width / 2) as isize, (current.height / 4) as isize);
     let better = |a: ([isize; 2], f32), b: ([isize; 2], f32)| if b.1 > a.1 { b } else { a };
     let still = ([0, 0], correlation(previous, current, 0, 0));
-    (-reach_y..=reach_y)
-        .into_par_iter()
-        .map(|dy| {
-            let shifts = (-reach_x..=reach_x).map(|dx| ([dx, dy], correlation(previous, current, dx, dy)));
-            shifts.fold(still, better)
-        })
-        // Rayon keeps the order of what it reduces.
-        .reduce(|| still, better)
-        .0
+    let best = Mutex::new(still);
+    tasks::for_each_index(2 * reach_y as usize + 1, |row| {
+        let dy = row as isize - reach_y;
+        let shifts = (-reach_x..=reach_x).map(|dx| ([dx, dy], correlation(previous, current, dx, dy)));
+        let of_row = shifts.fold(still, better);
+        let mut best = best.lock();
+        // Rows end in any order: of equals the first from above stays, and no motion before all.
+        let is_first = of_row.1 == best.1 && best.1 > still.1 && of_row.0[1] < best.0[1];
+        if of_row.1 > best.1 || is_first {
+            *best = of_row;
+        }
+    });
+    best.into_inner().0
 }
 
 /// How well the part that both share correlates, -1 to 1; 0 where one of them is without contrast.
@@ -264,7 +269,7 @@ fn histogram_distance(previous: &Small, current: &Small) -> f32 {
         small.luma.iter().for_each(|&v| bins[usize::from(v) / 8] += 1);
         bins
     };
-    let (a, b) = rayon::join(|| histogram(previous), || histogram(current));
+    let (a, b) = tasks::join(|| histogram(previous), || histogram(current));
     let apart: u32 = a.iter().zip(b).map(|(&a, b)| a.abs_diff(b)).sum();
     apart as f32 / (2 * current.luma.len()) as f32
 }

@@ -4,7 +4,6 @@
 mod matching;
 
 use half::f16;
-use rayon::prelude::*;
 
 use super::colour::Colour;
 use super::kernels::claims::{self, Around};
@@ -16,6 +15,7 @@ use super::standing::Standing;
 use super::{reserve, sized};
 use crate::Result;
 use crate::guidance::{DepthMap, Guidance};
+use crate::tasks::{self, Parallel, ParallelSliceMut};
 
 #[cfg(test)]
 pub(super) use matching::{distance, match_of};
@@ -73,7 +73,7 @@ impl Preparation {
         let limit = [grid.width, grid.height].map(|side| (side as i32 * 64).min(LONGEST));
         field.reserve(grid)?;
         // Rows are finished while those around them are at hand. Each band looks at one more on both sides.
-        let in_band = grid.rows.div_ceil(2 * rayon::current_num_threads()).max(LEAST_BAND);
+        let in_band = grid.rows.div_ceil(2 * tasks::concurrency()).max(LEAST_BAND);
         let bands = grid.rows.div_ceil(in_band);
         if self.windows.len() < bands {
             reserve(&mut self.windows, bands)?;
@@ -89,7 +89,7 @@ impl Preparation {
 
         let tiles = field.tiles.par_chunks_mut(in_band * grid.columns);
         let keys = field.keys.par_chunks_mut(in_band * grid.columns);
-        let bands = tiles.zip(keys).zip(field.spans.par_chunks_mut(in_band)).zip(&mut self.windows);
+        let bands = tiles.zip(keys).zip(field.spans.par_chunks_mut(in_band)).zip(self.windows.par_iter_mut());
         bands.enumerate().for_each(|(band, (((tiles, keys), spans), window))| {
             let first = band * in_band;
             let tiles = tiles.chunks_mut(grid.columns).zip(keys.chunks_mut(grid.columns));

@@ -5,9 +5,7 @@
 //! the left, right, above and below are the candidates; where none is near, a pyramid over the tiles has one that
 //! prefers the farther surface.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::colour::Colour;
 use super::kernels::beside::{self, Beside, Beyond, Orders, SIDES};
@@ -18,6 +16,7 @@ use super::past::Past;
 use super::perspective::Way;
 use super::sized;
 use crate::Result;
+use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 
 /// Tiles ahead of the one that is filled whose keys and pixels are asked for.
 const AHEAD: usize = 1;
@@ -108,7 +107,7 @@ impl Filler {
             build(levels, layer);
         }
         let rows = layer.tiles.par_chunks_mut(grid.columns).zip(borrowed.par_chunks_mut(grid.columns));
-        let rows = rows.zip(filled.par_chunks(grid.columns)).zip(&mut layer.spans);
+        let rows = rows.zip(filled.par_chunks(grid.columns)).zip(layer.spans.par_iter_mut());
         rows.enumerate().for_each(|(row, (((tiles, borrowed), filled), span))| {
             *span = [i32::MAX, i32::MIN];
             for (column, ((tile, keys), filled)) in tiles.iter_mut().zip(borrowed).zip(filled).enumerate() {
@@ -149,7 +148,8 @@ impl Filler {
         let is_part = |tile: &Tile| tile.holes > 0 && usize::from(tile.holes) < BLOCK;
         let rows = layer.tiles.par_chunks(grid.columns).zip(layer.keys.par_chunks(grid.columns));
         let rows = rows.zip(self.claims.par_chunks_mut(grid.columns)).enumerate();
-        rows.map(|(row, ((tiles, keys), claims))| {
+        let all_holes = AtomicUsize::new(0);
+        rows.for_each(|(row, ((tiles, keys), claims))| {
             let mut holes = 0;
             for (column, (tile, claims)) in tiles.iter().zip(claims).enumerate() {
                 if tiles.get(column + FAR_AHEAD).is_some_and(is_part) {
@@ -163,9 +163,9 @@ impl Filler {
                     _ => inside & beside::claimed(level, &keys[column]),
                 };
             }
-            holes
-        })
-        .sum()
+            all_holes.fetch_add(holes, Ordering::Relaxed);
+        });
+        all_holes.into_inner()
     }
 }
 

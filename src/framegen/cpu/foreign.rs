@@ -7,6 +7,7 @@
 use super::colour::Colour;
 use super::kernels::Source;
 use super::layer::Grid;
+use crate::tasks;
 
 /// Colours around a place are those of a square that reaches this many pixels to every side: as far as the rim of a
 /// surface is mixed with what is behind it.
@@ -30,7 +31,7 @@ pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>)
         }
         sum.map(|sum: f32| sum / count.max(1.0))
     };
-    let (before, after) = rayon::join(|| mean(previous), || mean(current));
+    let (before, after) = tasks::join(|| mean(previous), || mean(current));
     MARGIN + LIGHT * (0..4).fold(0.0, |most: f32, c| most.max((after[c] - before[c]).abs()))
 }
 

@@ -1,11 +1,12 @@
 //! Colours for what neither anchor shows: from a pyramid of the colours around.
 
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::colour::Colour;
 use super::kernels::{BLOCK, TILE, fetch};
 use super::layer::Grid;
 use super::sized;
+use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Raster, Result};
 
 /// Tiles across and down of a square that has a pyramid of its own: of 16 x 16, 8 x 8, 4 x 4, 2 x 2 and one.
@@ -37,14 +38,15 @@ impl Inpainter {
         self.find_needed(grid, hidden);
         let known = Known { grid, hidden, pixels: out.pixels() };
         let columns = self.columns;
-        let squares = self.cells.par_iter_mut().zip(&self.is_needed).enumerate();
-        let is_blank = squares
-            .map(|(square, (cells, &is_needed))| {
-                let corner = [square % columns * SIDE, square / columns * SIDE];
-                is_needed && known.build(corner, cells)
-            })
-            .reduce(|| false, |a, b| a | b);
-        if is_blank {
+        let is_blank = AtomicBool::new(false);
+        let squares = self.cells.par_iter_mut().zip(self.is_needed.par_iter()).enumerate();
+        squares.for_each(|(square, (cells, &is_needed))| {
+            let corner = [square % columns * SIDE, square / columns * SIDE];
+            if is_needed && known.build(corner, cells) {
+                is_blank.store(true, Ordering::Relaxed);
+            }
+        });
+        if is_blank.into_inner() {
             self.lend_everywhere(&known);
         }
         let (columns, cells) = (self.columns, &self.cells);

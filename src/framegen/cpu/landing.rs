@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use parking_lot::Mutex;
-use rayon::prelude::*;
 
 use super::kernels::claims::{self, Places};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};
@@ -11,6 +10,7 @@ use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile
 use super::perspective::Way;
 use super::{reserve, sized};
 use crate::Result;
+use crate::tasks::{self, Parallel, ParallelSliceMut};
 
 /// Rows of tiles that are filled together.
 const BAND: usize = 8;
@@ -95,18 +95,21 @@ pub(super) struct Band {
     is_near: Vec<bool>,
 }
 
-/// Working memory of every thread of the pool.
+/// Working memory of every thread that may share a loop.
 #[derive(Debug, Default)]
 pub(super) struct Bands {
+    /// Threads for which there is room.
+    threads: usize,
     of_threads: Vec<Mutex<Band>>,
     /// Of both passes.
     spots: [Mutex<Spots>; 2],
 }
 
 impl Bands {
-    /// Makes room for all threads of the current pool.
+    /// Makes room for all threads there are.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
-        let threads = rayon::current_num_threads();
+        let threads = tasks::concurrency();
+        self.threads = 0;
         if self.of_threads.len() < threads {
             reserve(&mut self.of_threads, threads)?;
             self.of_threads.resize_with(threads, Mutex::default);
@@ -125,6 +128,7 @@ impl Bands {
             sized(&mut spots.tiles, grid.tiles(), Spot::NONE)?;
             sized(&mut spots.rows, grid.rows, [0; 2])?;
         }
+        self.threads = threads;
         Ok(())
     }
 }
@@ -144,7 +148,7 @@ impl Layer {
         let mut spots = [bands.spots[0].lock(), bands.spots[1].lock()];
         for (spots, pass) in spots.iter_mut().zip(passes) {
             let Spots { tiles, rows } = &mut **spots;
-            tiles.par_chunks_mut(grid.columns).zip(rows).with_min_len(16).enumerate().for_each(
+            tiles.par_chunks_mut(grid.columns).zip(rows.par_iter_mut()).with_min_len(16).enumerate().for_each(
                 |(row, (spots, ends))| {
                     *ends = find_spots(level, pass, row, spots);
                 },
@@ -153,9 +157,8 @@ impl Layer {
         let spots = [&*spots[0], &*spots[1]];
         let tiles = self.tiles.par_chunks_mut(BAND * grid.columns);
         let keys = self.keys.par_chunks_mut(BAND * grid.columns);
-        tiles.zip(keys).enumerate().for_each(|(number, (tiles, keys))| {
-            let thread = rayon::current_thread_index().unwrap_or(0);
-            let mut band = bands.of_threads[thread].lock();
+        tiles.zip(keys).enumerate().for_each_in_slot(bands.threads, |slot, (number, (tiles, keys))| {
+            let mut band = bands.of_threads[slot].lock();
             let filling = Filling { level, grid, top: number * BAND, rows: tiles.len() / grid.columns };
             filling.fill(passes, spots, &mut band, tiles, keys);
         });

@@ -4,14 +4,13 @@
 //! motion for it: what it covered seems to be there all the time. Its colours tell that it is not (see [`is_foreign`]),
 //! and that it is gone tells how far it has moved at least: over the edge with all that reached into the picture.
 
-use rayon::prelude::*;
-
 use super::colour::Colour;
 use super::foreign::is_foreign;
 use super::kernels::Source;
 use super::layer::{self, EMPTY, Key, LONGEST, Layer, ORPHAN};
 use super::sized;
 use crate::Result;
+use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// At most this many pixels of something that leaves may look like what it covers, one after the other.
 const GAP: usize = 6;

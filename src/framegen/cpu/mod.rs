@@ -63,11 +63,12 @@ use render::Between;
 use standing::Standing;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
+use crate::tasks::Use;
 use crate::{Error, ErrorKind, Raster, Result};
 
-/// Generates frames on the CPU, its rows in parallel on the current rayon pool, with the best instructions that the
+/// Generates frames on the CPU, its rows in parallel, with the best instructions that the
 /// processor has. Keeps working memory of about 45 bytes per pixel from call to call, and after the first allocates
-/// nothing more until a picture of another size or a pool with more threads comes.
+/// nothing more until a picture of another size comes or more threads share its work.
 #[derive(Debug)]
 pub struct CpuGenerator {
     level: Level,
@@ -82,6 +83,7 @@ pub struct CpuGenerator {
     stills: Stills,
     inpainter: Inpainter,
     hidden: Vec<u64>,
+    _threads: Use,
 }
 
 impl Default for CpuGenerator {
@@ -110,6 +112,7 @@ impl CpuGenerator {
             stills: Stills::default(),
             inpainter: Inpainter::default(),
             hidden: Vec::new(),
+            _threads: Use::new(),
         }
     }
 

@@ -4,13 +4,12 @@
 //! depth in the previous anchor tells where what is there has gone to. What the current anchor hides, and what has left it,
 //! needs no guess then: not how it moves, nor that it stood in front of what the current anchor shows.
 
-use rayon::prelude::*;
-
 use super::kernels::beside::{Beside, all, floor, packed};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};
 use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, ORPHAN, Tile, alike, is_nearer};
 use super::perspective::{Back, Perspective, Seen, nearness, rank_of};
 use crate::guidance::DepthMap;
+use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// What is nearer than what a place shows by more than this part of `1 / w` is something else.
 const OTHER: f32 = 1.125;

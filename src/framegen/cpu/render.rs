@@ -2,8 +2,6 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use rayon::prelude::*;
-
 use super::colour::Colour;
 use super::foreign::is_foreign;
 use super::kernels::claims;
@@ -15,6 +13,7 @@ use super::overlay::{Overlays, Stills, Which};
 use super::perspective::{Moment, Way};
 use super::soften::{soft, soften};
 use crate::Raster;
+use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// Samples that differ by no more than this many levels agree, and the one nearer in time is taken as it is.
 pub(super) const AGREE: u8 = 1;

@@ -1,6 +1,7 @@
 //! What must hold on made-up latents.
 
 use super::*;
+use crate::tasks::Pool;
 
 const SHAPE: [usize; 3] = [6, 10, 16];
 
@@ -105,8 +106,8 @@ fn numbers_that_are_none_and_odd_shapes_are_survived() {
 #[test]
 fn threads_change_nothing() {
     let (z0, z1) = (latent(texture), latent(|c, x, y| texture(c, 1.1 * x - 0.7, 1.1 * y)));
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let several = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
+    let alone = Pool::new(1).unwrap();
+    let several = Pool::new(5).unwrap();
     let [a, b] = [alone, several].map(|pool| pool.install(|| flow(&z0, &z1, (320, 180))));
     assert_eq!(a, b);
 }

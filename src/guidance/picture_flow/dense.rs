@@ -7,12 +7,12 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, dispatch, f32x8};
-use rayon::prelude::*;
 
 use super::grid::Grid;
 use super::pyramid::{Plane, floor};
 use super::reserve;
 use crate::Result;
+use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// Pixels along a block's side.
 const BLOCK: usize = 8;

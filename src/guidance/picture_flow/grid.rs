@@ -2,12 +2,12 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, dispatch, f32x8};
-use rayon::prelude::*;
 
 use super::model::{Model, Sample};
 use super::patch::{Found, NEAR, SIDE, Template};
 use super::pyramid::Plane;
 use super::reserve;
+use crate::tasks::{Parallel, ParallelSliceMut};
 use crate::{Error, ErrorKind, Result};
 
 /// Pixels from one patch to the next,

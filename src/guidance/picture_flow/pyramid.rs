@@ -1,9 +1,9 @@
 //! Luma at full, half, quarter, ... size.
 
 use fearless_simd::{Level, Simd, dispatch};
-use rayon::prelude::*;
 
 use super::reserve;
+use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Picture, Result};
 
 /// A level is halved again while its shorter side has at least this many pixels.

@@ -4,6 +4,7 @@ use half::f16;
 
 use super::*;
 use crate::guidance::{DepthMap, MotionField};
+use crate::tasks::Pool;
 
 /// A smooth random texture at any position in pixels, in code values around 128.
 fn texture(x: f32, y: f32) -> f32 {
@@ -201,7 +202,7 @@ fn thread_count_and_earlier_pictures_change_nothing() {
     let previous = picture(131, 77, texture);
     let current = picture(131, 77, |x, y| texture(x * 1.02 + 2.0, y * 0.99 - 1.0));
     let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = Pool::new(threads).unwrap();
         pool.install(|| {
             let mut extractor = Extractor::new();
             let mut out = Guidance::new(131, 77, PROJECTION).unwrap();

@@ -1,10 +1,9 @@
 //! Which motions to trust, and what to put in place of the others.
 
-use rayon::prelude::*;
-
 use super::dense::Dense;
 use super::pyramid::floor;
 use super::reserve;
+use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Picture, Result};
 
 /// How far forward and backward motion may fail to undo each other, in squared pixels: this,

@@ -1,6 +1,7 @@
 //! Against a plain two-dimensional resampler in f64, and against what any resampler must do.
 
 use super::*;
+use crate::tasks::Pool;
 
 const FILTERS: [Filter; 2] = [Filter::Lanczos3, Filter::CatmullRom];
 
@@ -176,7 +177,7 @@ fn the_number_of_threads_changes_no_bit() {
     let source = draw(50, 37, noise);
     for filter in FILTERS {
         let of_threads = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = Pool::new(threads).unwrap();
             pool.install(|| resampled(&source, (81, 64), filter))
         };
         assert_eq!(of_threads(1), of_threads(3));

@@ -12,6 +12,7 @@ const CHAPTERS: &[(&str, &[&str])] = &[
     ("Version", &["version"]),
     ("Results", &["results"]),
     ("Logging", &["logging"]),
+    ("Threads", &["threads"]),
     ("Create: devices", &["device", "requirements"]),
     ("Create: worlds", &["world"]),
     ("Per frame: pictures and controls", &["images", "controls"]),

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{AnchorPair, FrameGenerator};
 use cairn::guidance::{DepthMap, Guidance, MotionField, picture_flow};
+use cairn::tasks::Pool;
 use cairn::{Error, ErrorKind, Picture, Result};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -135,17 +136,32 @@ impl Timed {
     }
 }
 
+/// As many threads for the average as for the library's own work.
+struct Threads {
+    of_average: ThreadPool,
+    of_library: Pool,
+}
+
+impl Threads {
+    fn new(count: usize) -> Result<Self> {
+        let built = ThreadPoolBuilder::new().num_threads(count).build();
+        let of_average =
+            built.map_err(|e| Error::new(ErrorKind::OutOfMemory, format!("{count} threads cannot be started: {e}")))?;
+        Ok(Self { of_average, of_library: Pool::new(count)? })
+    }
+}
+
 /// A piece of work and the threads it runs on.
 struct Turn<'a> {
     work: Work,
-    pool: &'a ThreadPool,
+    threads: &'a Threads,
     run: Box<dyn FnMut() -> Result<()> + Send + 'a>,
     times: Vec<Duration>,
 }
 
 impl<'a> Turn<'a> {
-    fn new(pool: &'a ThreadPool, work: Work, run: Box<dyn FnMut() -> Result<()> + Send + 'a>) -> Self {
-        Self { work, pool, run, times: Vec::new() }
+    fn new(threads: &'a Threads, work: Work, run: Box<dyn FnMut() -> Result<()> + Send + 'a>) -> Self {
+        Self { work, threads, run, times: Vec::new() }
     }
 }
 
@@ -157,19 +173,15 @@ type Times = (Vec<Line>, std::result::Result<[f64; 2], String>);
 fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Times> {
     let Timed { anchors, current, given, before } = timed;
     let (pair, before) = ([&anchors[current - 1], &anchors[*current]], before.as_ref());
-    let pool = |threads| {
-        let built = ThreadPoolBuilder::new().num_threads(threads).build();
-        built.map_err(|e| Error::new(ErrorKind::OutOfMemory, format!("{threads} threads cannot be started: {e}")))
-    };
-    let pools = [pool(THREADS)?, pool(1)?];
+    let threads = [Threads::new(THREADS)?, Threads::new(1)?];
     let tiled = [in_tiles(given, 8)?, in_tiles(given, 16)?];
     let [of_8, of_16] = [8, 16].map(|tile| before.map(|before| in_tiles(before, tile)).transpose());
     let befores = [of_8?, of_16?, before.cloned()];
     let mut turns = Vec::new();
-    for pool in &pools {
+    for threads in &threads {
         let mut out = pair[1].clone();
         turns.push(Turn::new(
-            pool,
+            threads,
             Work::Average,
             Box::new(move || {
                 average(pair, &mut out);
@@ -183,14 +195,14 @@ fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Time
             if let Some(before) = before {
                 pair = pair.with_previous_depth(before.depth())?;
             }
-            turns.push(Turn::new(pool, work, Box::new(move || generator.generate(&pair, 0.5, &mut out).map(drop))));
+            turns.push(Turn::new(threads, work, Box::new(move || generator.generate(&pair, 0.5, &mut out).map(drop))));
         }
         let (mut extractor, mut generator) = (picture_flow::Extractor::new(), CpuGenerator::new());
         let mut guidance = Guidance::new(pair[0].width(), pair[0].height(), picture_flow::PROJECTION)?;
         let mut out = pair[1].clone();
         let mut intervals = intervals(anchors.len()).cycle();
         turns.push(Turn::new(
-            pool,
+            threads,
             Work::Flow,
             Box::new(move || {
                 let at = intervals.next().unwrap_or(0);
@@ -202,14 +214,18 @@ fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Time
     }
     let mut theirs = filter.map(|filter| (filter, Vec::new()));
     for turn in 0..=TURNS {
-        for Turn { pool, run, times, .. } in &mut turns {
+        for Turn { work, threads, run, times } in &mut turns {
             if stop.load(Ordering::SeqCst) {
                 return Err(Error::new(ErrorKind::Cancelled, "interrupted while the time was taken"));
             }
-            let time = pool.install(|| {
+            let timed = || {
                 let start = Instant::now();
                 run().map(|()| start.elapsed())
-            })?;
+            };
+            let time = match work {
+                Work::Average => threads.of_average.install(timed)?,
+                _ => threads.of_library.install(timed)?,
+            };
             if turn > 0 {
                 times.push(time);
             }

@@ -6,6 +6,7 @@ use super::world::{draw, generate, guide, landscape, noise, texture, unlike, wor
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
 use crate::guidance::{DepthMap, Guidance, MotionField, paper};
+use crate::tasks::Pool;
 use crate::{ErrorKind, Picture, PictureF16};
 
 fn extrapolate(anchor: &Anchor<'_>, t: f32) -> (Picture, Outcome) {
@@ -243,7 +244,7 @@ fn the_number_of_threads_and_earlier_calls_change_no_bit() {
     let mut generator = CpuGenerator::new();
     let mut pictures = Vec::new();
     for threads in [1, 2, 5] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = Pool::new(threads).unwrap();
         let pair = AnchorPair::new(&before, &after, &guidance).unwrap();
         for _ in 0..3 {
             let mut out = Picture::new(90, 70).unwrap();

@@ -1,7 +1,6 @@
 //! The generator beside its plain description: the same bits, for every instruction set and number of threads.
 
 use half::f16;
-use rayon::ThreadPool;
 
 use super::reference;
 use crate::Raster;
@@ -10,6 +9,7 @@ use crate::framegen::cpu::colour::Colour;
 use crate::framegen::cpu::kernels::Level;
 use crate::framegen::cpu::layer::WHOLE;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
+use crate::tasks::Pool;
 use cases::{Dice, guidance, overlay, pictures, previous_depth};
 
 // What the compute shaders are held against the generator on, too.
@@ -24,8 +24,8 @@ fn raster<P: Colour>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
 
 /// Holds many random cases of one kind of pixel against the description.
 fn compare<P: Colour>(cases: u64) {
-    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let pools: Vec<ThreadPool> = [1, 2, 5].map(pool).into();
+    let pool = |threads| Pool::new(threads).unwrap();
+    let pools: Vec<Pool> = [1, 2, 5].map(pool).into();
     let mut generators: Vec<_> = Level::available().map(|level| (level, CpuGenerator::at(level))).collect();
     let mut generated = 0;
     for seed in 0..cases {

@@ -1,0 +1,29 @@
+"""The threads on which the library shares its work on pictures."""
+
+from __future__ import annotations
+
+from ctypes import byref
+
+from . import _interface as c
+from ._library import call
+from .errors import refuse
+
+_PRIORITIES = {
+    "below_normal": c.PRIORITY_BELOW_NORMAL,
+    "normal": c.PRIORITY_NORMAL,
+    "lowest": c.PRIORITY_LOWEST,
+}
+
+
+def set_threads(threads: int | None = None, priority: str = "below_normal") -> None:
+    """Sets how many threads of its own the library has beside those that call it, and their priority, for the whole process.
+
+    `threads` is 1 to 1024; None for one less than the physical cores this process may use, at least one. `priority` is
+    "below_normal", "normal" or "lowest". The threads start with the first work to be shared and end with the last object.
+    Results do not depend on how many there are. Raises `Busy` while there is an object, and `InvalidArgument`.
+    """
+    if priority not in _PRIORITIES:
+        raise refuse("priority", f"{priority!r} is no priority", f"Use {', '.join(_PRIORITIES)}")
+    if threads is not None and not 1 <= threads <= c.MAX_THREADS:
+        raise refuse("threads", f"{threads} threads", f"Use 1 to {c.MAX_THREADS}")
+    call("set_threads", byref(c.ThreadOptions(threads=threads or 0, priority=_PRIORITIES[priority])))

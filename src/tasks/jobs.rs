@@ -1,0 +1,280 @@
+//! A loop that is being shared, and the list in which other threads find it.
+
+use std::any::Any;
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::ThreadId;
+
+use parking_lot::{Condvar, Mutex};
+
+use super::{Body, Executor, Set, calling_thread};
+
+/// Loops that may run at the same time. The list never grows, so that nothing is allocated on the way; a loop that finds no
+/// room runs on its own thread.
+const CAPACITY: usize = 256;
+/// Parts of what is left of a loop for each thread that shares it.
+const PARTS_PER_THREAD: usize = 4;
+/// How often a thread that has nothing to do offers its processor to others before it sleeps: the loops of a frame follow
+/// closely upon each other.
+const YIELDS: usize = 32;
+
+/// A loop on the stack of the thread that started it.
+pub(super) struct Loop<'a> {
+    len: usize,
+    /// The fewest indices a thread claims at a time.
+    min_len: usize,
+    /// The most threads that may share it, its own among them.
+    pub(super) threads: usize,
+    body: &'a Body<'a>,
+    caller: ThreadId,
+    /// The first index that nobody has claimed.
+    next: AtomicUsize,
+    panic: Mutex<Option<Box<dyn Any + Send>>>,
+}
+
+impl<'a> Loop<'a> {
+    pub(super) fn new(len: usize, min_len: usize, threads: usize, body: &'a Body<'a>) -> Self {
+        let caller = calling_thread();
+        Self { len, min_len, threads, body, caller, next: AtomicUsize::new(0), panic: Mutex::new(None) }
+    }
+
+    /// Claims a part of what is left, which gets smaller towards the end, so that all threads end at about the same time.
+    fn claim(&self) -> Option<Range<usize>> {
+        let mut start = self.next.load(Ordering::Relaxed);
+        while start < self.len {
+            let left = self.len - start;
+            let part = left / self.threads.saturating_mul(PARTS_PER_THREAD);
+            let end = start + part.max(self.min_len).min(left);
+            match self.next.compare_exchange_weak(start, end, Ordering::Relaxed, Ordering::Relaxed) {
+                Ok(_) => return Some(start..end),
+                Err(now) => start = now,
+            }
+        }
+        None
+    }
+
+    fn is_claimed(&self) -> bool {
+        self.next.load(Ordering::Relaxed) >= self.len
+    }
+
+    /// Runs what nobody has claimed. The first panic ends the loop, and is kept for the thread that started it.
+    fn work(&self, slot: usize) {
+        let worked = catch_unwind(AssertUnwindSafe(|| {
+            while let Some(range) = self.claim() {
+                (self.body)(slot, range);
+            }
+        }));
+        if let Err(payload) = worked {
+            self.next.store(self.len, Ordering::Relaxed);
+            let mut kept = self.panic.lock();
+            match &*kept {
+                None => *kept = Some(payload),
+                // To drop what a panic threw runs foreign code, which may panic again.
+                Some(_) => std::mem::forget(payload),
+            }
+        }
+    }
+}
+
+/// A loop in the list.
+struct Entry {
+    ticket: usize,
+    /// Valid as long as the entry is there: the loop's thread takes it out, and waits for those inside, before it goes on.
+    of: *const Loop<'static>,
+    /// Threads that came to it so far, its own among them: the next one's slot.
+    slots: usize,
+    /// Threads inside, other than its own.
+    inside: usize,
+}
+
+// SAFETY: a `Loop` is shared by threads on purpose: all of its fields are `Sync`.
+unsafe impl Send for Entry {}
+
+/// The loops that other threads may share.
+pub(super) struct Loops {
+    list: Mutex<List>,
+    /// There is another loop, or the end.
+    work: Condvar,
+    /// A thread has left a loop.
+    left: Condvar,
+    /// Counts loops, for threads that look for one without the lock.
+    published: AtomicUsize,
+}
+
+struct List {
+    entries: Vec<Entry>,
+    tickets: usize,
+    closing: bool,
+}
+
+impl Loops {
+    pub(super) const fn new() -> Self {
+        let list = List { entries: Vec::new(), tickets: 0, closing: false };
+        Self { list: Mutex::new(list), work: Condvar::new(), left: Condvar::new(), published: AtomicUsize::new(0) }
+    }
+
+    /// Gives back the room for loops.
+    pub(super) fn release(&self) {
+        let mut list = self.list.lock();
+        if list.entries.is_empty() {
+            list.entries = Vec::new();
+        }
+    }
+
+    /// Makes room for all loops there may be; without it none is shared.
+    pub(super) fn reserve(&self) {
+        let mut list = self.list.lock();
+        let more = CAPACITY - list.entries.len();
+        // Without memory loops run on their own threads.
+        _ = list.entries.try_reserve_exact(more);
+    }
+
+    /// Runs a loop on this thread and on those that `call` brings, which gets its ticket. Returns when all of it has run and no
+    /// other thread is in it.
+    pub(super) fn run(&self, this: &Loop<'_>, call: impl FnOnce(usize)) {
+        let ticket = self.publish(this);
+        if let Some(ticket) = ticket {
+            // A host's function stands behind it, which must not keep the loop in the list.
+            let called = catch_unwind(AssertUnwindSafe(|| call(ticket)));
+            if let Err(payload) = called {
+                this.next.store(this.len, Ordering::Relaxed);
+                *this.panic.lock() = Some(payload);
+            }
+        }
+        this.work(0);
+        if let Some(ticket) = ticket {
+            self.withdraw(ticket);
+        }
+        if let Some(payload) = this.panic.lock().take() {
+            resume_unwind(payload);
+        }
+    }
+
+    fn publish(&self, this: &Loop<'_>) -> Option<usize> {
+        let mut list = self.list.lock();
+        if list.entries.len() == list.entries.capacity() {
+            return None;
+        }
+        list.tickets = list.tickets.wrapping_add(1);
+        let ticket = list.tickets;
+        let of = std::ptr::from_ref(this).cast();
+        list.entries.push(Entry { ticket, of, slots: 1, inside: 0 });
+        self.published.fetch_add(1, Ordering::Release);
+        Some(ticket)
+    }
+
+    /// Takes a loop whose indices are all claimed out of the list when nobody is in it any more.
+    fn withdraw(&self, ticket: usize) {
+        for _ in 0..YIELDS {
+            let mut list = self.list.lock();
+            if list.take_out(ticket) {
+                return;
+            }
+            drop(list);
+            std::thread::yield_now();
+        }
+        let mut list = self.list.lock();
+        while !list.take_out(ticket) {
+            self.left.wait(&mut list);
+        }
+    }
+
+    /// Wakes threads of a pool for a loop.
+    pub(super) fn wake(&self, threads: usize) {
+        for _ in 0..threads {
+            self.work.notify_one();
+        }
+    }
+
+    /// Shares the loop of a ticket until all of it is claimed. One that is over, or never was, is left alone.
+    pub(super) fn share(&self, ticket: usize, executor: Executor) {
+        let entered = self.list.lock().enter(|entry| entry.ticket == ticket);
+        if let Some(entered) = entered {
+            self.work_in(&entered, executor);
+        }
+    }
+
+    /// The life of a pool's thread.
+    pub(super) fn serve(&self, executor: Executor) {
+        let mut seen = usize::MAX;
+        loop {
+            for _ in 0..YIELDS {
+                if self.published.load(Ordering::Acquire) != seen {
+                    break;
+                }
+                std::thread::yield_now();
+            }
+            let entered = {
+                let mut list = self.list.lock();
+                loop {
+                    if list.closing {
+                        return;
+                    }
+                    seen = self.published.load(Ordering::Acquire);
+                    if let Some(entered) = list.enter(|_| true) {
+                        break entered;
+                    }
+                    self.work.wait(&mut list);
+                }
+            };
+            self.work_in(&entered, executor);
+        }
+    }
+
+    fn work_in(&self, entered: &Entered, executor: Executor) {
+        {
+            // SAFETY: this thread is counted as inside, so the loop stays where it is.
+            let this = unsafe { &*entered.of };
+            let _executor = Set::new(&super::EXECUTOR, executor);
+            let _caller = Set::new(&super::WORKS_FOR, Some(this.caller));
+            this.work(entered.slot);
+        }
+        let mut list = self.list.lock();
+        if let Some(entry) = list.entries.iter_mut().find(|entry| entry.ticket == entered.ticket) {
+            entry.inside -= 1;
+        }
+        drop(list);
+        self.left.notify_all();
+    }
+
+    /// Ends all threads that serve.
+    pub(super) fn close(&self) {
+        self.list.lock().closing = true;
+        self.published.fetch_add(1, Ordering::Release);
+        self.work.notify_all();
+    }
+}
+
+/// A thread's way into a loop.
+struct Entered {
+    ticket: usize,
+    of: *const Loop<'static>,
+    slot: usize,
+}
+
+impl List {
+    /// Goes into the latest loop for which `is_wanted` holds and that has work and a slot left: what others wait for ends first.
+    fn enter(&mut self, is_wanted: impl Fn(&Entry) -> bool) -> Option<Entered> {
+        let entry = self.entries.iter_mut().rev().filter(|entry| is_wanted(entry)).find(|entry| {
+            // SAFETY: the loop is there as long as its entry.
+            let this = unsafe { &*entry.of };
+            entry.slots < this.threads && !this.is_claimed()
+        })?;
+        let entered = Entered { ticket: entry.ticket, of: entry.of, slot: entry.slots };
+        entry.slots += 1;
+        entry.inside += 1;
+        Some(entered)
+    }
+
+    fn take_out(&mut self, ticket: usize) -> bool {
+        match self.entries.iter().position(|entry| entry.ticket == ticket) {
+            Some(at) if self.entries[at].inside > 0 => false,
+            Some(at) => {
+                self.entries.remove(at);
+                true
+            }
+            None => true,
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Threads of the library's own.
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use super::jobs::{Loop, Loops};
+use super::settings::{MAX_THREADS, Priority};
+use super::{EXECUTOR, Executor, Set};
+use crate::{Error, ErrorKind, Result};
+
+/// Threads that share loops with whoever starts one. They are joined when it is dropped.
+///
+/// Threads: may be used from any thread, by several at a time.
+pub struct Pool {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+pub(super) struct Shared {
+    loops: Loops,
+    threads: usize,
+}
+
+impl Pool {
+    /// A pool in which `concurrency` threads share a loop, 1 to 1025, the calling one among them.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for another number, `OutOfMemory` when the system gives no thread.
+    pub fn new(concurrency: usize) -> Result<Self> {
+        if !(1..=MAX_THREADS + 1).contains(&concurrency) {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("{concurrency} threads"))
+                .field("concurrency")
+                .remedy(format!("Use 1 to {}", MAX_THREADS + 1)));
+        }
+        let (pool, failed) = Self::start(concurrency - 1, Priority::Normal);
+        match failed {
+            Some(e) => Err(Error::new(ErrorKind::OutOfMemory, format!("the system gives no thread: {e}"))),
+            None => Ok(pool),
+        }
+    }
+
+    /// Starts as many of `threads` as the system gives; why it did not give more.
+    pub(super) fn start(threads: usize, priority: Priority) -> (Self, Option<std::io::Error>) {
+        let shared = Arc::new(Shared { loops: Loops::new(), threads });
+        shared.loops.reserve();
+        let mut pool = Self { shared, threads: Vec::new() };
+        for _ in 0..threads {
+            let shared = pool.shared.clone();
+            let work = move || {
+                priority.apply();
+                let executor = Executor::Pool(Arc::as_ptr(&shared));
+                shared.loops.serve(executor);
+            };
+            match std::thread::Builder::new().name("cairn-pool".into()).spawn(work) {
+                Ok(thread) => pool.threads.push(thread),
+                Err(e) => return (pool, Some(e)),
+            }
+        }
+        (pool, None)
+    }
+
+    /// Does `work` on this thread; the library's loops in it are shared with this pool and no other.
+    pub fn install<R>(&self, work: impl FnOnce() -> R) -> R {
+        let _set = Set::new(&EXECUTOR, Executor::Pool(Arc::as_ptr(&self.shared)));
+        work()
+    }
+
+    pub(super) fn concurrency(&self) -> usize {
+        self.shared.concurrency()
+    }
+
+    pub(super) fn run(&self, this: &Loop<'_>) {
+        // Loops inside of it are the pool's as well.
+        self.install(|| self.shared.run(this));
+    }
+}
+
+impl Shared {
+    /// Threads that may share a loop, the one that starts it among them.
+    pub(super) fn concurrency(&self) -> usize {
+        self.threads + 1
+    }
+
+    pub(super) fn run(&self, this: &Loop<'_>) {
+        self.loops.run(this, |_| self.loops.wake(this.threads - 1));
+    }
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        self.shared.loops.close();
+        for thread in self.threads.drain(..) {
+            // What panics in a loop ends there.
+            _ = thread.join();
+        }
+    }
+}
+
+impl std::fmt::Debug for Pool {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Pool({} threads)", self.threads.len())
+    }
+}

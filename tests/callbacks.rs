@@ -1,0 +1,137 @@
+//! What a callback may not wait for: the end of the very thread that it runs on. It answers that it is busy, and all goes on.
+#![cfg(feature = "embedded-world")]
+
+use std::ffi::{c_char, c_void};
+use std::ptr::{null, null_mut};
+use std::sync::atomic::{AtomicPtr, AtomicU64, AtomicUsize, Ordering};
+
+use cairn::abi::controls::cairn_controls;
+use cairn::abi::device::{cairn_device_create_cpu, cairn_device_destroy};
+use cairn::abi::images::cairn_picture;
+use cairn::abi::logging::{CAIRN_LOG_INFO, CAIRN_LOG_OFF, cairn_set_log_callback};
+use cairn::abi::results::{CAIRN_ERROR_BUSY, CAIRN_NOT_READY, CAIRN_OK, cairn_last_error};
+use cairn::abi::rollout::{
+    cairn_rollout, cairn_rollout_append, cairn_rollout_create, cairn_rollout_destroy, cairn_rollout_set_budget,
+    cairn_rollout_step,
+};
+use cairn::abi::steps::{CAIRN_FOREVER, cairn_rollout_poll, cairn_rollout_submit, cairn_rollout_wait};
+use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_options};
+
+/// What the log callback is about.
+#[derive(Default)]
+struct Subject {
+    rollout: AtomicPtr<cairn_rollout>,
+    /// The ticket that is waited for; 0 where one is to be submitted first.
+    ticket: AtomicU64,
+    calls: AtomicUsize,
+}
+
+fn controls() -> cairn_controls {
+    // SAFETY: zeroes are every field's default.
+    cairn_controls { struct_size: size_of::<cairn_controls>() as u32, ..unsafe { std::mem::zeroed() } }
+}
+
+/// Ends and waits for the rollout whose step says something.
+unsafe extern "C" fn end_it(_: u32, _: *const c_char, _: *const c_char, user: *mut c_void) {
+    // SAFETY: the test gave a `Subject` that outlives the callback.
+    let subject = unsafe { &*user.cast::<Subject>() };
+    let rollout = subject.rollout.load(Ordering::SeqCst);
+    if rollout.is_null() {
+        return;
+    }
+    subject.calls.fetch_add(1, Ordering::SeqCst);
+    // SAFETY: handles are looked up, and results are the test's own.
+    unsafe {
+        assert_eq!(cairn_rollout_destroy(rollout), CAIRN_ERROR_BUSY);
+        let mut ticket = subject.ticket.load(Ordering::SeqCst);
+        if ticket == 0 {
+            assert_eq!(cairn_rollout_submit(rollout, &controls(), &mut ticket), CAIRN_OK);
+        }
+        for timeout in [CAIRN_FOREVER, 1_000_000_000] {
+            assert_eq!(cairn_rollout_wait(rollout, ticket, timeout, null_mut(), null_mut()), CAIRN_ERROR_BUSY);
+        }
+        assert_eq!(cairn_rollout_poll(rollout, ticket, null_mut(), null_mut()), CAIRN_NOT_READY);
+        assert_eq!(cairn_rollout_step(rollout, &controls(), null_mut()), CAIRN_ERROR_BUSY);
+        subject.ticket.store(ticket, Ordering::SeqCst);
+    }
+}
+
+fn said() -> String {
+    let mut text = [0_u8; 512];
+    // SAFETY: as many bytes as are there.
+    unsafe { cairn_last_error(text.as_mut_ptr().cast(), text.len(), null_mut()) };
+    String::from_utf8_lossy(&text).trim_end_matches('\0').to_owned()
+}
+
+macro_rules! ok {
+    ($call:expr) => {{
+        // SAFETY: handles are looked up, and all else is the test's own.
+        let result = unsafe { $call };
+        assert_eq!(result, CAIRN_OK, "{}", said());
+    }};
+}
+
+/// A rollout whose every latent is too slow, which it says, after its seed.
+fn rollout(world: *const cairn::abi::world::cairn_world) -> *mut cairn_rollout {
+    let mut rollout = null_mut();
+    ok!(cairn_rollout_create(world, null(), &mut rollout));
+    let grey = vec![128_u8; 320 * 180 * 4];
+    let picture = cairn_picture {
+        struct_size: size_of::<cairn_picture>() as u32,
+        width: 320,
+        height: 180,
+        pixels: grey.as_ptr().cast(),
+        size: grey.len() as u64,
+        // SAFETY: zeroes are every field's default.
+        ..unsafe { std::mem::zeroed() }
+    };
+    ok!(cairn_rollout_append(rollout, &picture, null_mut()));
+    ok!(cairn_rollout_set_budget(rollout, 1, c"stock explicit:1:0.5:0".as_ptr()));
+    rollout
+}
+
+#[test]
+fn a_log_callback_does_not_wait_for_its_own_thread() {
+    let (mut device, mut world) = (null_mut(), null_mut());
+    ok!(cairn_device_create_cpu(null(), &mut device));
+    // SAFETY: zeroes are every field's default.
+    let options =
+        cairn_world_options { struct_size: size_of::<cairn_world_options>() as u32, ..unsafe { std::mem::zeroed() } };
+    ok!(cairn_world_load(device, &options, &mut world));
+    let subject = Subject::default();
+    ok!(cairn_set_log_callback(CAIRN_LOG_INFO, Some(end_it), std::ptr::from_ref(&subject).cast_mut().cast()));
+
+    // A step on the rollout's own thread.
+    let queued = rollout(world);
+    subject.rollout.store(queued, Ordering::SeqCst);
+    for _ in 0..8 {
+        let mut ticket = 0;
+        ok!(cairn_rollout_submit(queued, &controls(), &mut ticket));
+        subject.ticket.store(ticket, Ordering::SeqCst);
+        ok!(cairn_rollout_wait(queued, ticket, CAIRN_FOREVER, null_mut(), null_mut()));
+    }
+    assert!(subject.calls.swap(0, Ordering::SeqCst) > 0, "a step said something");
+    subject.rollout.store(null_mut(), Ordering::SeqCst);
+    ok!(cairn_rollout_destroy(queued));
+
+    // A step on the host's thread, in whose callback another one is queued behind it.
+    let direct = rollout(world);
+    subject.rollout.store(direct, Ordering::SeqCst);
+    for _ in 0..8 {
+        subject.ticket.store(0, Ordering::SeqCst);
+        ok!(cairn_rollout_step(direct, &controls(), null_mut()));
+        let ticket = subject.ticket.load(Ordering::SeqCst);
+        if ticket != 0 {
+            break;
+        }
+    }
+    assert!(subject.calls.load(Ordering::SeqCst) > 0, "a step said something");
+    subject.rollout.store(null_mut(), Ordering::SeqCst);
+    let ticket = subject.ticket.load(Ordering::SeqCst);
+    ok!(cairn_rollout_wait(direct, ticket, CAIRN_FOREVER, null_mut(), null_mut()));
+    ok!(cairn_rollout_destroy(direct));
+
+    ok!(cairn_set_log_callback(CAIRN_LOG_OFF, None, null_mut()));
+    ok!(cairn_world_destroy(world));
+    ok!(cairn_device_destroy(device));
+}

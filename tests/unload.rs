@@ -1,0 +1,307 @@
+//! The library as a host loads it: after its last object is destroyed no thread of it is left, and it can be unloaded, loaded
+//! again and used again. All of it is one test, as it counts the threads of the process.
+
+use std::path::PathBuf;
+use std::ptr::{null, null_mut};
+use std::time::{Duration, Instant};
+
+use cairn::abi::controls::cairn_controls;
+use cairn::abi::images::{cairn_picture, cairn_target};
+use cairn::abi::presenter::{CAIRN_FRAME_GENERATED, cairn_frame, cairn_presenter, cairn_presenter_options};
+use cairn::abi::results::{CAIRN_NOT_READY, CAIRN_OK, cairn_result};
+#[cfg(feature = "embedded-world")]
+use cairn::abi::world::cairn_world_options;
+
+#[cfg(windows)]
+#[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+#[cfg(windows)]
+#[path = "d3d12/textures.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod textures;
+
+/// Size of the pictures: large enough that work on them is shared.
+const SIZE: [u32; 2] = [320, 180];
+
+/// The library of this very build.
+fn path() -> PathBuf {
+    let name = if cfg!(windows) { "cairn.dll" } else { "libcairn.so" };
+    let program = std::env::current_exe().expect("a path");
+    program.with_file_name(name)
+}
+
+/// Calls a function of a loaded library, of the type that the library linked into this program gives it.
+macro_rules! call {
+    ($library:expr, $room:ident::$name:ident($($argument:expr),*)) => {{
+        #[allow(unused_assignments, reason = "the first value is there for its type")]
+        let mut function: unsafe extern "C" fn($(any!($argument)),*) -> cairn_result = cairn::abi::$room::$name;
+        // SAFETY: the library has the interface of the one linked into this program, which is of the same build.
+        function = unsafe { *$library.get(concat!(stringify!($name), "\0").as_bytes()).expect(stringify!($name)) };
+        // SAFETY: arguments are as the header has them.
+        unsafe { function($($argument),*) }
+    }};
+}
+
+macro_rules! any {
+    ($argument:expr) => {
+        _
+    };
+}
+
+macro_rules! ok {
+    ($library:expr, $room:ident::$name:ident($($argument:expr),*)) => {
+        assert_eq!(call!($library, $room::$name($($argument),*)), CAIRN_OK, "{}: {}", stringify!($name), last($library))
+    };
+}
+
+fn last(library: &libloading::Library) -> String {
+    let mut text = [0_u8; 512];
+    call!(library, results::cairn_last_error(text.as_mut_ptr().cast(), text.len(), null_mut()));
+    String::from_utf8_lossy(&text).trim_end_matches('\0').to_owned()
+}
+
+fn zeroed<T>() -> T {
+    // SAFETY: used for structs of the header, in which zeroes are every field's default.
+    unsafe { std::mem::zeroed() }
+}
+
+fn picture(pixels: &[u8]) -> cairn_picture {
+    cairn_picture {
+        struct_size: size_of::<cairn_picture>() as u32,
+        width: SIZE[0],
+        height: SIZE[1],
+        pixels: pixels.as_ptr().cast(),
+        size: pixels.len() as u64,
+        ..zeroed()
+    }
+}
+
+/// Draws frames of anchors that `push` makes; the last one is generated.
+fn present(library: &libloading::Library, push: impl Fn(*mut cairn_presenter)) -> Vec<u8> {
+    let options = cairn_presenter_options {
+        struct_size: size_of::<cairn_presenter_options>() as u32,
+        interval_ns: 1_000,
+        ..zeroed()
+    };
+    let mut presenter = null_mut();
+    ok!(library, presenter::cairn_presenter_create(&options, &mut presenter));
+    push(presenter);
+    let mut pixels = vec![0_u8; (SIZE[0] * SIZE[1] * 4) as usize];
+    let target = cairn_target {
+        struct_size: size_of::<cairn_target>() as u32,
+        width: SIZE[0],
+        height: SIZE[1],
+        pixels: pixels.as_mut_ptr().cast(),
+        size: pixels.len() as u64,
+        ..zeroed()
+    };
+    let mut frame = cairn_frame { struct_size: size_of::<cairn_frame>() as u32, ..zeroed() };
+    for now in [1_000, 1_500] {
+        assert_ne!(
+            call!(library, presenter::cairn_presenter_draw(presenter, now, &target, &mut frame)),
+            CAIRN_NOT_READY
+        );
+    }
+    assert_eq!(frame.source, CAIRN_FRAME_GENERATED, "a frame between two anchors");
+    ok!(library, presenter::cairn_presenter_destroy(presenter));
+    pixels
+}
+
+/// A generated frame of two pictures of the host's own.
+fn frame(library: &libloading::Library) -> Vec<u8> {
+    present(library, |presenter| push(library, presenter))
+}
+
+/// Gives a presenter two pictures of the host's own.
+fn push(library: &libloading::Library, presenter: *mut cairn_presenter) {
+    for number in 0..2_u32 {
+        let at = |i: u32| (i % SIZE[0] + 3 * number, i / SIZE[0]);
+        let level = |(x, y): (u32, u32), c: u32| ((x * (7 + c) / 3) ^ (y * 5)) as u8;
+        let pixels: Vec<u8> = (0..SIZE[0] * SIZE[1]).flat_map(|i| (0..4).map(move |c| level(at(i), c) | 1)).collect();
+        let mut anchor = null_mut();
+        ok!(library, anchor::cairn_anchor_create(&picture(&pixels), number.into(), 0, &mut anchor));
+        ok!(library, presenter::cairn_presenter_push(presenter, anchor, null(), u64::from(number) * 1_000));
+        ok!(library, anchor::cairn_anchor_destroy(anchor));
+    }
+}
+
+/// A generated frame between two latents of the world inside the library.
+#[cfg(feature = "embedded-world")]
+fn world(library: &libloading::Library) -> Vec<u8> {
+    let (mut device, mut world, mut rollout) = (null_mut(), null_mut(), null_mut());
+    ok!(library, device::cairn_device_create_cpu(null(), &mut device));
+    let options = cairn_world_options { struct_size: size_of::<cairn_world_options>() as u32, ..zeroed() };
+    ok!(library, world::cairn_world_load(device, &options, &mut world));
+    ok!(library, rollout::cairn_rollout_create(world, null(), &mut rollout));
+    let grey = vec![128_u8; (SIZE[0] * SIZE[1] * 4) as usize];
+    ok!(library, rollout::cairn_rollout_append(rollout, &picture(&grey), null_mut()));
+    let controls = cairn_controls { struct_size: size_of::<cairn_controls>() as u32, ..zeroed() };
+    let pixels = present(library, |presenter| {
+        for number in 0..2_u64 {
+            // One on this thread, one on the rollout's.
+            if number == 0 {
+                ok!(library, rollout::cairn_rollout_step(rollout, &controls, null_mut()));
+            } else {
+                let mut ticket = 0;
+                ok!(library, steps::cairn_rollout_submit(rollout, &controls, &mut ticket));
+                ok!(library, steps::cairn_rollout_wait(rollout, ticket, u64::MAX, null_mut(), null_mut()));
+            }
+            let mut anchor = null_mut();
+            ok!(library, rollout::cairn_rollout_get_anchor(rollout, &mut anchor));
+            ok!(library, presenter::cairn_presenter_push(presenter, anchor, null(), number * 1_000));
+            ok!(library, anchor::cairn_anchor_destroy(anchor));
+        }
+    });
+    ok!(library, rollout::cairn_rollout_destroy(rollout));
+    ok!(library, world::cairn_world_destroy(world));
+    ok!(library, device::cairn_device_destroy(device));
+    pixels
+}
+
+/// A generated frame in a texture of an engine's device.
+#[cfg(windows)]
+fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
+    use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, ID3D12Fence};
+    use cairn::gpu::windows::core::Interface;
+
+    let flags = D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
+    let target = textures::Wanted { size: SIZE.into(), flags, ..Default::default() }.make(&engine.device);
+    let (mut device, mut presenter) = (null_mut(), null_mut());
+    let (own, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
+    ok!(library, d3d12::cairn_device_create_d3d12(own, queue, null_mut(), &mut device));
+    let options = cairn_presenter_options {
+        struct_size: size_of::<cairn_presenter_options>() as u32,
+        interval_ns: 1_000,
+        ..zeroed()
+    };
+    ok!(library, presenter::cairn_presenter_create(&options, &mut presenter));
+    push(library, presenter);
+    let (mut fence, mut value) = (null_mut(), 0);
+    for now in [1_000, 1_500] {
+        let target = target.as_raw().cast();
+        ok!(
+            library,
+            d3d12::cairn_presenter_submit_d3d12(
+                presenter,
+                device,
+                now,
+                target,
+                0,
+                0,
+                null_mut(),
+                &mut fence,
+                &mut value
+            )
+        );
+        // SAFETY: a fence with a reference for us.
+        let fence = unsafe { ID3D12Fence::from_raw(fence.cast()) };
+        // SAFETY: without an event it waits.
+        unsafe { fence.SetEventOnCompletion(value, Default::default()) }.expect("the frame is there");
+    }
+    ok!(library, presenter::cairn_presenter_destroy(presenter));
+    ok!(library, device::cairn_device_destroy(device));
+}
+
+/// Loads the library, uses it on a thread of its own, and unloads it when that thread has ended: until then what the thread keeps
+/// for the library keeps this loaded on Linux.
+fn life<T: Send>(work: impl FnOnce(&libloading::Library) -> T + Send) -> T {
+    let before = threads();
+    // SAFETY: the library of this very build, which does nothing when it is loaded.
+    let library = unsafe { libloading::Library::new(path()) }.expect("the library of this build");
+    let made = std::thread::scope(|scope| scope.spawn(|| work(&library)).join()).expect("no panic");
+    // A driver's threads may end a little later than its objects.
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while threads() > before && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_eq!(threads(), before, "nothing of the library runs after its last object");
+    library.close().expect("unloaded");
+    assert_eq!(threads(), before);
+    made
+}
+
+#[test]
+fn it_can_be_unloaded_and_loaded_again_after_its_last_object() {
+    let first = life(frame);
+    assert!(!is_loaded(), "no object is left, and nothing keeps it");
+    for _ in 0..20 {
+        assert!(life(frame) == first, "the same frame");
+        assert!(!is_loaded());
+    }
+    #[cfg(target_os = "linux")]
+    {
+        // SAFETY: the library of this very build, which does nothing when it is loaded.
+        let library = unsafe { libloading::Library::new(path()) }.expect("the library of this build");
+        assert_ne!(
+            call!(&library, anchor::cairn_anchor_destroy(null_mut::<()>().wrapping_byte_add(1).cast())),
+            CAIRN_OK
+        );
+        library.close().expect("unloaded");
+        assert!(is_loaded(), "this thread has a message of it");
+        assert!(life(frame) == first);
+    }
+    #[cfg(feature = "embedded-world")]
+    {
+        let first = life(world);
+        for _ in 0..3 {
+            assert!(life(world) == first, "the same world and the same frame");
+            life(frame);
+        }
+        assert!(is_loaded(), "ONNX Runtime keeps it");
+    }
+    #[cfg(windows)]
+    {
+        let engine = engine::engine();
+        for _ in 0..3 {
+            life(|library| device_frame(library, &engine));
+        }
+    }
+}
+
+/// Threads of this process.
+#[cfg(target_os = "linux")]
+fn threads() -> usize {
+    // A thread that was joined may be on its way out.
+    let count = || std::fs::read_dir("/proc/self/task").expect("the threads").count();
+    (0..100)
+        .map(|_| {
+            std::thread::yield_now();
+            count()
+        })
+        .min()
+        .unwrap_or(0)
+}
+
+#[cfg(target_os = "linux")]
+fn is_loaded() -> bool {
+    let maps = std::fs::read_to_string("/proc/self/maps").expect("what is mapped");
+    maps.contains(&path().canonicalize().expect("a path").display().to_string())
+}
+
+#[cfg(windows)]
+fn threads() -> usize {
+    use windows::Win32::Foundation::CloseHandle;
+    use windows::Win32::System::Diagnostics::ToolHelp::{
+        CreateToolhelp32Snapshot, TH32CS_SNAPTHREAD, THREADENTRY32, Thread32First, Thread32Next,
+    };
+    // SAFETY: a snapshot of all threads, and an entry of the size that it says.
+    unsafe {
+        let snapshot = CreateToolhelp32Snapshot(TH32CS_SNAPTHREAD, 0).expect("a snapshot");
+        let mut entry = THREADENTRY32 { dwSize: size_of::<THREADENTRY32>() as u32, ..Default::default() };
+        let (mut count, mut found) = (0, Thread32First(snapshot, &mut entry));
+        while found.is_ok() {
+            count += usize::from(entry.th32OwnerProcessID == std::process::id());
+            found = Thread32Next(snapshot, &mut entry);
+        }
+        CloseHandle(snapshot).expect("closed");
+        count
+    }
+}
+
+#[cfg(windows)]
+fn is_loaded() -> bool {
+    use windows::Win32::System::LibraryLoader::GetModuleHandleW;
+    // SAFETY: a static name.
+    unsafe { GetModuleHandleW(windows::core::w!("cairn.dll")) }.is_ok()
+}
