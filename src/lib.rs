@@ -33,9 +33,11 @@ pub mod ffx;
 pub mod gpu;
 
 mod error;
+mod libraries;
 mod picture;
 mod texels;
 
 pub use error::{Error, ErrorKind, Result};
+pub use libraries::LibrarySearch;
 pub use picture::{MAX_SIDE, Picture, PictureF16, Pixel, Raster};
 pub use texels::Colours;

@@ -1,13 +1,12 @@
 //! What stands behind the doors of Direct3D 12 where it is there.
 
 use std::ffi::c_void;
-use std::path::Path;
 use std::time::Duration;
 
 use windows::Win32::Graphics::Direct3D12 as direct3d;
 use windows::core::{IUnknown, Interface};
 
-use super::super::device::CAIRN_DEVICE_D3D12;
+use super::super::device::{CAIRN_DEVICE_D3D12, DeviceOptions};
 use super::super::presenter::{Asked, CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE};
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
@@ -24,7 +23,7 @@ use crate::present::device::{DeviceDrawer, ScaledBy};
 use crate::present::presenter::{Presenter, Shown};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::{KeptAnchor, Rollout};
-use crate::{Error, ErrorKind, Picture};
+use crate::{Error, ErrorKind, LibrarySearch, Picture};
 
 /// A device of an engine's objects.
 ///
@@ -34,6 +33,7 @@ pub(in crate::abi) unsafe fn of_engine(
     d3d12: *mut ID3D12Device,
     queue: *mut ID3D12CommandQueue,
     anchors: *mut ID3D12CommandQueue,
+    options: DeviceOptions,
 ) -> Outcome<Device> {
     // SAFETY: the caller's promise.
     let device: direct3d::ID3D12Device = unsafe { object(d3d12.cast(), "d3d12") }?;
@@ -44,16 +44,20 @@ pub(in crate::abi) unsafe fn of_engine(
         // SAFETY: the caller's promise.
         false => Some(unsafe { object(anchors.cast(), "anchors") }?),
     };
-    running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?)
+    Ok(running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?, options)?.0)
 }
 
 /// A device of our own.
-pub(in crate::abi) fn on_adapter(luid: u64) -> Outcome<Device> {
-    running(&Gpu::on_adapter(Some(luid))?)
+pub(in crate::abi) fn on_adapter(luid: u64, options: DeviceOptions) -> Outcome<Device> {
+    Ok(running(&Gpu::on_adapter(Some(luid))?, options)?.0)
 }
 
-fn running(gpu: &Gpu) -> Outcome<Device> {
-    Ok(Device::directml(&Ort::find(None)?, gpu, DirectMlOptions::default())?)
+/// What runs worlds on a Direct3D device, and the ONNX Runtime it uses.
+fn running(gpu: &Gpu, options: DeviceOptions) -> crate::Result<(Device, Ort)> {
+    let ort = Ort::find(&options.libraries)?;
+    let directml = DirectMlOptions { deterministic: options.cpu.deterministic, ..DirectMlOptions::default() };
+    let device = Device::directml(&ort, gpu, directml)?;
+    Ok((device.with_library_search(options.libraries), ort))
 }
 
 /// What a device runs on, each with a reference more; none for a CPU device.
@@ -125,8 +129,10 @@ pub(in crate::abi) struct Recording {
     /// Lists of our own for what is uploaded.
     lists: Option<Frames>,
     drawer: Option<DeviceDrawer>,
-    /// AMD's libraries, once they were looked for, and why the drawer has no provider of theirs.
-    amd: Option<crate::Result<ffx::Library>>,
+    /// Where AMD's libraries are looked for: as the device says that the last frame was recorded on.
+    search: LibrarySearch,
+    /// AMD's libraries, once they were looked for, with the place, and why the drawer has no provider of theirs.
+    amd: Option<(LibrarySearch, crate::Result<ffx::Library>)>,
     without_fsr: String,
     without_upscaler: String,
     /// Why frames of anchors of a size are not made by shaders, for lists of a queue.
@@ -151,6 +157,7 @@ impl Recording {
         let presenter = asked.presenter;
         let Some((size, anchors)) = presenter.size().zip(presenter.anchor_size()) else { return Ok(None) };
         let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
+        self.search.clone_from(device.library_search());
         let list: Option<direct3d::ID3D12GraphicsCommandList> = match to.list.is_null() {
             true => None,
             // SAFETY: the caller's promise.
@@ -290,8 +297,12 @@ impl Recording {
 
     /// AMD's functions for an effect.
     fn amd(&mut self, effect: ffx::Effect) -> crate::Result<ffx::Api> {
-        let amd = self.amd.get_or_insert_with(|| ffx::Library::load(&ffx::LoadOptions::from_environment()));
-        amd.as_ref().map_err(Error::clone).and_then(|library| library.api(effect)).copied()
+        if self.amd.as_ref().is_none_or(|(search, _)| *search != self.search) {
+            let loaded = ffx::Library::load(&ffx::LoadOptions::of_host(&self.search));
+            self.amd = Some((self.search.clone(), loaded));
+        }
+        let amd = self.amd.as_ref().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was looked for"))?;
+        amd.1.as_ref().map_err(Error::clone).and_then(|library| library.api(effect)).copied()
     }
 
     /// What brings frames to their size, and why AMD's upscaler does not; none where the processor makes them.
@@ -371,7 +382,7 @@ pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
 }
 
 /// What a device on the first adapter needs, and what of AMD's could run on it.
-pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_requirement> {
+pub(in crate::abi) fn requirements(options: DeviceOptions) -> Vec<cairn_requirement> {
     let needed = "a Direct3D 12 adapter";
     let gpu = match Gpu::on_adapter(None) {
         Ok(gpu) => gpu,
@@ -381,8 +392,8 @@ pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_r
         }
     };
     let found = format!("{}, adapter {:#x}", platform(), gpu.luid());
-    let tried =
-        Ort::find(onnxruntime_at).and_then(|ort| Device::directml(&ort, &gpu, DirectMlOptions::default()).map(|_| ort));
+    let amd = ffx::LoadOptions::of_host(&options.libraries);
+    let tried = running(&gpu, options).map(|(_, ort)| ort);
     let mut rows =
         vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, needed, &found), onnxruntime(tried), memory()];
     // Of a small size: what may be refused does not depend on it.
@@ -392,7 +403,7 @@ pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_r
     };
     let needed = "compute shaders, for frames that the device makes; else the processor makes them";
     rows.push(row(CAIRN_REQUIREMENT_SHADERS, status, needed, &found));
-    rows.extend(ffx::requirements(&ffx::LoadOptions::from_environment(), &gpu).iter().map(|of_amd| {
+    rows.extend(ffx::requirements(&amd, &gpu).iter().map(|of_amd| {
         let what = match of_amd.what {
             Needed::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,
             Needed::Provider => CAIRN_REQUIREMENT_FSR_PROVIDER,
