@@ -13,10 +13,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use cairn::Picture;
 use cairn::bundle::Bundle;
 use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{CacheMode, ControlInput, OperatingPoint, Preset, Rollout, Schedule, StepInfo, World, WorldOptions};
+use cairn::{LibrarySearch, Picture};
 use ort::memory::Allocator;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{IoBinding, Session};
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     {
         return bare(job);
     }
-    let ort = Ort::find(None)?;
+    let ort = Ort::find(&LibrarySearch::for_tools())?;
     let device = Device::cpu(&ort, CpuOptions::default())?;
     println!("{}", device.describe());
     for name in ["tiny", "demo"] {

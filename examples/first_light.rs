@@ -3,7 +3,7 @@
 use cairn::bundle::{Bundle, OpenOptions};
 use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{ControlInput, Preset, Rollout, World, WorldOptions};
-use cairn::{Picture, Result};
+use cairn::{LibrarySearch, Picture, Result};
 
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let console = provision::Console::new();
@@ -13,7 +13,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
 
 // README.md shows what follows.
 fn first_light() -> Result<()> {
-    let device = Device::cpu(&Ort::find(None)?, CpuOptions::default())?;
+    let device = Device::cpu(&Ort::find(&LibrarySearch::for_tools())?, CpuOptions::default())?;
     let world = World::load(&device, &Bundle::embedded(&OpenOptions::default())?, WorldOptions::default())?;
     let mut rollout = Rollout::new(&world, &Preset::Stock.operating_point(), 1)?;
     let mut picture = Picture::from_rgba(640, 360, vec![128; 640 * 360 * 4])?;

@@ -8,7 +8,7 @@ use cairn::framegen::cpu::CpuGenerator;
 use cairn::present::presenter::{Presenter, PresenterOptions};
 use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{ControlInput, KeptAnchor, Key, OperatingPoint, Rollout, World, WorldOptions};
-use cairn::{Picture, Result};
+use cairn::{LibrarySearch, Picture, Result};
 
 fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
     let console = provision::Console::new();
@@ -17,7 +17,7 @@ fn main() -> std::result::Result<(), Box<dyn std::error::Error>> {
 }
 
 fn frames_between() -> Result<()> {
-    let device = Device::cpu(&Ort::find(None)?, CpuOptions::default())?;
+    let device = Device::cpu(&Ort::find(&LibrarySearch::for_tools())?, CpuOptions::default())?;
     let world = World::load(&device, &Bundle::embedded(&OpenOptions::default())?, WorldOptions::default())?;
     let point: OperatingPoint = "stock,pictures:1".parse()?;
     let mut rollout = Rollout::new(&world, &point, 1)?;

@@ -82,9 +82,9 @@ extern "C" {
 /**
  * What the library was built as, to be compared with the constant of the same name in the header a host was compiled with.
  *
- * History: 1 is the first.
+ * History: 1 is the first; in 2 devices have cairn_device_options.
  */
-#define CAIRN_ABI_VERSION 1
+#define CAIRN_ABI_VERSION 2
 /** The version of the library this header belongs to: major * 1000000 + minor * 1000 + patch. */
 #define CAIRN_VERSION 1000
 
@@ -355,33 +355,49 @@ CAIRN_API cairn_result cairn_set_scheduler(const cairn_scheduler *scheduler);
 #define CAIRN_PRECISION_F16 2
 
 /**
- * A flag of cairn_cpu_options: ONNX Runtime's deterministic kernels only. Its CPU kernels repeat bit for bit at a fixed
- * thread count without it, too.
+ * A flag of cairn_device_options: ONNX Runtime's deterministic kernels only. Its CPU kernels repeat bit for bit at a fixed
+ * thread count without it, too. On a Direct3D 12 device, what CAIRN_D3D12_DETERMINISTIC is.
  */
-#define CAIRN_CPU_DETERMINISTIC 1
+#define CAIRN_DEVICE_DETERMINISTIC 1
+
+/**
+ * A flag of cairn_device_options: environment variables and the user's cache directory may name libraries, which are loaded into
+ * the process. For tools; a game that sets it runs the code of whoever sets its variables.
+ */
+#define CAIRN_DEVICE_ENVIRONMENT 2
 
 /** A device that runs worlds. */
 typedef struct cairn_device cairn_device;
 
-/** How the processor is used. All zero: one thread for each physical core. */
-typedef struct cairn_cpu_options {
-    /** sizeof(cairn_cpu_options) */
+/**
+ * How a device is made, and where the libraries it needs are. All zero: one thread for each physical core, and libraries beside
+ * this one or beside the program.
+ */
+typedef struct cairn_device_options {
+    /** sizeof(cairn_device_options) */
     uint32_t struct_size;
     /**
-     * Threads that share one pass, 1 to 1024, the caller's own among them; 0 for one for each physical core. The numbers of
-     * a rollout depend on it in their last bits.
+     * Of a CPU device, threads that share one pass, 1 to 1024, the caller's own among them; 0 for one for each physical core.
+     * The numbers of a rollout depend on it in their last bits. A Direct3D 12 device has no use for it.
      */
     uint32_t threads;
-    /** CAIRN_CPU_DETERMINISTIC, or 0. */
+    /** CAIRN_DEVICE_DETERMINISTIC and CAIRN_DEVICE_ENVIRONMENT, or 0. */
     uint32_t flags;
     /** 0 */
     uint32_t reserved;
     /**
-     * The file of ONNX Runtime 1.24.x, UTF-8. Null: the one the environment variable CAIRN_ONNXRUNTIME names, else the first
-     * beside this library, beside the program, or in the user's cache directory. A process uses one file only.
+     * The file of ONNX Runtime 1.24.x, UTF-8; on Windows DirectML.dll lies beside it. Null: the first that is beside this library
+     * or beside the program. With CAIRN_DEVICE_ENVIRONMENT, before these the one that the environment variable CAIRN_ONNXRUNTIME
+     * names, which then alone counts, and after them one in the user's cache directory. A process uses one file only.
      */
     const char *onnxruntime;
-} cairn_cpu_options;
+    /**
+     * The folder of AMD's libraries for FSR, UTF-8, for presenters and swap chains on a Direct3D 12 device. Null: beside this
+     * library, else beside the program. With CAIRN_DEVICE_ENVIRONMENT, before these the folder that the environment variable
+     * CAIRN_FFX_DIR names, which then alone counts.
+     */
+    const char *ffx;
+} cairn_device_options;
 
 /** What a device is. */
 typedef struct cairn_device_info {
@@ -417,7 +433,7 @@ typedef struct cairn_device_info {
  * CAIRN_ERROR_DEVICE when it does not start.
  * Since: 0.1.0
  */
-CAIRN_API cairn_result cairn_device_create_cpu(const cairn_cpu_options *options, cairn_device **device);
+CAIRN_API cairn_result cairn_device_create_cpu(const cairn_device_options *options, cairn_device **device);
 
 /**
  * Says what a device is.
@@ -518,21 +534,20 @@ CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, ui
  * Says what a device of that kind needs and what was found, so that a player can be shown why something is off.
  *
  * kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
- * options: what cairn_device_create_cpu would be given; may be null.
+ * options: what the device would be made with; may be null.
  * requirements: an array of capacity elements, stride bytes apart, usually sizeof(cairn_requirement); null with capacity 0 to
  * learn the count.
  * count: gets how many there are in all, which may be more than capacity.
  *
  * Ownership: the array stays the caller's and is filled on success; on failure it is not written.
- * Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does; for CAIRN_DEVICE_D3D12
- * also for AMD's libraries, which stay loaded: in the folder that the environment names as CAIRN_FFX_DIR, else beside this
- * library, else beside the program.
+ * Threads: any thread, at any time. Looks for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
+ * CAIRN_DEVICE_D3D12 also for AMD's libraries, which stay loaded.
  * Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_device_requirements(
-    uint32_t kind, const cairn_cpu_options *options, cairn_requirement *requirements, size_t stride, uint32_t capacity,
-    uint32_t *count);
+    uint32_t kind, const cairn_device_options *options, cairn_requirement *requirements, size_t stride,
+    uint32_t capacity, uint32_t *count);
 
 /* ---- 6. Create: worlds ------------------------------------------------------------------------------------------- */
 
@@ -2161,30 +2176,34 @@ typedef struct cairn_d3d12_options {
  * d3d12, queue: the engine's; frames are generated and copied on the queue, which must be of type direct or compute.
  * anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null for one of the
  * library's own.
+ * options: may be null for the defaults.
  *
  * Ownership: on success *device is the caller's, for cairn_device_destroy, and holds a reference to each object until it is gone;
- * on failure it is not written and no reference is held.
+ * on failure it is not written and no reference is held. What options point to is read during the call only.
  * Threads: any thread, at any time.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also for an object of another kind or device; CAIRN_ERROR_UNSUPPORTED;
- * CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also for an object of another kind or device; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_device_create_d3d12(
     struct ID3D12Device *d3d12, struct ID3D12CommandQueue *queue, struct ID3D12CommandQueue *anchors,
-    cairn_device **device);
+    const cairn_device_options *options, cairn_device **device);
 
 /**
  * Makes a device of the library's own on an adapter, for hosts that have no engine.
  *
  * luid: of the adapter, as cairn_adapters gives it.
+ * options: may be null for the defaults.
  *
- * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written.
+ * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point to is
+ * read during the call only.
  * Threads: any thread, at any time.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED;
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED;
  * CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
-CAIRN_API cairn_result cairn_device_create_adapter(uint64_t luid, cairn_device **device);
+CAIRN_API cairn_result cairn_device_create_adapter(
+    uint64_t luid, const cairn_device_options *options, cairn_device **device);
 
 /**
  * Says how a device runs worlds that are loaded, and rollouts that are made, from now on.

@@ -243,7 +243,7 @@ template <class C> struct sized : C {
 
 using thread_options = sized<cairn_thread_options>;
 using scheduler = sized<cairn_scheduler>;
-using cpu_options = sized<cairn_cpu_options>;
+using device_options = sized<cairn_device_options>;
 using device_info = sized<cairn_device_info>;
 using adapter = sized<cairn_adapter>;
 using requirement = sized<cairn_requirement>;
@@ -475,7 +475,7 @@ inline result<std::vector<adapter>> adapters()
 }
 
 /** What a device of that kind needs and what was found: cairn_device_requirements. */
-inline result<std::vector<requirement>> requirements(std::uint32_t kind, const cpu_options &options = {})
+inline result<std::vector<requirement>> requirements(std::uint32_t kind, const device_options &options = {})
 {
     return detail::rows<requirement>([&](requirement *rows, std::size_t stride, std::uint32_t capacity, std::uint32_t *count) {
         return cairn_device_requirements(kind, &options, rows, stride, capacity, count);
@@ -510,7 +510,7 @@ public:
     using handle::handle;
 
     /** The host's processor, on every system: cairn_device_create_cpu. */
-    static result<device> cpu(const cpu_options &options = {})
+    static result<device> cpu(const device_options &options = {})
     {
         return detail::made<device>([&](cairn_device **to) { return cairn_device_create_cpu(&options, to); });
     }
@@ -520,15 +520,16 @@ public:
      * An engine's own Direct3D 12 device and queue, and a compute queue for the world's passes or null for one of the library's own:
      * cairn_device_create_d3d12. Experimental, as all with d3d12 or swapchain in its name.
      */
-    static result<device> d3d12(ID3D12Device *engine, ID3D12CommandQueue *queue, ID3D12CommandQueue *anchors = nullptr)
+    static result<device> d3d12(ID3D12Device *engine, ID3D12CommandQueue *queue, ID3D12CommandQueue *anchors = nullptr,
+        const device_options &options = {})
     {
-        return detail::made<device>([&](cairn_device **to) { return cairn_device_create_d3d12(engine, queue, anchors, to); });
+        return detail::made<device>([&](cairn_device **to) { return cairn_device_create_d3d12(engine, queue, anchors, &options, to); });
     }
 
     /** A Direct3D 12 device of the library's own on an adapter of adapters(): cairn_device_create_adapter. */
-    static result<device> of_adapter(std::uint64_t luid)
+    static result<device> of_adapter(std::uint64_t luid, const device_options &options = {})
     {
-        return detail::made<device>([&](cairn_device **to) { return cairn_device_create_adapter(luid, to); });
+        return detail::made<device>([&](cairn_device **to) { return cairn_device_create_adapter(luid, &options, to); });
     }
 
     /** How it runs worlds and rollouts that come from now on: cairn_device_set_d3d12. */

@@ -63,11 +63,11 @@ extern "C" {
     X(cairn_result, cairn_set_log_callback, (uint32_t level, cairn_log_callback callback, void *user)) \
     X(cairn_result, cairn_set_threads, (const cairn_thread_options *options)) \
     X(cairn_result, cairn_set_scheduler, (const cairn_scheduler *scheduler)) \
-    X(cairn_result, cairn_device_create_cpu, (const cairn_cpu_options *options, cairn_device **device)) \
+    X(cairn_result, cairn_device_create_cpu, (const cairn_device_options *options, cairn_device **device)) \
     X(cairn_result, cairn_device_get_info, (const cairn_device *device, cairn_device_info *info)) \
     X(cairn_result, cairn_device_destroy, (cairn_device *device)) \
     X(cairn_result, cairn_adapters, (cairn_adapter *adapters, size_t stride, uint32_t capacity, uint32_t *count)) \
-    X(cairn_result, cairn_device_requirements, (uint32_t kind, const cairn_cpu_options *options, cairn_requirement *requirements, size_t stride, uint32_t capacity, uint32_t *count)) \
+    X(cairn_result, cairn_device_requirements, (uint32_t kind, const cairn_device_options *options, cairn_requirement *requirements, size_t stride, uint32_t capacity, uint32_t *count)) \
     X(cairn_result, cairn_world_load, (const cairn_device *device, const cairn_world_options *options, cairn_world **world)) \
     X(cairn_result, cairn_world_get_info, (const cairn_world *world, cairn_world_info *info)) \
     X(cairn_result, cairn_world_get_memory, (const cairn_world *world, cairn_world_memory *memory)) \
@@ -135,8 +135,8 @@ extern "C" {
 
 /* The experimental ones, likewise. */
 #define CAIRN_LD_EXPERIMENTAL(X) \
-    X(cairn_result, cairn_device_create_d3d12, (struct ID3D12Device *d3d12, struct ID3D12CommandQueue *queue, struct ID3D12CommandQueue *anchors, cairn_device **device)) \
-    X(cairn_result, cairn_device_create_adapter, (uint64_t luid, cairn_device **device)) \
+    X(cairn_result, cairn_device_create_d3d12, (struct ID3D12Device *d3d12, struct ID3D12CommandQueue *queue, struct ID3D12CommandQueue *anchors, const cairn_device_options *options, cairn_device **device)) \
+    X(cairn_result, cairn_device_create_adapter, (uint64_t luid, const cairn_device_options *options, cairn_device **device)) \
     X(cairn_result, cairn_device_set_d3d12, (const cairn_device *device, const cairn_d3d12_options *options)) \
     X(cairn_result, cairn_device_get_d3d12, (const cairn_device *device, struct ID3D12Device **d3d12, struct ID3D12CommandQueue **queue)) \
     X(cairn_result, cairn_rollout_append_d3d12, (cairn_rollout *rollout, struct ID3D12Resource *picture, uint32_t state, cairn_step_info *info)) \

@@ -35,9 +35,12 @@ pub mod gpu;
 pub mod tasks;
 
 mod error;
+mod libraries;
+mod object_count;
 mod picture;
 mod texels;
 
 pub use error::{Error, ErrorKind, Result};
+pub use libraries::LibrarySearch;
 pub use picture::{MAX_SIDE, Picture, PictureF16, Pixel, Raster};
 pub use texels::Colours;

@@ -6,7 +6,9 @@ use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicPtr, AtomicU64, AtomicUsize, Ordering};
 
 use cairn::abi::controls::cairn_controls;
-use cairn::abi::device::{cairn_device_create_cpu, cairn_device_destroy};
+use cairn::abi::device::{
+    CAIRN_DEVICE_ENVIRONMENT, cairn_device_create_cpu, cairn_device_destroy, cairn_device_options,
+};
 use cairn::abi::images::cairn_picture;
 use cairn::abi::logging::{CAIRN_LOG_INFO, CAIRN_LOG_OFF, cairn_set_log_callback};
 use cairn::abi::results::{CAIRN_ERROR_BUSY, CAIRN_NOT_READY, CAIRN_OK, cairn_last_error};
@@ -93,7 +95,13 @@ fn rollout(world: *const cairn::abi::world::cairn_world) -> *mut cairn_rollout {
 #[test]
 fn a_log_callback_does_not_wait_for_its_own_thread() {
     let (mut device, mut world) = (null_mut(), null_mut());
-    ok!(cairn_device_create_cpu(null(), &mut device));
+    let options = cairn_device_options {
+        struct_size: size_of::<cairn_device_options>() as u32,
+        flags: CAIRN_DEVICE_ENVIRONMENT,
+        // SAFETY: zeroes are every field's default.
+        ..unsafe { std::mem::zeroed() }
+    };
+    ok!(cairn_device_create_cpu(&options, &mut device));
     // SAFETY: zeroes are every field's default.
     let options =
         cairn_world_options { struct_size: size_of::<cairn_world_options>() as u32, ..unsafe { std::mem::zeroed() } };

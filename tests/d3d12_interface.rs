@@ -30,7 +30,7 @@ mod engine;
 #[path = "d3d12/handles.rs"]
 mod handles;
 use engine::{comes_back, references};
-use handles::{made, prepared};
+use handles::{made, of_a_tool, prepared};
 
 #[test]
 fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
@@ -39,8 +39,8 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
     let before = [references(d3d12), references(queue), references(compute)];
     let mut device = null_mut();
     let create = |d3d12, queue, anchors, device: &mut _| {
-        // SAFETY: live objects, or null, and a place for the handle.
-        unsafe { cairn_device_create_d3d12(d3d12, queue, anchors, device) }
+        // SAFETY: live objects, or null, options of their size and a place for the handle.
+        unsafe { cairn_device_create_d3d12(d3d12, queue, anchors, &of_a_tool(), device) }
     };
     let (raw_device, raw_queue) = (d3d12.as_raw().cast(), queue.as_raw().cast());
     // Null where an object must be, and objects of the wrong kind.
@@ -55,6 +55,11 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
         assert_eq!(create(d3d12, queue, anchors, &mut device), CAIRN_ERROR_INVALID_ARGUMENT);
         assert!(device.is_null(), "nothing is written on failure");
     }
+    let mut wrong = of_a_tool();
+    wrong.flags = 4;
+    // SAFETY: live objects, options of their size and a place for the handle.
+    let refused = unsafe { cairn_device_create_d3d12(raw_device, raw_queue, null_mut(), &wrong, &mut device) };
+    assert_eq!((refused, device.is_null()), (CAIRN_ERROR_INVALID_ARGUMENT, true));
     assert_eq!(create(raw_device, raw_queue, compute.as_raw().cast(), &mut device), CAIRN_OK);
 
     let (mut own, mut frames) = (null_mut(), null_mut());
@@ -81,8 +86,8 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
 fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
     let gpu = Gpu::on_adapter(None).expect("a device that stands for an engine's");
     let (d3d12, queue) = (gpu.device().as_raw().cast(), gpu.frames().d3d12().as_raw().cast());
-    // SAFETY: live objects and a place for the handle.
-    let device = made(|to| unsafe { cairn_device_create_d3d12(d3d12, queue, null_mut(), to) });
+    // SAFETY: live objects, options of their size and a place for the handle.
+    let device = made(|to| unsafe { cairn_device_create_d3d12(d3d12, queue, null_mut(), &of_a_tool(), to) });
     let path = CString::new(bundle_path("tiny").to_str().expect("text")).expect("no NUL");
     let mut options: cairn_world_options = prepared(|options: &mut cairn_world_options| &mut options.struct_size);
     options.path = path.as_ptr();
@@ -151,13 +156,13 @@ fn adapters_are_listed_with_the_luid_that_makes_a_device() {
     for (index, row) in (0..).zip(found) {
         assert_eq!(row.index, index);
         let mut device = null_mut();
-        // SAFETY: a place for the handle.
-        assert_eq!(unsafe { cairn_device_create_adapter(row.luid, &mut device) }, CAIRN_OK);
+        // SAFETY: options of their size and a place for the handle.
+        assert_eq!(unsafe { cairn_device_create_adapter(row.luid, &of_a_tool(), &mut device) }, CAIRN_OK);
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
     }
     let mut device = null_mut();
     // SAFETY: a place for the handle.
-    let refused = unsafe { cairn_device_create_adapter(0x1234_5678_9abc_def0, &mut device) };
+    let refused = unsafe { cairn_device_create_adapter(0x1234_5678_9abc_def0, null(), &mut device) };
     assert_eq!((refused, device.is_null()), (CAIRN_ERROR_INVALID_ARGUMENT, true));
 }

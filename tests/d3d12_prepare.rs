@@ -37,7 +37,7 @@ mod tables;
 mod textures;
 use counts::Made;
 use engine::Engine;
-use handles::{made, prepared};
+use handles::{made, of_a_tool, prepared};
 use textures::{Recording, Wanted};
 
 /// Anchors' size.
@@ -83,7 +83,7 @@ fn preparation() -> cairn_d3d12_preparation {
 fn device_of(engine: &Engine) -> *mut cairn_device {
     let (device, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
     // SAFETY: live objects and a place for the handle.
-    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), to) })
+    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &of_a_tool(), to) })
 }
 
 impl Host {

@@ -31,7 +31,7 @@ mod handles;
 #[path = "d3d12/textures.rs"]
 mod textures;
 use engine::Engine;
-use handles::{made, prepared};
+use handles::{made, of_a_tool, prepared};
 use textures::{Recording, Wanted};
 
 /// Frames' size; a row is no whole number of what copies align to.
@@ -41,8 +41,8 @@ const INTERVAL: u64 = 100_000_000;
 
 fn device(engine: &Engine, queue: &ID3D12CommandQueue) -> *mut cairn_device {
     let (device, queue) = (engine.device.as_raw().cast(), queue.as_raw().cast());
-    // SAFETY: live objects and a place for the handle.
-    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), to) })
+    // SAFETY: live objects, options of their size and a place for the handle.
+    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &of_a_tool(), to) })
 }
 
 fn anchor(number: u64, kind: u32) -> *mut cairn_anchor {

@@ -5,7 +5,7 @@ use std::ffi::CStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use cairn::abi::device::CAIRN_DEVICE_D3D12;
+use cairn::abi::device::{CAIRN_DEVICE_D3D12, CAIRN_DEVICE_ENVIRONMENT, cairn_device_options};
 use cairn::abi::requirements::*;
 use cairn::abi::results::{CAIRN_OK, cairn_result};
 use cairn::ffx::Part;
@@ -20,26 +20,33 @@ use stage::{ANALYTIC, Stage};
 /// The function of the interface that a report comes of.
 type Report = unsafe extern "C" fn(
     u32,
-    *const cairn::abi::device::cairn_cpu_options,
+    *const cairn_device_options,
     *mut cairn_requirement,
     usize,
     u32,
     *mut u32,
 ) -> cairn_result;
 
-/// All rows, as a host gets them.
+/// A host that lets the environment name libraries, and one that does not.
+const TOOL: u32 = CAIRN_DEVICE_ENVIRONMENT;
+const GAME: u32 = 0;
+
+/// All rows, as a tool gets them.
 fn rows() -> Vec<cairn_requirement> {
-    rows_of(cairn_device_requirements)
+    rows_of(cairn_device_requirements, TOOL)
 }
 
-fn rows_of(report: Report) -> Vec<cairn_requirement> {
+fn rows_of(report: Report, flags: u32) -> Vec<cairn_requirement> {
+    // SAFETY: as below.
+    let mut options: cairn_device_options = unsafe { std::mem::zeroed() };
+    (options.struct_size, options.flags) = (size_of::<cairn_device_options>() as u32, flags);
     // SAFETY: structs of the interface are plain data, for which zero is a value.
     let mut rows: [cairn_requirement; 32] = unsafe { std::mem::zeroed() };
     let stride = size_of::<cairn_requirement>();
     rows.iter_mut().for_each(|row| row.struct_size = stride as u32);
     let mut count = 0;
-    // SAFETY: an array of that stride and length, and a place for the count.
-    let result = unsafe { report(CAIRN_DEVICE_D3D12, std::ptr::null(), rows.as_mut_ptr(), stride, 32, &mut count) };
+    // SAFETY: options of their size, an array of that stride and length, and a place for the count.
+    let result = unsafe { report(CAIRN_DEVICE_D3D12, &options, rows.as_mut_ptr(), stride, 32, &mut count) };
     assert_eq!(result, CAIRN_OK);
     rows[..count as usize].to_vec()
 }
@@ -98,8 +105,8 @@ fn report_of(library: &Path) -> Report {
 }
 
 /// Where AMD's library was found, or where it was looked for.
-fn found_by(report: Report) -> String {
-    let rows = rows_of(report);
+fn found_by(report: Report, flags: u32) -> String {
+    let rows = rows_of(report, flags);
     let row = rows.iter().find(|row| row.what == CAIRN_REQUIREMENT_FSR_LIBRARIES).expect("a row");
     text(&row.found)
 }
@@ -142,22 +149,24 @@ fn look_in(places: &[PathBuf]) {
     };
     let [with_one, without] = [beside, alone].map(|place| report_of(&place.join("cairn.dll")));
     // Nothing is given: beside the library, and then beside the program.
-    is_in(&found_by(with_one), beside);
-    is_in(&found_by(without), program);
-    // What is given counts, and nothing else.
+    is_in(&found_by(with_one, GAME), beside);
+    is_in(&found_by(without, GAME), program);
+    // What the environment names counts, and nothing else, and only where the host lets it.
     // SAFETY: this process runs one test, and no other thread reads the environment now.
     unsafe { std::env::set_var("CAIRN_FFX_DIR", given) };
     for report in [with_one, without] {
-        is_in(&found_by(report), given);
+        is_in(&found_by(report, TOOL), given);
     }
+    is_in(&found_by(with_one, GAME), beside);
+    is_in(&found_by(without, GAME), program);
     // SAFETY: as above.
     unsafe { std::env::set_var("CAIRN_FFX_DIR", empty) };
     for report in [with_one, without] {
-        let found = found_by(report);
+        let found = found_by(report, TOOL);
         assert!(found.contains("were not found") && found.contains(&*empty.display().to_string()), "{found}");
     }
     // A name without a folder is none.
     // SAFETY: as above.
     unsafe { std::env::set_var("CAIRN_FFX_DIR", "") };
-    is_in(&found_by(with_one), beside);
+    is_in(&found_by(with_one, TOOL), beside);
 }

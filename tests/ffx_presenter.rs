@@ -400,8 +400,10 @@ fn a_host_prefers_requires_or_never_uses_it_and_learns_who_made_a_frame() {
         };
         let engine = engine::engine();
         let (device, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
-        // SAFETY: live objects and a place for the handle.
-        let device = made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), to) }).expect("a device");
+        let options = handles::of_a_tool();
+        // SAFETY: live objects, options of their size and a place for the handle.
+        let device = made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &options, to) });
+        let device = device.expect("a device");
         let [quarter, half] = [INTERVAL * 5 / 4, INTERVAL * 3 / 2];
         let (auto, require, never) = (CAIRN_PREFER_AUTO, CAIRN_PREFER_REQUIRE, CAIRN_PREFER_NEVER);
         let fsr = "fsr 4.0.1";

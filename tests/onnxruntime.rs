@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use cairn::ErrorKind;
 use cairn::runtime::Ort;
+use cairn::{ErrorKind, LibrarySearch};
 
 mod common;
 
@@ -81,5 +81,6 @@ fn what_is_not_onnx_runtime_1_24_is_refused_and_then_the_right_one_loads() {
     std::fs::copy(ort.path(), &copy).expect("a copy");
     let error = Ort::load(&copy).expect_err("a second one");
     assert_eq!(error.kind(), ErrorKind::Unsupported, "{error}");
-    assert_eq!(Ort::find(Some(&text)).expect_err("the explicit path wins").kind(), ErrorKind::Unsupported);
+    let named = LibrarySearch { onnxruntime: Some(text), ..LibrarySearch::for_tools() };
+    assert_eq!(Ort::find(&named).expect_err("the path that is named wins").kind(), ErrorKind::Unsupported);
 }

@@ -6,6 +6,7 @@ use std::ptr::{null, null_mut};
 use std::time::{Duration, Instant};
 
 use cairn::abi::controls::cairn_controls;
+use cairn::abi::device::{CAIRN_DEVICE_ENVIRONMENT, cairn_device_options};
 use cairn::abi::images::{cairn_picture, cairn_target};
 use cairn::abi::presenter::{CAIRN_FRAME_GENERATED, cairn_frame, cairn_presenter, cairn_presenter_options};
 use cairn::abi::results::{CAIRN_NOT_READY, CAIRN_OK, cairn_result};
@@ -77,6 +78,15 @@ fn picture(pixels: &[u8]) -> cairn_picture {
     }
 }
 
+/// How devices are made here: the environment may name libraries, as for a tool.
+fn options() -> cairn_device_options {
+    cairn_device_options {
+        struct_size: size_of::<cairn_device_options>() as u32,
+        flags: CAIRN_DEVICE_ENVIRONMENT,
+        ..zeroed()
+    }
+}
+
 /// Draws frames of anchors that `push` makes; the last one is generated.
 fn present(library: &libloading::Library, push: impl Fn(*mut cairn_presenter)) -> Vec<u8> {
     let options = cairn_presenter_options {
@@ -130,7 +140,7 @@ fn push(library: &libloading::Library, presenter: *mut cairn_presenter) {
 #[cfg(feature = "embedded-world")]
 fn world(library: &libloading::Library) -> Vec<u8> {
     let (mut device, mut world, mut rollout) = (null_mut(), null_mut(), null_mut());
-    ok!(library, device::cairn_device_create_cpu(null(), &mut device));
+    ok!(library, device::cairn_device_create_cpu(&options(), &mut device));
     let options = cairn_world_options { struct_size: size_of::<cairn_world_options>() as u32, ..zeroed() };
     ok!(library, world::cairn_world_load(device, &options, &mut world));
     ok!(library, rollout::cairn_rollout_create(world, null(), &mut rollout));
@@ -169,7 +179,7 @@ fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
     let target = textures::Wanted { size: SIZE.into(), flags, ..Default::default() }.make(&engine.device);
     let (mut device, mut presenter) = (null_mut(), null_mut());
     let (own, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
-    ok!(library, d3d12::cairn_device_create_d3d12(own, queue, null_mut(), &mut device));
+    ok!(library, d3d12::cairn_device_create_d3d12(own, queue, null_mut(), &options(), &mut device));
     let options = cairn_presenter_options {
         struct_size: size_of::<cairn_presenter_options>() as u32,
         interval_ns: 1_000,
@@ -177,21 +187,19 @@ fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
     };
     ok!(library, presenter::cairn_presenter_create(&options, &mut presenter));
     push(library, presenter);
+    let preparation = cairn::abi::d3d12::cairn_d3d12_preparation {
+        struct_size: size_of::<cairn::abi::d3d12::cairn_d3d12_preparation>() as u32,
+        ..zeroed()
+    };
+    ok!(library, d3d12::cairn_presenter_prepare_d3d12(presenter, device, &preparation));
+    let mut frame = cairn_frame { struct_size: size_of::<cairn_frame>() as u32, ..zeroed() };
     let (mut fence, mut value) = (null_mut(), 0);
     for now in [1_000, 1_500] {
         let target = target.as_raw().cast();
         ok!(
             library,
             d3d12::cairn_presenter_submit_d3d12(
-                presenter,
-                device,
-                now,
-                target,
-                0,
-                0,
-                null_mut(),
-                &mut fence,
-                &mut value
+                presenter, device, now, target, 0, 0, &mut frame, &mut fence, &mut value
             )
         );
         // SAFETY: a fence with a reference for us.
@@ -199,6 +207,11 @@ fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
         // SAFETY: without an event it waits.
         unsafe { fence.SetEventOnCompletion(value, Default::default()) }.expect("the frame is there");
     }
+    assert_eq!(
+        (frame.source, frame.flags),
+        (CAIRN_FRAME_GENERATED, 0),
+        "a frame between two anchors, as it was prepared"
+    );
     ok!(library, presenter::cairn_presenter_destroy(presenter));
     ok!(library, device::cairn_device_destroy(device));
 }

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use cairn::Picture;
 use cairn::bundle::{Bundle, Precision};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
@@ -15,6 +14,7 @@ use cairn::runtime::{Device, DirectMlOptions, Ort};
 use cairn::world::{
     CacheMode, ControlInput, DeviceTimes, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
 };
+use cairn::{LibrarySearch, Picture};
 
 use crate::blend::Blend;
 use crate::pictures::{self, filled, texture};
@@ -30,7 +30,7 @@ const SIZE: (u32, u32) = (1280, 720);
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
 pub(crate) fn run() -> Outcome<()> {
-    let ort = Ort::find(None)?;
+    let ort = Ort::find(&LibrarySearch::for_tools())?;
     let folder = std::env::var_os("CAIRN_TEST_BUNDLE").map(PathBuf::from);
     let folder = folder.ok_or("CAIRN_TEST_BUNDLE names no folder with the test worlds: cargo xtask bench sets it")?;
     let bundle = Bundle::open(&folder.join("tiny"))?;

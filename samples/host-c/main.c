@@ -59,7 +59,7 @@ static uint32_t on_load(const cairn_load_progress *progress, void *user)
 }
 
 /* What a device needs and what was found, for a user whose device cannot be made. */
-static void print_requirements(const cairn_cpu_options *options)
+static void print_requirements(const cairn_device_options *options)
 {
     cairn_requirement requirements[16];
     uint32_t count = 0;
@@ -82,8 +82,10 @@ static void print_requirements(const cairn_cpu_options *options)
 
 static int make_device(const options *options, cairn_device **device)
 {
-    const cairn_cpu_options cpu = {
-        .struct_size = sizeof cpu, .threads = options->threads, .onnxruntime = options->onnxruntime};
+    const cairn_device_options cpu = {
+        .struct_size = sizeof cpu, .threads = options->threads, .onnxruntime = options->onnxruntime,
+        /* A program that its user starts; a game leaves it out. */
+        .flags = CAIRN_DEVICE_ENVIRONMENT};
     if (!worked(cairn_device_create_cpu(&cpu, device))) {
         print_requirements(&cpu);
         return 0;

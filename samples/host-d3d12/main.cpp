@@ -285,10 +285,18 @@ static void on_log(std::uint32_t level, const char *target, const char *message,
     std::fprintf(stderr, "%s: %s: %s\n", level <= CAIRN_LOG_TRACE ? names[level] : "", target, message);
 }
 
+/* How devices are made by a program that its user starts: the environment may name libraries. A game leaves the flag out. */
+static cairn::device_options of_a_tool()
+{
+    cairn::device_options options;
+    options.flags = CAIRN_DEVICE_ENVIRONMENT;
+    return options;
+}
+
 /* What Direct3D 12 and DirectML need and what was found, for a user whose device cannot be made. */
 static void say_requirements()
 {
-    const auto rows = cairn::requirements(CAIRN_DEVICE_D3D12);
+    const auto rows = cairn::requirements(CAIRN_DEVICE_D3D12, of_a_tool());
     for (std::size_t i = 0; rows.ok() && i < rows->size(); i++) {
         const cairn::requirement &r = (*rows)[i];
         const char *status = r.status == CAIRN_REQUIREMENT_MET        ? "ok     "
@@ -304,10 +312,10 @@ static void run(const options &o)
     cairn::check_version().value();
     if (o.verbose) cairn::set_log_callback(CAIRN_LOG_INFO, on_log).value();
     gpu gpu(o.adapter);
-    auto device = cairn::device::d3d12(gpu.device(), gpu.queue());
+    auto device = cairn::device::d3d12(gpu.device(), gpu.queue(), nullptr, of_a_tool());
     if (!device.ok()) say_requirements();
     const cairn::device on_gpu = std::move(device).value();
-    const cairn::device processor = o.anchors_on_cpu ? cairn::device::cpu().value() : cairn::device();
+    const cairn::device processor = o.anchors_on_cpu ? cairn::device::cpu(of_a_tool()).value() : cairn::device();
     std::printf("adapter: %s\nanchors: %s\n", gpu.name().c_str(),
                 o.scene.empty() ? (o.anchors_on_cpu ? processor : on_gpu).info().value().description : ("scene " + o.scene).c_str());
     const host host = {o, gpu, on_gpu};

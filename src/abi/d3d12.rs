@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::anchor::{cairn_anchor, check_index};
 use super::boundary::call;
-use super::device::cairn_device;
+use super::device::{DeviceOptions, cairn_device, cairn_device_options};
 use super::handles::{enter, enter_alone, insert};
 use super::presenter::{cairn_frame, cairn_presenter, to_header};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
@@ -87,26 +87,30 @@ pub(super) struct DeviceTimes {
 /// d3d12, queue: the engine's; frames are generated and copied on the queue, which must be of type direct or compute.
 /// anchors: a compute queue of the same device for the world's passes, so that they never stall the frame; null for one of the
 /// library's own.
+/// options: may be null for the defaults.
 ///
 /// Ownership: on success *device is the caller's, for cairn_device_destroy, and holds a reference to each object until it is gone;
-/// on failure it is not written and no reference is held.
+/// on failure it is not written and no reference is held. What options point to is read during the call only.
 /// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also for an object of another kind or device; CAIRN_ERROR_UNSUPPORTED;
-/// CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also for an object of another kind or device; CAIRN_ERROR_STRUCT_SIZE;
+/// CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_create_d3d12(
     d3d12: *mut ID3D12Device,
     queue: *mut ID3D12CommandQueue,
     anchors: *mut ID3D12CommandQueue,
+    options: *const cairn_device_options,
     device: *mut *mut cairn_device,
 ) -> cairn_result {
     call("cairn_device_create_d3d12", || {
         given(d3d12, "d3d12")?;
         given(queue, "queue")?;
         check_out(device, "device")?;
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { DeviceOptions::read(options) }?;
         // SAFETY: the host's promise about its objects.
-        let made = unsafe { behind::of_engine(d3d12, queue, anchors) }?;
+        let made = unsafe { behind::of_engine(d3d12, queue, anchors, options) }?;
         let handle = insert::<cairn_device>(made)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { device.write(handle) };
@@ -117,17 +121,25 @@ pub unsafe extern "C" fn cairn_device_create_d3d12(
 /// Makes a device of the library's own on an adapter, for hosts that have no engine.
 ///
 /// luid: of the adapter, as cairn_adapters gives it.
+/// options: may be null for the defaults.
 ///
-/// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written.
+/// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point to is
+/// read during the call only.
 /// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_UNSUPPORTED;
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for a LUID that no adapter has; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED;
 /// CAIRN_ERROR_RUNTIME_MISSING; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn cairn_device_create_adapter(luid: u64, device: *mut *mut cairn_device) -> cairn_result {
+pub unsafe extern "C" fn cairn_device_create_adapter(
+    luid: u64,
+    options: *const cairn_device_options,
+    device: *mut *mut cairn_device,
+) -> cairn_result {
     call("cairn_device_create_adapter", || {
         check_out(device, "device")?;
-        let handle = insert::<cairn_device>(behind::on_adapter(luid)?)?;
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { DeviceOptions::read(options) }?;
+        let handle = insert::<cairn_device>(behind::on_adapter(luid, options)?)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { device.write(handle) };
         Ok(CAIRN_OK)
@@ -531,6 +543,7 @@ pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_pre
 }
 
 /// What became of a frame for Direct3D 12.
+#[cfg_attr(not(windows), expect(dead_code, reason = "frames are recorded on Direct3D 12 alone"))]
 pub(super) enum Recorded {
     /// No anchor has come.
     NotReady,

@@ -1,13 +1,14 @@
 //! Devices: where worlds run.
 
 use std::ffi::c_char;
-use std::path::Path;
+use std::path::PathBuf;
 
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{fixed_text, optional_text};
+use crate::LibrarySearch;
 use crate::bundle::Precision;
 use crate::runtime::{CpuOptions, Device, Ort};
 
@@ -21,9 +22,12 @@ pub const CAIRN_PRECISION_F32: u32 = 1;
 /// Float16.
 pub const CAIRN_PRECISION_F16: u32 = 2;
 
-/// A flag of cairn_cpu_options: ONNX Runtime's deterministic kernels only. Its CPU kernels repeat bit for bit at a fixed
-/// thread count without it, too.
-pub const CAIRN_CPU_DETERMINISTIC: u32 = 1;
+/// A flag of cairn_device_options: ONNX Runtime's deterministic kernels only. Its CPU kernels repeat bit for bit at a fixed
+/// thread count without it, too. On a Direct3D 12 device, what CAIRN_D3D12_DETERMINISTIC is.
+pub const CAIRN_DEVICE_DETERMINISTIC: u32 = 1;
+/// A flag of cairn_device_options: environment variables and the user's cache directory may name libraries, which are loaded into
+/// the process. For tools; a game that sets it runs the code of whoever sets its variables.
+pub const CAIRN_DEVICE_ENVIRONMENT: u32 = 2;
 
 /// A device that runs worlds.
 pub struct cairn_device(());
@@ -36,24 +40,30 @@ impl Handle for cairn_device {
 
 impl Object for Device {}
 
-/// How the processor is used. All zero: one thread for each physical core.
+/// How a device is made, and where the libraries it needs are. All zero: one thread for each physical core, and libraries beside
+/// this one or beside the program.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
-pub struct cairn_cpu_options {
-    /// sizeof(cairn_cpu_options)
+pub struct cairn_device_options {
+    /// sizeof(cairn_device_options)
     pub struct_size: u32,
-    /// Threads that share one pass, 1 to 1024, the caller's own among them; 0 for one for each physical core. The numbers of
-    /// a rollout depend on it in their last bits.
+    /// Of a CPU device, threads that share one pass, 1 to 1024, the caller's own among them; 0 for one for each physical core.
+    /// The numbers of a rollout depend on it in their last bits. A Direct3D 12 device has no use for it.
     pub threads: u32,
-    /// CAIRN_CPU_DETERMINISTIC, or 0.
+    /// CAIRN_DEVICE_DETERMINISTIC and CAIRN_DEVICE_ENVIRONMENT, or 0.
     pub flags: u32,
     /// 0
     pub reserved: u32,
-    /// The file of ONNX Runtime 1.24.x, UTF-8. Null: the one the environment variable CAIRN_ONNXRUNTIME names, else the first
-    /// beside this library, beside the program, or in the user's cache directory. A process uses one file only.
+    /// The file of ONNX Runtime 1.24.x, UTF-8; on Windows DirectML.dll lies beside it. Null: the first that is beside this library
+    /// or beside the program. With CAIRN_DEVICE_ENVIRONMENT, before these the one that the environment variable CAIRN_ONNXRUNTIME
+    /// names, which then alone counts, and after them one in the user's cache directory. A process uses one file only.
     pub onnxruntime: *const c_char,
+    /// The folder of AMD's libraries for FSR, UTF-8, for presenters and swap chains on a Direct3D 12 device. Null: beside this
+    /// library, else beside the program. With CAIRN_DEVICE_ENVIRONMENT, before these the folder that the environment variable
+    /// CAIRN_FFX_DIR names, which then alone counts.
+    pub ffx: *const c_char,
 }
-describe!(cairn_cpu_options, [], { struct_size, threads, flags, reserved, onnxruntime });
+describe!(cairn_device_options, [], { struct_size, threads, flags, reserved, onnxruntime, ffx });
 
 /// What a device is.
 #[repr(C)]
@@ -92,18 +102,14 @@ describe!(cairn_device_info, [144], {
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_create_cpu(
-    options: *const cairn_cpu_options,
+    options: *const cairn_device_options,
     device: *mut *mut cairn_device,
 ) -> cairn_result {
     call("cairn_device_create_cpu", || {
         check_out(device, "device")?;
         // SAFETY: the host's promise about `options`.
-        let options = unsafe { read_or_default(options, "options") }?;
-        // SAFETY: the host's promise about what options point to.
-        let path = unsafe { optional_text(options.onnxruntime, "options.onnxruntime") }?;
-        let cpu = cpu_options(&options)?;
-        let ort = Ort::find(path.map(Path::new))?;
-        let handle = insert::<cairn_device>(Device::cpu(&ort, cpu)?)?;
+        let options = unsafe { DeviceOptions::read(options) }?;
+        let handle = insert::<cairn_device>(options.on_cpu()?.0)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { device.write(handle) };
         Ok(CAIRN_OK)
@@ -156,18 +162,54 @@ fn mib(bytes: u64) -> u32 {
     u32::try_from(bytes / MIB).unwrap_or(u32::MAX)
 }
 
-/// Checks what the header's options say.
-pub(super) fn cpu_options(options: &cairn_cpu_options) -> Outcome<CpuOptions> {
-    if options.flags & !CAIRN_CPU_DETERMINISTIC != 0 {
-        return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
+/// The header's options, checked and copied.
+#[derive(Debug, Clone)]
+pub(super) struct DeviceOptions {
+    /// For a CPU device. Kernels are as deterministic on a Direct3D 12 one.
+    pub(super) cpu: CpuOptions,
+    pub(super) libraries: LibrarySearch,
+}
+
+impl DeviceOptions {
+    /// Reads a host's options; a null pointer means the defaults.
+    ///
+    /// # Safety
+    /// `options` is null or points to as many readable bytes as its first four say, and so do the texts in it, to their NULs.
+    pub(super) unsafe fn read(options: *const cairn_device_options) -> Outcome<Self> {
+        // SAFETY: the caller's promise.
+        let options = unsafe { read_or_default(options, "options") }?;
+        let known = CAIRN_DEVICE_DETERMINISTIC | CAIRN_DEVICE_ENVIRONMENT;
+        if options.flags & !known != 0 {
+            return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
+        }
+        if options.reserved != 0 {
+            return Err(Failure::argument("options.reserved", "it must be 0"));
+        }
+        // SAFETY: the caller's promise about what options point to.
+        let onnxruntime = unsafe { optional_text(options.onnxruntime, "options.onnxruntime") }?;
+        // SAFETY: as above.
+        let ffx = unsafe { optional_text(options.ffx, "options.ffx") }?;
+        let cpu = CpuOptions {
+            threads: Some(options.threads as usize).filter(|threads| *threads > 0),
+            deterministic: options.flags & CAIRN_DEVICE_DETERMINISTIC != 0,
+        };
+        cpu.check()?;
+        Ok(Self {
+            cpu,
+            libraries: LibrarySearch {
+                onnxruntime: onnxruntime.map(PathBuf::from),
+                ffx: ffx.map(PathBuf::from),
+                environment: options.flags & CAIRN_DEVICE_ENVIRONMENT != 0,
+            },
+        })
     }
-    if options.reserved != 0 {
-        return Err(Failure::argument("options.reserved", "it must be 0"));
+
+    /// A CPU device, and the ONNX Runtime it uses.
+    pub(super) fn on_cpu(self) -> crate::Result<(Device, Ort)> {
+        let ort = Ort::find(&self.libraries)?;
+        let device = Device::cpu(&ort, self.cpu)?;
+        Ok((device.with_library_search(self.libraries), ort))
     }
-    Ok(CpuOptions {
-        threads: Some(options.threads as usize).filter(|threads| *threads > 0),
-        deterministic: options.flags & CAIRN_CPU_DETERMINISTIC != 0,
-    })
 }
 
 /// A precision as the header numbers it.

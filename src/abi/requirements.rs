@@ -1,16 +1,15 @@
 //! What there is to run on, and what is missing for it.
 
 use std::ffi::c_char;
-use std::path::Path;
 
 use super::boundary::call;
 use super::d3d12::behind;
-use super::device::{CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12, cairn_cpu_options, cpu_options};
+use super::device::{CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12, DeviceOptions, cairn_device_options};
 use super::results::{CAIRN_OK, Failure, cairn_result};
-use super::structs::{describe, read_or_default, write_rows};
-use super::text::{fixed_text, optional_text};
+use super::structs::{describe, write_rows};
+use super::text::fixed_text;
 use crate::bundle::available_memory;
-use crate::runtime::{Device, Ort};
+use crate::runtime::Ort;
 
 /// The operating system and the build of this library.
 pub const CAIRN_REQUIREMENT_PLATFORM: u32 = 1;
@@ -118,21 +117,20 @@ pub unsafe extern "C" fn cairn_adapters(
 /// Says what a device of that kind needs and what was found, so that a player can be shown why something is off.
 ///
 /// kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
-/// options: what cairn_device_create_cpu would be given; may be null.
+/// options: what the device would be made with; may be null.
 /// requirements: an array of capacity elements, stride bytes apart, usually sizeof(cairn_requirement); null with capacity 0 to
 /// learn the count.
 /// count: gets how many there are in all, which may be more than capacity.
 ///
 /// Ownership: the array stays the caller's and is filled on success; on failure it is not written.
-/// Threads: any thread, at any time. Looks for ONNX Runtime and loads it as cairn_device_create_cpu does; for CAIRN_DEVICE_D3D12
-/// also for AMD's libraries, which stay loaded: in the folder that the environment names as CAIRN_FFX_DIR, else beside this
-/// library, else beside the program.
+/// Threads: any thread, at any time. Looks for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
+/// CAIRN_DEVICE_D3D12 also for AMD's libraries, which stay loaded.
 /// Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_requirements(
     kind: u32,
-    options: *const cairn_cpu_options,
+    options: *const cairn_device_options,
     requirements: *mut cairn_requirement,
     stride: usize,
     capacity: u32,
@@ -140,17 +138,14 @@ pub unsafe extern "C" fn cairn_device_requirements(
 ) -> cairn_result {
     call("cairn_device_requirements", || {
         // SAFETY: the host's promise about `options`.
-        let options = unsafe { read_or_default(options, "options") }?;
-        // SAFETY: the host's promise about what options point to.
-        let path = unsafe { optional_text(options.onnxruntime, "options.onnxruntime") }?;
-        let cpu = cpu_options(&options)?;
+        let options = unsafe { DeviceOptions::read(options) }?;
         let rows = match kind {
             CAIRN_DEVICE_CPU => vec![
                 row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, "any system this library runs on", &platform()),
-                onnxruntime(Ort::find(path.map(Path::new)).and_then(|ort| Device::cpu(&ort, cpu).map(|_| ort))),
+                onnxruntime(options.on_cpu().map(|(_, ort)| ort)),
                 memory(),
             ],
-            CAIRN_DEVICE_D3D12 => behind::requirements(path.map(Path::new)),
+            CAIRN_DEVICE_D3D12 => behind::requirements(options),
             other => return Err(Failure::argument("kind", format!("{other} is no kind of device"))),
         };
         // SAFETY: the host's promise about the array and the count.

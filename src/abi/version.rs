@@ -2,8 +2,8 @@
 
 /// What the library was built as, to be compared with the constant of the same name in the header a host was compiled with.
 ///
-/// History: 1 is the first.
-pub const CAIRN_ABI_VERSION: u32 = 1;
+/// History: 1 is the first; in 2 devices have cairn_device_options.
+pub const CAIRN_ABI_VERSION: u32 = 2;
 
 /// The version of the library this header belongs to: major * 1000000 + minor * 1000 + patch.
 pub const CAIRN_VERSION: u32 = 1000;

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::{Gpu, Heap, Queue, Shared, count_object, failed_on};
+use super::{Gpu, Heap, Queue, Shared, failed_on};
 use crate::Result;
+use crate::object_count::count_object;
 
 /// Time that frames, or a world's passes, have taken on the device, from the first to the last of their commands. What else a queue
 /// runs at the same time is in it.

@@ -3,7 +3,8 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
 
-use super::{Gpu, count_object, failed_on};
+use super::{Gpu, failed_on};
+use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
 /// Whose memory a buffer is in.

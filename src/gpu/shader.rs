@@ -5,7 +5,8 @@ use std::mem::ManuallyDrop;
 use windows::Win32::Graphics::Direct3D::ID3DBlob;
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::{Gpu, count_object, failed_on};
+use super::{Gpu, failed_on};
+use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
 /// Constants in `b0`: so many words, visible everywhere.

@@ -7,7 +7,8 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::Interface;
 
 use super::memory::{Heap, Shared};
-use super::{Gpu, Moment, count_object, failed_on};
+use super::{Gpu, Moment, failed_on};
+use crate::object_count::count_object;
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 
 /// The states that a compute list may name in a barrier.

@@ -196,12 +196,12 @@ pub(super) struct Taken {
 }
 
 /// What the processor draws.
+#[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "frames for Direct3D 12 alone may not be prepared"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Draws {
     /// Every frame.
     Frames,
     /// The nearest anchor in place of a frame that would be generated.
-    #[cfg_attr(not(windows), expect(dead_code, reason = "frames for Direct3D 12 may not be prepared"))]
     Anchors,
 }
 

@@ -41,14 +41,24 @@ pub(super) struct CpuBackend {
     deterministic: bool,
 }
 
+impl CpuOptions {
+    /// Refuses what no device can be made with.
+    pub(crate) fn check(&self) -> Result<()> {
+        match self.threads {
+            Some(threads) if threads == 0 || threads > MAX_THREADS => {
+                Err(Error::new(ErrorKind::InvalidArgument, format!("{threads} threads cannot share a pass"))
+                    .field("threads")
+                    .remedy(format!("Use 1 to {MAX_THREADS}")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 impl CpuBackend {
     pub(super) fn new(ort: &Ort, options: CpuOptions) -> Result<Self> {
+        options.check()?;
         let threads = options.threads.unwrap_or_else(physical_cores);
-        if threads == 0 || threads > MAX_THREADS {
-            return Err(Error::new(ErrorKind::InvalidArgument, format!("{threads} threads cannot share a pass"))
-                .field("threads")
-                .remedy(format!("Use 1 to {MAX_THREADS}")));
-        }
         Ok(Self { ort: ort.clone(), threads, deterministic: options.deterministic })
     }
 

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::cpu::{CpuBackend, CpuOptions};
 use super::graph::TensorSpec;
 use super::{Graph, Lane, Ort};
-use crate::Result;
 use crate::bundle::{ModelSource, Precision};
+use crate::{LibrarySearch, Result};
 
 /// What a device must be able to do.
 pub(super) trait Backend: Send + Sync {
@@ -73,7 +73,10 @@ impl MemoryChanges {
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Clone)]
-pub struct Device(Arc<dyn Backend>);
+pub struct Device {
+    backend: Arc<dyn Backend>,
+    libraries: Arc<LibrarySearch>,
+}
 
 impl Device {
     /// The host's processor, by ONNX Runtime's CPU provider.
@@ -81,7 +84,7 @@ impl Device {
     /// # Errors
     /// `InvalidArgument` for a thread count of 0 or above 1024.
     pub fn cpu(ort: &Ort, options: CpuOptions) -> Result<Device> {
-        Ok(Device(Arc::new(CpuBackend::new(ort, options)?)))
+        Ok(Self::of(Arc::new(CpuBackend::new(ort, options)?)))
     }
 
     /// A Direct3D 12 device, by ONNX Runtime's DirectML provider: a world's passes run on its queue for anchors.
@@ -91,29 +94,43 @@ impl Device {
     /// older than 1.15 is in the process already, or the adapter cannot do DirectML's feature level 5.0; `DeviceRemoved`.
     #[cfg(windows)]
     pub fn directml(ort: &Ort, gpu: &crate::gpu::Gpu, options: super::DirectMlOptions) -> Result<Device> {
-        Ok(Device(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))
+        Ok(Self::of(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))
+    }
+
+    fn of(backend: Arc<dyn Backend>) -> Self {
+        Self { backend, libraries: Arc::default() }
+    }
+
+    /// The same device with another answer to [`library_search`](Self::library_search), which is the default at first.
+    pub fn with_library_search(self, search: LibrarySearch) -> Self {
+        Self { libraries: Arc::new(search), ..self }
+    }
+
+    /// Where whoever uses this device looks for libraries of others, such as AMD's.
+    pub fn library_search(&self) -> &LibrarySearch {
+        &self.libraries
     }
 
     /// What it is, for people and manifests, e.g. `ONNX Runtime 1.24.4 CPU, 8 threads, deterministic`.
     pub fn describe(&self) -> String {
-        self.0.describe()
+        self.backend.describe()
     }
 
     /// The precision this device computes in unless told otherwise.
     pub fn precision(&self) -> Precision {
-        self.0.precision()
+        self.backend.precision()
     }
 
     /// The Direct3D 12 device it is, where it is one.
     #[cfg(windows)]
     pub fn gpu(&self) -> Option<&crate::gpu::Gpu> {
-        self.0.gpu()
+        self.backend.gpu()
     }
 
     /// How it uses DirectML, where it does.
     #[cfg(windows)]
     pub fn directml_options(&self) -> Option<super::DirectMlOptions> {
-        self.0.directml_options().map(|options| options.lock().clone())
+        self.backend.directml_options().map(|options| options.lock().clone())
     }
 
     /// Has it use DirectML otherwise: for worlds that are loaded and rollouts that are made from now on.
@@ -122,7 +139,7 @@ impl Device {
     /// `Unsupported` on a device that is no Direct3D 12 one.
     #[cfg(windows)]
     pub fn set_directml_options(&self, options: super::DirectMlOptions) -> Result<()> {
-        let ours = self.0.directml_options().ok_or_else(|| {
+        let ours = self.backend.directml_options().ok_or_else(|| {
             let cause = format!("{} does not use DirectML", self.describe());
             crate::Error::new(crate::ErrorKind::Unsupported, cause).remedy("Set them on a Direct3D 12 device")
         })?;
@@ -166,7 +183,7 @@ impl Device {
 
     /// Threads that share one pass, the caller's own among them.
     pub fn threads(&self) -> usize {
-        self.0.threads()
+        self.backend.threads()
     }
 
     pub(crate) fn graph(
@@ -177,11 +194,11 @@ impl Device {
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>> {
-        self.0.graph(what, model, dimensions, inputs, outputs)
+        self.backend.graph(what, model, dimensions, inputs, outputs)
     }
 
     pub(crate) fn lane(&self) -> Result<Box<dyn Lane>> {
-        self.0.lane()
+        self.backend.lane()
     }
 }
 

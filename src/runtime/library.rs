@@ -9,7 +9,8 @@ use parking_lot::Mutex;
 use super::failure::ort_failure;
 use super::find;
 use super::pin::pin_this_library;
-use crate::{Error, ErrorKind, Result};
+use crate::libraries::canonical;
+use crate::{Error, ErrorKind, LibrarySearch, Result};
 
 /// The release series this build is made for, as ONNX Runtime writes it.
 const SERIES: &str = "1.24.";
@@ -36,7 +37,7 @@ impl Ort {
     /// `RuntimeMissing` when there is no file, it is no ONNX Runtime, or its version is not 1.24.x; `Unsupported` when
     /// this process already uses another ONNX Runtime file; `Device` when its environment does not start.
     pub fn load(path: &Path) -> Result<Ort> {
-        let path = path.canonicalize().map_err(|e| missing(path, &format!("cannot be opened: {e}")))?;
+        let path = canonical(path).map_err(|e| missing(path, &format!("cannot be opened: {e}")))?;
         let mut loaded = LOADED.lock();
         if let Some(ort) = loaded.as_ref() {
             return if ort.0.path == path {
@@ -69,26 +70,27 @@ impl Ort {
         Ok(ort)
     }
 
-    /// Finds ONNX Runtime and loads it. With `explicit`, that file and no other; else the file that the environment
-    /// variable `CAIRN_ONNXRUNTIME` names, and no other; else the first there is of: beside this library, beside the
-    /// program, `<cache>/cairn/onnxruntime-1.24.4/`, where `<cache>` is `$CAIRN_CACHE_DIR`, else `$XDG_CACHE_HOME` or
-    /// `~/.cache` (on Windows `%LOCALAPPDATA%`). The system's library path is never searched: a stray library of
-    /// another version lies there too often.
+    /// Finds ONNX Runtime and loads it: the file that `search` names, and no other; else the first there is of: beside this library,
+    /// beside the program. Where the environment may name libraries, the file that the variable `CAIRN_ONNXRUNTIME` names comes before
+    /// these two, and no other counts then; and `<cache>/cairn/onnxruntime-1.24.4/` comes after them, where `<cache>` is
+    /// `$CAIRN_CACHE_DIR`, else `$XDG_CACHE_HOME` or `~/.cache` (on Windows `%LOCALAPPDATA%`). The system's library path is never
+    /// searched: a stray library of another version lies there too often.
     ///
     /// # Errors
     /// As [`Ort::load`]; `RuntimeMissing` names the places looked at.
-    pub fn find(explicit: Option<&Path>) -> Result<Ort> {
-        match find::library(explicit) {
+    pub fn find(search: &LibrarySearch) -> Result<Ort> {
+        match find::library(search) {
             Ok(path) => Self::load(&path),
             Err(tried) => {
                 let tried: Vec<_> = tried.iter().map(|p| p.display().to_string()).collect();
-                let system = system_copy().map(|own| format!("; {own} is the system's and never used"));
-                Err(Error::new(
-                    ErrorKind::RuntimeMissing,
-                    format!("ONNX Runtime was not found; looked at {}{}", tried.join(", "), system.unwrap_or_default()),
-                )
-                .field(find::VARIABLE)
-                .remedy(REMEDY))
+                let mut cause = format!("ONNX Runtime was not found; looked at {}", tried.join(", "));
+                if let Some(own) = system_copy() {
+                    cause.push_str(&format!("; {own} is the system's and never used"));
+                }
+                if !search.environment && std::env::var_os(find::VARIABLE).is_some() {
+                    cause.push_str(&format!("; {} is set, but this host lets it name no library", find::VARIABLE));
+                }
+                Err(Error::new(ErrorKind::RuntimeMissing, cause).field(find::VARIABLE).remedy(REMEDY))
             }
         }
     }
@@ -114,8 +116,9 @@ impl std::fmt::Debug for Ort {
     }
 }
 
-const REMEDY: &str =
-    "Install ONNX Runtime 1.24.4 (`cargo xtask setup` fetches it) and set CAIRN_ONNXRUNTIME to its library file";
+const REMEDY: &str = "Put the library file of ONNX Runtime 1.24.4 (`cargo xtask setup` fetches it; on Windows with its DirectML.dll) \
+                      beside this library, name it in the device's options, or, where the host lets the environment name \
+                      libraries, in CAIRN_ONNXRUNTIME";
 
 fn missing(path: &Path, why: &str) -> Error {
     Error::new(ErrorKind::RuntimeMissing, format!("ONNX Runtime {why}"))
@@ -134,9 +137,7 @@ impl Checked {
         if !path.is_file() {
             return Err(missing(path, "is not a file"));
         }
-        // SAFETY: runs the initialisers of a library the caller named as ONNX Runtime; that trust is the caller's.
-        let library = unsafe { libloading::Library::new(path) }
-            .map_err(|e| missing(path, &format!("cannot be loaded as a library: {e}")))?;
+        let library = open(path).map_err(|e| missing(path, &format!("cannot be loaded as a library: {e}")))?;
         type GetApiBase = unsafe extern "system" fn() -> *const ort::sys::OrtApiBase;
         // SAFETY: the symbol has this type in every release of ONNX Runtime.
         let base = unsafe { library.get::<GetApiBase>(b"OrtGetApiBase\0") }
@@ -170,12 +171,30 @@ impl Checked {
     }
 }
 
+/// Loads a library. What it needs in turn is looked for beside it and in the system, and neither beside the program, in the working
+/// folder nor along the PATH.
+#[cfg(windows)]
+fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
+    use libloading::os::windows::{LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, Library};
+
+    let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
+    // SAFETY: runs the initialisers of a library the caller named as ONNX Runtime; that trust is the caller's.
+    unsafe { Library::load_with_flags(path, search) }.map(Into::into)
+}
+
+/// Loads a library.
+#[cfg(not(windows))]
+fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
+    // SAFETY: runs the initialisers of a library the caller named as ONNX Runtime; that trust is the caller's.
+    unsafe { libloading::Library::new(path) }
+}
+
 /// Says which other ONNX Runtime is in this process: ours is loaded beside it, by its path.
 #[cfg(windows)]
 fn report_others(ours: &Path) {
     use super::module;
     let other = module::loaded(windows::core::w!("onnxruntime.dll"))
-        .filter(|other| other.path.canonicalize().is_ok_and(|path| path != ours));
+        .filter(|other| canonical(&other.path).is_ok_and(|path| path != ours));
     if let Some(other) = other {
         log::warn!("another ONNX Runtime is in this process and is not used: {}", module::described(&other.path));
     }

@@ -8,7 +8,7 @@ pub(super) fn pin_this_library() {
     /// From `dlfcn.h`, for every processor ONNX Runtime is made for: only what is loaded already, and closing does not unload.
     const RTLD_NOLOAD: i32 = 0x4;
     const RTLD_NODELETE: i32 = 0x1000;
-    let Some(path) = super::find::own_module() else { return };
+    let Some(path) = crate::libraries::own_module() else { return };
     // A program that has the library linked in is no library, cannot be opened as one, and needs no pin.
     // SAFETY: the file is loaded already, so none of its initialisers runs.
     if let Ok(library) = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_NOLOAD | RTLD_NODELETE) } {

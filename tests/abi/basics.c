@@ -85,11 +85,12 @@ static void the_log_goes_to_the_callback(void)
 static void requirements_say_what_is_there(void)
 {
     uint32_t count = 0;
-    OK(cairn_device_requirements(CAIRN_DEVICE_CPU, NULL, NULL, 0, 0, &count));
+    cairn_device_options options = {.struct_size = sizeof options, .flags = CAIRN_DEVICE_ENVIRONMENT};
+    OK(cairn_device_requirements(CAIRN_DEVICE_CPU, &options, NULL, 0, 0, &count));
     CHECK(count == 3);
     cairn_requirement rows[4];
     memset(rows, 0xee, sizeof rows);
-    OK(cairn_device_requirements(CAIRN_DEVICE_CPU, NULL, rows, sizeof rows[0], 4, &count));
+    OK(cairn_device_requirements(CAIRN_DEVICE_CPU, &options, rows, sizeof rows[0], 4, &count));
     int seen = 0;
     for (uint32_t i = 0; i < count; i++) {
         CHECK(rows[i].struct_size == sizeof rows[0]);
@@ -101,7 +102,7 @@ static void requirements_say_what_is_there(void)
     }
     CHECK(seen == 1 && rows[3].struct_size == 0xeeeeeeee);
 
-    cairn_cpu_options options = {.struct_size = sizeof options, .onnxruntime = "/there/is/no/such/file.so"};
+    options.onnxruntime = "/there/is/no/such/file.so";
     OK(cairn_device_requirements(CAIRN_DEVICE_CPU, &options, rows, sizeof rows[0], 4, &count));
     CHECK(rows[1].status == CAIRN_REQUIREMENT_NOT_MET && strstr(rows[1].found, "no/such") != NULL);
     OK(cairn_device_requirements(CAIRN_DEVICE_D3D12, NULL, rows, sizeof rows[0], 4, &count));
@@ -141,14 +142,32 @@ static void a_device_says_what_it_is(void)
     OK(cairn_device_destroy(device));
 }
 
+/* The variable that the tests are run with names a library that is there, and no host has to take it. */
+static void the_environment_names_libraries_only_where_the_host_lets_it(void)
+{
+    cairn_device *device = NULL;
+    cairn_device_options options = {.struct_size = sizeof options};
+    CHECK(getenv("CAIRN_ONNXRUNTIME"));
+    ANSWERS(CAIRN_ERROR_RUNTIME_MISSING, cairn_device_create_cpu(NULL, &device));
+    CHECK(strstr(message(), "CAIRN_ONNXRUNTIME is set, but this host lets it name no library"));
+    ANSWERS(CAIRN_ERROR_RUNTIME_MISSING, cairn_device_create_cpu(&options, &device));
+    options.flags = CAIRN_DEVICE_ENVIRONMENT;
+    OK(cairn_device_create_cpu(&options, &device));
+    OK(cairn_device_destroy(device));
+    options.flags = 0;
+    options.onnxruntime = getenv("CAIRN_ONNXRUNTIME");
+    OK(cairn_device_create_cpu(&options, &device));
+    OK(cairn_device_destroy(device));
+}
+
 static void options_that_make_no_device_are_refused(void)
 {
     cairn_device *device = (cairn_device *)(uintptr_t)0x1234;
-    cairn_cpu_options good = {.struct_size = sizeof good}, options = good;
+    cairn_device_options good = {.struct_size = sizeof good}, options = good;
     options.threads = 1025;
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_cpu(&options, &device));
     options = good;
-    options.flags = 2;
+    options.flags = 4;
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_cpu(&options, &device));
     options = good;
     options.reserved = 1;
@@ -156,6 +175,10 @@ static void options_that_make_no_device_are_refused(void)
     options = good;
     options.onnxruntime = "\xff\xfe";
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_cpu(&options, &device));
+    options.onnxruntime = NULL;
+    options.ffx = "\xff\xfe";
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_cpu(&options, &device));
+    options.ffx = NULL;
     options.onnxruntime = "/there/is/no/such/file.so";
     ANSWERS(CAIRN_ERROR_RUNTIME_MISSING, cairn_device_create_cpu(&options, &device));
     /* A failure writes no result. */
@@ -164,9 +187,10 @@ static void options_that_make_no_device_are_refused(void)
 
 static void many_devices_leave_nothing(void)
 {
+    const cairn_device_options options = {.struct_size = sizeof options, .flags = CAIRN_DEVICE_ENVIRONMENT};
     for (int i = 0; i < 10000; i++) {
         cairn_device *device = NULL;
-        OK(cairn_device_create_cpu(NULL, &device));
+        OK(cairn_device_create_cpu(&options, &device));
         OK(cairn_device_destroy(device));
     }
 }
@@ -180,6 +204,7 @@ int main(void)
     RUN(requirements_say_what_is_there);
     RUN(adapters_hold_the_processor);
     RUN(a_device_says_what_it_is);
+    RUN(the_environment_names_libraries_only_where_the_host_lets_it);
     RUN(options_that_make_no_device_are_refused);
     RUN(many_devices_leave_nothing);
     return failed_tests != 0;

@@ -14,8 +14,8 @@ enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESEN
 /* The structs that the library reads. */
 #define READ_STRUCTS(X)                                                                                               \
     X(cairn_thread_options) X(cairn_scheduler)                                                                        \
-    X(cairn_cpu_options) X(cairn_world_options) X(cairn_rollout_options) X(cairn_picture) X(cairn_target)             \
-    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)                        \
+    X(cairn_device_options) X(cairn_world_options) X(cairn_rollout_options) X(cairn_picture) X(cairn_target)          \
+    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)     \
     X(cairn_d3d12_preparation) X(cairn_d3d12_recording)                                                               \
     X(cairn_budget)                                                                                                   \
     X(cairn_swapchain_options) X(cairn_swapchain_frame) X(cairn_swapchain_pacing)
@@ -112,11 +112,11 @@ struct row {
     C3(cairn_set_log_callback, CHOICE(0, 5), NONE, NONE)                                                              \
     C1(cairn_set_threads, READ_OR_NULL(cairn_thread_options))                                                         \
     C1(cairn_set_scheduler, READ_OR_NULL(cairn_scheduler))                                                            \
-    C2(cairn_device_create_cpu, READ_OR_NULL(cairn_cpu_options), RESULT(cairn_device *))                              \
+    C2(cairn_device_create_cpu, READ_OR_NULL(cairn_device_options), RESULT(cairn_device *))                           \
     C2(cairn_device_get_info, SHARED(DEVICE), FILLED(cairn_device_info))                                              \
     C1(cairn_device_destroy, SHARED(DEVICE))                                                                          \
     C4(cairn_adapters, ARRAY(cairn_adapter), COUNT(sizeof(cairn_adapter)), NUMBER(2), RESULT(uint32_t))               \
-    C6(cairn_device_requirements, CHOICE(1, 2), READ_OR_NULL(cairn_cpu_options), ARRAY(cairn_requirement),            \
+    C6(cairn_device_requirements, CHOICE(1, 2), READ_OR_NULL(cairn_device_options), ARRAY(cairn_requirement),         \
        COUNT(sizeof(cairn_requirement)), NUMBER(4), RESULT(uint32_t))                                                 \
     C3(cairn_world_load, SHARED(DEVICE), READ(cairn_world_options), RESULT(cairn_world *))                            \
     C2(cairn_world_get_info, SHARED(WORLD), FILLED(cairn_world_info))                                                 \
@@ -185,8 +185,9 @@ struct row {
     C3(cairn_recorder_make_script, ALONE(RECORDER), NUMBER(100000000), RESULT(cairn_script *))                        \
     C1(cairn_recorder_destroy, SHARED(RECORDER))                                                                      \
     C2(cairn_rollout_get_statistics, SHARED(ROLLOUT), FILLED(cairn_rollout_statistics))                               \
-    C4(cairn_device_create_d3d12, GIVEN, GIVEN, GIVEN_OR_NULL, RESULT(cairn_device *))                                \
-    C2(cairn_device_create_adapter, NUMBER(1), RESULT(cairn_device *))                                                \
+    C5(cairn_device_create_d3d12, GIVEN, GIVEN, GIVEN_OR_NULL, READ_OR_NULL(cairn_device_options),                    \
+       RESULT(cairn_device *))                                                                                        \
+    C3(cairn_device_create_adapter, NUMBER(1), READ_OR_NULL(cairn_device_options), RESULT(cairn_device *))            \
     C2(cairn_device_set_d3d12, SHARED(DEVICE), READ(cairn_d3d12_options))                                             \
     C3(cairn_device_get_d3d12, SHARED(DEVICE), RESULT(void *), RESULT(void *))                                        \
     C4(cairn_rollout_append_d3d12, ALONE(ROLLOUT), GIVEN, NUMBER(0), FILLED_OR_NULL(cairn_step_info))                 \
@@ -302,10 +303,11 @@ static const struct field fields[] = {
     FIELD(cairn_thread_options, priority, CHOICE_FIELD, 2),
     FIELD(cairn_thread_options, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_scheduler, concurrency, CHOICE_FIELD, CAIRN_MAX_THREADS),
-    FIELD(cairn_cpu_options, threads, CHOICE_FIELD, 1024),
-    FIELD(cairn_cpu_options, flags, FLAGS_FIELD, 1),
-    FIELD(cairn_cpu_options, reserved, CHOICE_FIELD, 0),
-    FIELD(cairn_cpu_options, onnxruntime, TEXT_FIELD, 0),
+    FIELD(cairn_device_options, threads, CHOICE_FIELD, 1024),
+    FIELD(cairn_device_options, flags, FLAGS_FIELD, 3),
+    FIELD(cairn_device_options, reserved, CHOICE_FIELD, 0),
+    FIELD(cairn_device_options, onnxruntime, TEXT_FIELD, 0),
+    FIELD(cairn_device_options, ffx, TEXT_FIELD, 0),
     FIELD(cairn_world_options, precision, CHOICE_FIELD, 2),
     FIELD(cairn_world_options, path, TEXT_FIELD, 0),
     FIELD(cairn_world_options, operating_point, TEXT_FIELD, 0),

@@ -56,7 +56,8 @@ __attribute__((unused)) static const char *message(void)
 /* A device with two threads, whatever the machine has. */
 __attribute__((unused)) static cairn_device *make_device(void)
 {
-    cairn_cpu_options options = {.struct_size = sizeof options, .threads = 2, .flags = CAIRN_CPU_DETERMINISTIC};
+    cairn_device_options options = {.struct_size = sizeof options, .threads = 2,
+        .flags = CAIRN_DEVICE_DETERMINISTIC | CAIRN_DEVICE_ENVIRONMENT};
     cairn_device *device = NULL;
     OK(cairn_device_create_cpu(&options, &device));
     return device;

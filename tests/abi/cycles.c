@@ -39,7 +39,7 @@ static void once(int i)
     cairn_presenter *presenter = NULL;
     cairn_script *script = NULL;
     cairn_recorder *recorder = NULL;
-    cairn_cpu_options cpu = {.struct_size = sizeof cpu, .threads = 1};
+    cairn_device_options cpu = {.struct_size = sizeof cpu, .threads = 1, .flags = CAIRN_DEVICE_ENVIRONMENT};
     OK(cairn_device_create_cpu(&cpu, &own));
     cairn_device_info about = {.struct_size = sizeof about};
     OK(cairn_device_get_info(own, &about));

@@ -303,7 +303,7 @@ static void every_call_of_the_runtime_may_fail(void) { every_one(RUNTIME, 17); }
 
 int main(void)
 {
-    cairn_cpu_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_CPU_DETERMINISTIC,
+    cairn_device_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_DEVICE_DETERMINISTIC,
         .onnxruntime = getenv("CAIRN_TEST_SHIM")};
     if (!options.onnxruntime) {
         fprintf(stderr, "set CAIRN_TEST_SHIM to the library of tests/abi/shim; cargo xtask test abi does\n");

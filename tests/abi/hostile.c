@@ -166,9 +166,18 @@ static void a_hundred_thousand_guesses_hit_nothing(void)
 /* Every call that takes a struct, with everything else as it should be; `s` is the struct. */
 typedef cairn_result (*struct_call)(void *s);
 
-static cairn_result in_cpu_options(void *s)
+/* Only so is ONNX Runtime found here. Nothing is written into what is too small, or no struct at all. */
+static void let_the_environment_name_libraries(void *s)
+{
+    if (s && (uintptr_t)s % _Alignof(cairn_device_options) == 0 && *(uint32_t *)s >= sizeof(cairn_device_options)) {
+        ((cairn_device_options *)s)->flags = CAIRN_DEVICE_ENVIRONMENT;
+    }
+}
+
+static cairn_result in_device_options(void *s)
 {
     cairn_device *made = NULL;
+    let_the_environment_name_libraries(s);
     cairn_result r = cairn_device_create_cpu(s, &made);
     cairn_device_destroy(made);
     return r;
@@ -215,8 +224,8 @@ struct sized {
 };
 
 static const struct sized sized[] = {
-    {"cairn_cpu_options", in_cpu_options, sizeof(cairn_cpu_options), _Alignof(cairn_cpu_options), 1, {0, 0}},
-    {"requirements", in_requirements, sizeof(cairn_cpu_options), _Alignof(cairn_cpu_options), 1, {0, 0}},
+    {"cairn_device_options", in_device_options, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {0, 0}},
+    {"requirements", in_requirements, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {0, 0}},
     {"cairn_device_info", NULL, sizeof(cairn_device_info), _Alignof(cairn_device_info), 1, {144, 0}},
     {"cairn_world_info", NULL, sizeof(cairn_world_info), _Alignof(cairn_world_info), 1, {0, 0}},
     {"cairn_world_memory", NULL, sizeof(cairn_world_memory), _Alignof(cairn_world_memory), 1, {0, 0}},

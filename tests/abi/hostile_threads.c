@@ -144,7 +144,8 @@ static uint32_t call_from_progress(const cairn_load_progress *progress, void *us
 static void a_progress_callback_may_call_all_but_the_end_of_its_device(void)
 {
     set_stage(device);
-    cairn_cpu_options cpu = {.struct_size = sizeof cpu, .threads = 1, .onnxruntime = getenv("CAIRN_TEST_SHIM")};
+    cairn_device_options cpu = {.struct_size = sizeof cpu, .threads = 1, .flags = CAIRN_DEVICE_ENVIRONMENT,
+        .onnxruntime = getenv("CAIRN_TEST_SHIM")};
     OK(cairn_device_create_cpu(&cpu, &loading_on));
     cairn_world_options options = {.struct_size = sizeof options, .path = world_path(), .progress = call_from_progress,
         .user = &reports, .operating_point = "stock,g16,native,pictures:1"};
@@ -175,7 +176,7 @@ static void call_from_log(uint32_t level, const char *target, const char *text, 
 
 static void a_log_callback_may_call_all_but_its_own_end(void)
 {
-    cairn_cpu_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_CPU_DETERMINISTIC,
+    cairn_device_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_DEVICE_DETERMINISTIC,
         .onnxruntime = getenv("CAIRN_TEST_SHIM")};
     /* ONNX Runtime speaks while it is started. */
     OK(cairn_set_log_callback(CAIRN_LOG_TRACE, call_from_log, &messages));

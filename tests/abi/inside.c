@@ -50,7 +50,7 @@ static cairn_device *device;
 
 static cairn_device *make_watched_device(void)
 {
-    cairn_cpu_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_CPU_DETERMINISTIC,
+    cairn_device_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_DEVICE_DETERMINISTIC,
         .onnxruntime = getenv("CAIRN_TEST_SHIM")};
     cairn_device *made = NULL;
     if (!options.onnxruntime) {

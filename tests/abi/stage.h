@@ -35,9 +35,10 @@ static void good_struct(int number, void *to)
     } else if (number == NUMBER_OF_cairn_scheduler) {
         *(cairn_scheduler *)to =
             (cairn_scheduler){.struct_size = sizeof(cairn_scheduler), .concurrency = 4, .run = run_nothing};
-    } else if (number == NUMBER_OF_cairn_cpu_options) {
-        *(cairn_cpu_options *)to = (cairn_cpu_options){.struct_size = sizeof(cairn_cpu_options), .threads = 2};
-        ((cairn_cpu_options *)to)->onnxruntime = getenv("CAIRN_TEST_CALLS_ONNXRUNTIME");
+    } else if (number == NUMBER_OF_cairn_device_options) {
+        *(cairn_device_options *)to = (cairn_device_options){.struct_size = sizeof(cairn_device_options), .threads = 2,
+            .flags = CAIRN_DEVICE_ENVIRONMENT};
+        ((cairn_device_options *)to)->onnxruntime = getenv("CAIRN_TEST_CALLS_ONNXRUNTIME");
     } else if (number == NUMBER_OF_cairn_world_options) {
         *(cairn_world_options *)to = (cairn_world_options){.struct_size = sizeof(cairn_world_options),
             .path = getenv("CAIRN_TEST_WORLD"), .operating_point = "stock,g16,native,pictures:1"};

@@ -42,9 +42,9 @@ static_assert(!std::is_convertible_v<cairn_device *, cairn::device>, "a handle i
 
 static cairn::device two_threads()
 {
-    cairn::cpu_options options;
+    cairn::device_options options;
     options.threads = 2;
-    options.flags = CAIRN_CPU_DETERMINISTIC;
+    options.flags = CAIRN_DEVICE_DETERMINISTIC | CAIRN_DEVICE_ENVIRONMENT;
     return cairn::device::cpu(options).value();
 }
 
@@ -129,7 +129,7 @@ static void what_a_callback_cannot_end_is_kept()
 
 static void failures_carry_code_message_and_parts()
 {
-    cairn::cpu_options options;
+    cairn::device_options options;
     options.threads = 1025;
     const auto failed = cairn::device::cpu(options);
     CHECK(!failed.ok() && failed.code() == CAIRN_ERROR_INVALID_ARGUMENT);

@@ -10,11 +10,11 @@ use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{
     CacheMode, ControlInput, Key, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
 };
-use cairn::{Picture, Result};
+use cairn::{LibrarySearch, Picture, Result};
 
 /// ONNX Runtime as the library itself finds it.
 pub fn ort() -> Ort {
-    Ort::find(None).unwrap_or_else(|e| panic!("this test runs a world: {e}"))
+    Ort::find(&LibrarySearch::for_tools()).unwrap_or_else(|e| panic!("this test runs a world: {e}"))
 }
 
 /// The test bundle `name`: in the folder `CAIRN_TEST_BUNDLE` where that is set, else the one `cargo xtask setup` keeps

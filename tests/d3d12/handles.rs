@@ -2,6 +2,7 @@
 
 use std::ptr::null_mut;
 
+use cairn::abi::device::{CAIRN_DEVICE_ENVIRONMENT, cairn_device_options};
 use cairn::abi::results::{CAIRN_OK, cairn_result};
 
 /// A struct of the interface as a host prepares it.
@@ -10,6 +11,14 @@ pub(crate) fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
     let mut made: T = unsafe { std::mem::zeroed() };
     *size(&mut made) = u32::try_from(size_of::<T>()).expect("small");
     made
+}
+
+/// How devices are made here: the environment may name libraries, as for a tool.
+#[allow(dead_code, reason = "an engine's plugin has options of its own")]
+pub(crate) fn of_a_tool() -> cairn_device_options {
+    let mut options: cairn_device_options = prepared(|options: &mut cairn_device_options| &mut options.struct_size);
+    options.flags = CAIRN_DEVICE_ENVIRONMENT;
+    options
 }
 
 /// A handle that a call of the interface makes.

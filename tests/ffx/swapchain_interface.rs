@@ -6,7 +6,9 @@ use std::path::Path;
 use std::ptr::{null, null_mut};
 
 use cairn::abi::d3d12::cairn_device_create_d3d12;
-use cairn::abi::device::{cairn_device, cairn_device_create_cpu, cairn_device_destroy};
+use cairn::abi::device::{
+    CAIRN_DEVICE_ENVIRONMENT, cairn_device, cairn_device_create_cpu, cairn_device_destroy, cairn_device_options,
+};
 use cairn::abi::results::*;
 use cairn::abi::swapchain::{
     CAIRN_FSR_ANY, CAIRN_FSR_REQUIRE_ANALYTIC, CAIRN_FSR_REQUIRE_ML, CAIRN_INTERFACE_COPIED, CAIRN_PACING_HYBRID_SPIN,
@@ -108,8 +110,9 @@ struct Host {
 
 fn device_of(engine: &Engine) -> *mut cairn_device {
     let (device, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
-    // SAFETY: live objects and a place for the handle.
-    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), to) }).expect("a device")
+    let options = sized!(cairn_device_options { flags: CAIRN_DEVICE_ENVIRONMENT });
+    // SAFETY: live objects, options of their size and a place for the handle.
+    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &options, to) }).expect("a device")
 }
 
 fn swapchain(
@@ -434,8 +437,9 @@ fn what_is_refused_leaves_a_host_s_swap_chain_whole() {
     drop(own);
     // What AMD's libraries cannot do, and what there is none of.
     let required = sized!(cairn_swapchain_options { provider: CAIRN_FSR_REQUIRE_ANALYTIC });
-    // SAFETY: a place for the handle.
-    let cpu = made(|to| unsafe { cairn_device_create_cpu(null(), to) }).expect("a device");
+    let tool = sized!(cairn_device_options { flags: CAIRN_DEVICE_ENVIRONMENT });
+    // SAFETY: options of their size and a place for the handle.
+    let cpu = made(|to| unsafe { cairn_device_create_cpu(&tool, to) }).expect("a device");
     let nowhere = std::env::temp_dir().join("cairn-ffx-there-is-none");
     for (device, options, folder, code) in [
         (device, &raw const required, &stage.0, CAIRN_ERROR_UNSUPPORTED),

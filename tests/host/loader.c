@@ -35,7 +35,8 @@ static int use(const cairn_ld *cairn, const char *path)
     picture.size = sizeof grey;
     controls.struct_size = sizeof controls;
     cairn_result r = cairn->cairn_set_log_callback(CAIRN_LOG_TRACE, on_log, &messages);
-    if (r == CAIRN_OK) r = cairn->cairn_device_create_cpu(NULL, &device);
+    cairn_device_options options = {.struct_size = sizeof options, .flags = CAIRN_DEVICE_ENVIRONMENT};
+    if (r == CAIRN_OK) r = cairn->cairn_device_create_cpu(&options, &device);
     if (r == CAIRN_OK) r = cairn->cairn_device_get_info(device, &info);
     if (r == CAIRN_OK) r = cairn->cairn_world_load(device, &options, &world);
     if (r == CAIRN_OK) r = cairn->cairn_rollout_create(world, NULL, &rollout);

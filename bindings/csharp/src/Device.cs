@@ -113,8 +113,11 @@ namespace Cairn
         public string Found { get; }
     }
 
-    /// <summary>How the processor is used. As it is made: one thread for each physical core.</summary>
-    public sealed class CpuOptions
+    /// <summary>
+    /// How a device is made, and where the libraries it needs are. As it is made: one thread for each physical core, and libraries beside
+    /// Cairn's or beside the program.
+    /// </summary>
+    public sealed class DeviceOptions
     {
         /// <summary>
         /// Threads that share one pass, 1 to 1024; 0 for one for each physical core. The last bits of a rollout depend on it.
@@ -125,10 +128,23 @@ namespace Cairn
         public bool Deterministic { get; set; }
 
         /// <summary>
-        /// The file of ONNX Runtime 1.24. Null: the one that the environment variable CAIRN_ONNXRUNTIME names, else the first beside the
-        /// library, beside the program, or in the user's cache directory.
+        /// Environment variables and the user's cache directory may name libraries, which are loaded into the process. For tools; a game
+        /// that sets it runs the code of whoever sets its variables.
+        /// </summary>
+        public bool Environment { get; set; }
+
+        /// <summary>
+        /// The file of ONNX Runtime 1.24. Null: the first that is beside Cairn's library or beside the program; with
+        /// <see cref="Environment"/>, before these the one that the variable CAIRN_ONNXRUNTIME names, and after them one in the user's cache
+        /// directory.
         /// </summary>
         public string OnnxRuntime { get; set; }
+
+        /// <summary>
+        /// The folder of AMD's libraries for FSR. Null: beside Cairn's library, else beside the program; with <see cref="Environment"/>,
+        /// before these the one that the variable CAIRN_FFX_DIR names.
+        /// </summary>
+        public string Ffx { get; set; }
     }
 
     /// <summary>What a device is.</summary>
@@ -219,12 +235,13 @@ namespace Cairn
         /// <see cref="Result.RuntimeMissing"/> where ONNX Runtime is not there or has another version; <see cref="Result.Unsupported"/>
         /// where the process uses another file of it already; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
         /// </exception>
-        public static Device Cpu(CpuOptions options = null)
+        public static Device Cpu(DeviceOptions options = null)
         {
-            options = options ?? new CpuOptions();
+            options = options ?? new DeviceOptions();
             fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
+            fixed (byte* ffx = Text.Encode(options.Ffx, nameof(options)))
             {
-                Native.cpu_options native = Of(options, onnxruntime);
+                Native.device_options native = Of(options, onnxruntime, ffx);
                 IntPtr device = IntPtr.Zero;
                 return new Device(Made(Library.C.device_create_cpu(&native, &device), ref device));
             }
@@ -254,15 +271,16 @@ namespace Cairn
 
         /// <summary>What a device of that kind needs and what was found, so that a player can be shown why something is off.</summary>
         /// <param name="kind">Of device.</param>
-        /// <param name="options">What <see cref="Cpu"/> would be given; may be null.</param>
+        /// <param name="options">What the device would be made with; may be null.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>; that something is missing is no error.</exception>
-        public static IReadOnlyList<Requirement> Requirements(DeviceKind kind = DeviceKind.Cpu, CpuOptions options = null)
+        public static IReadOnlyList<Requirement> Requirements(DeviceKind kind = DeviceKind.Cpu, DeviceOptions options = null)
         {
-            options = options ?? new CpuOptions();
+            options = options ?? new DeviceOptions();
             Native.Functions c = Library.C;
             fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
+            fixed (byte* ffx = Text.Encode(options.Ffx, nameof(options)))
             {
-                Native.cpu_options native = Of(options, onnxruntime);
+                Native.device_options native = Of(options, onnxruntime, ffx);
                 var stride = (UIntPtr)sizeof(Native.requirement);
                 uint count = 0;
                 CairnException.ThrowIfFailed(c.device_requirements((uint)kind, &native, null, stride, 0, &count));
@@ -338,14 +356,16 @@ namespace Cairn
             }
         }
 
-        private static Native.cpu_options Of(CpuOptions options, byte* onnxruntime)
+        private static Native.device_options Of(DeviceOptions options, byte* onnxruntime, byte* ffx)
         {
-            return new Native.cpu_options
+            int flags = (options.Deterministic ? Native.DEVICE_DETERMINISTIC : 0) | (options.Environment ? Native.DEVICE_ENVIRONMENT : 0);
+            return new Native.device_options
             {
-                struct_size = (uint)sizeof(Native.cpu_options),
+                struct_size = (uint)sizeof(Native.device_options),
                 threads = Check.NotNegative(options.Threads, nameof(options)),
-                flags = options.Deterministic ? (uint)Native.CPU_DETERMINISTIC : 0,
+                flags = (uint)flags,
                 onnxruntime = onnxruntime,
+                ffx = ffx,
             };
         }
 

@@ -13,7 +13,7 @@ namespace Cairn
     /// </summary>
     internal static unsafe class Native
     {
-        internal const int ABI_VERSION = 1;
+        internal const int ABI_VERSION = 2;
         internal const int VERSION = 1000;
         internal const int LAST_ERROR_FUNCTION = 1;
         internal const int LAST_ERROR_FIELD = 2;
@@ -52,7 +52,8 @@ namespace Cairn
         internal const int DEVICE_D3D12 = 2;
         internal const int PRECISION_F32 = 1;
         internal const int PRECISION_F16 = 2;
-        internal const int CPU_DETERMINISTIC = 1;
+        internal const int DEVICE_DETERMINISTIC = 1;
+        internal const int DEVICE_ENVIRONMENT = 2;
         internal const int REQUIREMENT_PLATFORM = 1;
         internal const int REQUIREMENT_ONNXRUNTIME = 2;
         internal const int REQUIREMENT_MEMORY = 3;
@@ -141,13 +142,14 @@ namespace Cairn
         }
 
         [StructLayout(LayoutKind.Sequential)]
-        internal struct cpu_options
+        internal struct device_options
         {
             internal uint struct_size;
             internal uint threads;
             internal uint flags;
             internal uint reserved;
             internal byte* onnxruntime;
+            internal byte* ffx;
         }
 
         [StructLayout(LayoutKind.Sequential)]
@@ -532,7 +534,7 @@ namespace Cairn
         internal delegate int set_scheduler_function(scheduler* scheduler);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
-        internal delegate int device_create_cpu_function(cpu_options* options, IntPtr* device);
+        internal delegate int device_create_cpu_function(device_options* options, IntPtr* device);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int device_get_info_function(IntPtr device, device_info* info);
@@ -544,7 +546,7 @@ namespace Cairn
         internal delegate int adapters_function(adapter* adapters, UIntPtr stride, uint capacity, uint* count);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
-        internal delegate int device_requirements_function(uint kind, cpu_options* options, requirement* requirements, UIntPtr stride, uint capacity, uint* count);
+        internal delegate int device_requirements_function(uint kind, device_options* options, requirement* requirements, UIntPtr stride, uint capacity, uint* count);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int world_load_function(IntPtr device, world_options* options, IntPtr* world);

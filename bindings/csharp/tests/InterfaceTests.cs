@@ -174,7 +174,7 @@ namespace Cairn.Tests
         [Test]
         private static void EveryFieldOfAStructHasItsProperty()
         {
-            Mapped<Native.cpu_options, CpuOptions>("flags");
+            Mapped<Native.device_options, DeviceOptions>("flags");
             Mapped<Native.device_info, DeviceInfo>();
             Mapped<Native.adapter, Adapter>();
             Mapped<Native.requirement, Requirement>("what");

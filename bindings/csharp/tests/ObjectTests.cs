@@ -19,10 +19,13 @@ namespace Cairn.Tests
             Requirement runtime = Device.Requirements().Single(each => each.Kind == RequirementKind.OnnxRuntime);
             Expect.Equal(RequirementStatus.Met, runtime.Status);
             Expect.Contains("1.24", runtime.Found);
-            var nowhere = new CpuOptions { OnnxRuntime = "no/such/file Ж" };
+            var nowhere = new DeviceOptions { OnnxRuntime = "no/such/file Ж" };
             runtime = Device.Requirements(DeviceKind.Cpu, nowhere).Single(each => each.Kind == RequirementKind.OnnxRuntime);
             Expect.Equal(RequirementStatus.NotMet, runtime.Status);
             Expect.Contains("Ж", Expect.Fails(Result.RuntimeMissing, () => Device.Cpu(nowhere)).Message);
+            // The variable that the tests are run with names a file that is not there.
+            var tool = new DeviceOptions { Environment = true };
+            Expect.Contains("there is none", Expect.Fails(Result.RuntimeMissing, () => Device.Cpu(tool)).Message);
             DeviceInfo info = Shared.Device.Info;
             Expect.Equal(2, info.Threads);
             Expect.Equal(Precision.F32, info.Precision);
@@ -66,7 +69,7 @@ namespace Cairn.Tests
             Expect.Equal("mine", thrown.Message);
             // The device cannot go from under the load: that says so, and leaves both as they are.
             var busy = Result.Ok;
-            using (Device device = Device.Cpu(new CpuOptions { Threads = 2 }))
+            using (Device device = Device.Cpu(new DeviceOptions { Threads = 2 }))
             {
                 var options = new WorldOptions
                 {
@@ -95,8 +98,8 @@ namespace Cairn.Tests
             }
             thrown = Expect.Fails(Result.InvalidArgument, () => Shared.Device.LoadWorld(new WorldOptions { OperatingPoint = "fastest" }));
             Expect.Contains("fastest", thrown.Message);
-            Expect.Fails(Result.InvalidArgument, () => Device.Cpu(new CpuOptions { Threads = 1025 }));
-            Expect.Throws<ArgumentOutOfRangeException>(() => Device.Cpu(new CpuOptions { Threads = -1 }));
+            Expect.Fails(Result.InvalidArgument, () => Device.Cpu(new DeviceOptions { Threads = 1025 }));
+            Expect.Throws<ArgumentOutOfRangeException>(() => Device.Cpu(new DeviceOptions { Threads = -1 }));
         }
 
         [Test]
@@ -157,7 +160,7 @@ namespace Cairn.Tests
         [Test]
         private static void ObjectsAreClosedInAnyOrder()
         {
-            Device device = Device.Cpu(new CpuOptions { Threads = 2 });
+            Device device = Device.Cpu(new DeviceOptions { Threads = 2 });
             World world = device.LoadWorld();
             device.Dispose();
             Rollout rollout = world.CreateRollout();

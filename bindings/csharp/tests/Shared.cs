@@ -13,7 +13,7 @@ namespace Cairn.Tests
 
         internal static Device Device
         {
-            get { return device ?? (device = Cairn.Device.Cpu(new CpuOptions { Threads = 2 })); }
+            get { return device ?? (device = Cairn.Device.Cpu(new DeviceOptions { Threads = 2 })); }
         }
 
         /// <summary>The one inside the library.</summary>

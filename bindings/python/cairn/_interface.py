@@ -23,7 +23,7 @@ from ctypes import (
 )
 from typing import Any
 
-ABI_VERSION = 1
+ABI_VERSION = 2
 VERSION = 1000
 
 OK = 0
@@ -67,7 +67,8 @@ DEVICE_CPU = 1
 DEVICE_D3D12 = 2
 PRECISION_F32 = 1
 PRECISION_F16 = 2
-CPU_DETERMINISTIC = 1
+DEVICE_DETERMINISTIC = 1
+DEVICE_ENVIRONMENT = 2
 
 REQUIREMENT_PLATFORM = 1
 REQUIREMENT_ONNXRUNTIME = 2
@@ -157,13 +158,14 @@ class Sized(Structure):
         super().__init__(struct_size=sizeof(type(self)), **fields)
 
 
-class CpuOptions(Sized):
+class DeviceOptions(Sized):
     _fields_ = [
         ("struct_size", c_uint32),
         ("threads", c_uint32),
         ("flags", c_uint32),
         ("reserved", c_uint32),
         ("onnxruntime", c_char_p),
+        ("ffx", c_char_p),
     ]
 
 
@@ -552,11 +554,11 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "set_log_callback": (c_uint32, log_callback, c_void_p),
     "set_threads": (POINTER(ThreadOptions),),
     "set_scheduler": (POINTER(Scheduler),),
-    "device_create_cpu": (POINTER(CpuOptions), _new),
+    "device_create_cpu": (POINTER(DeviceOptions), _new),
     "device_get_info": (_handle, POINTER(DeviceInfo)),
     "device_destroy": (_handle,),
     "adapters": (POINTER(Adapter), c_size_t, c_uint32, _count),
-    "device_requirements": (c_uint32, POINTER(CpuOptions), POINTER(Requirement), c_size_t, c_uint32, _count),
+    "device_requirements": (c_uint32, POINTER(DeviceOptions), POINTER(Requirement), c_size_t, c_uint32, _count),
     "world_load": (_handle, POINTER(WorldOptions), _new),
     "world_get_info": (_handle, POINTER(WorldInfo)),
     "world_get_memory": (_handle, POINTER(WorldMemory)),

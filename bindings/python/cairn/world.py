@@ -63,7 +63,7 @@ def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | Non
     """What a device of that kind, "cpu" or "d3d12", needs and what was found; missing things are no error."""
     if kind not in _KINDS:
         raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
-    options = c.CpuOptions(onnxruntime=_onnxruntime.chosen(onnxruntime))
+    options = c.DeviceOptions(flags=c.DEVICE_ENVIRONMENT, onnxruntime=_onnxruntime.chosen(onnxruntime))
     found = _list(c.Requirement, lambda *array: call("device_requirements", _KINDS[kind], byref(options), *array))
     names = {
         c.REQUIREMENT_PLATFORM: "platform",
@@ -127,8 +127,8 @@ class Device(Object):
         """
         if not 0 <= threads <= 1024:
             raise refuse("threads", f"{threads} is no number of threads", "Give 1 to 1024, or 0 for each physical core")
-        flags = c.CPU_DETERMINISTIC if deterministic else 0
-        options = c.CpuOptions(threads=threads, flags=flags, onnxruntime=_onnxruntime.chosen(onnxruntime))
+        flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
+        options = c.DeviceOptions(threads=threads, flags=flags, onnxruntime=_onnxruntime.chosen(onnxruntime))
         with _onnxruntime.explained():
             return cls(make("device_create_cpu", byref(options)))
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use cairn::bundle::{Bundle, OpenOptions};
 use cairn::runtime::Ort;
 use cairn::world::ControlScript;
-use cairn::{Error, ErrorKind, Picture, Result};
+use cairn::{Error, ErrorKind, LibrarySearch, Picture, Result};
 
 use crate::latents::Latents;
 use crate::manifest::{Input, Inputs, absolute, digest_file, read_bounded, sha256};
@@ -103,7 +103,7 @@ fn in_file(error: &Error, option: &str, path: &str) -> Error {
 pub(crate) fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
     let explicit = std::env::var_os("CAIRN_ONNXRUNTIME").is_some_and(|v| !v.is_empty());
     let ort = if explicit {
-        Ort::find(None)?
+        Ort::find(&LibrarySearch::for_tools())?
     } else {
         Ort::load(&provision::onnxruntime(progress).map_err(|e| not_provided(&e, ErrorKind::RuntimeMissing))?)?
     };

@@ -1,7 +1,6 @@
 //! What stands behind the doors of Direct3D 12 where it is not there.
 
-use std::path::Path;
-
+use super::super::device::DeviceOptions;
 use super::super::presenter::Asked;
 use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
@@ -22,11 +21,12 @@ pub(in crate::abi) unsafe fn of_engine(
     _: *mut ID3D12Device,
     _: *mut ID3D12CommandQueue,
     _: *mut ID3D12CommandQueue,
+    _: DeviceOptions,
 ) -> Outcome<Device> {
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn on_adapter(_: u64) -> Outcome<Device> {
+pub(in crate::abi) fn on_adapter(_: u64, _: DeviceOptions) -> Outcome<Device> {
     Err(Failure::no_d3d12())
 }
 
@@ -123,7 +123,7 @@ pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
     Vec::new()
 }
 
-pub(in crate::abi) fn requirements(_: Option<&Path>) -> Vec<cairn_requirement> {
+pub(in crate::abi) fn requirements(_: DeviceOptions) -> Vec<cairn_requirement> {
     let needed = "Windows, and a build of this library with Direct3D 12";
     let found = format!("{}: {}", platform(), Failure::no_d3d12());
     vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_NOT_MET, needed, &found)]

@@ -1,14 +1,13 @@
 //! What stands behind the doors of Direct3D 12 where it is there.
 
 use std::ffi::c_void;
-use std::path::Path;
 use std::time::Duration;
 
 use windows::Win32::Graphics::Direct3D12 as direct3d;
 use windows::Win32::Graphics::Dxgi::Common as Dxgi;
 use windows::core::{IUnknown, Interface};
 
-use super::super::device::CAIRN_DEVICE_D3D12;
+use super::super::device::{CAIRN_DEVICE_D3D12, DeviceOptions};
 use super::super::presenter::{Asked, CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE};
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
@@ -22,12 +21,13 @@ use crate::ffx::{self, Needed};
 use crate::framegen::shader::ShaderGenerator;
 use crate::gpu::compute::pictures::Format;
 use crate::gpu::compute::{Frames, Spent};
-use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, counted, read_texture};
+use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, read_texture};
+use crate::object_count::counted;
 use crate::present::device::{DeviceDrawer, FrameResult, LISTS, Preparation, RetiredFrames, ScaledBy, check_recording};
 use crate::present::presenter::{Draws, Presenter};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::{KeptAnchor, Rollout};
-use crate::{ErrorKind, Picture};
+use crate::{ErrorKind, LibrarySearch, Picture};
 
 /// A device of an engine's objects.
 ///
@@ -37,6 +37,7 @@ pub(in crate::abi) unsafe fn of_engine(
     d3d12: *mut ID3D12Device,
     queue: *mut ID3D12CommandQueue,
     anchors: *mut ID3D12CommandQueue,
+    options: DeviceOptions,
 ) -> Outcome<Device> {
     // SAFETY: the caller's promise.
     let device: direct3d::ID3D12Device = unsafe { object(d3d12.cast(), "d3d12") }?;
@@ -47,16 +48,20 @@ pub(in crate::abi) unsafe fn of_engine(
         // SAFETY: the caller's promise.
         false => Some(unsafe { object(anchors.cast(), "anchors") }?),
     };
-    running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?)
+    Ok(running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?, options)?.0)
 }
 
 /// A device of our own.
-pub(in crate::abi) fn on_adapter(luid: u64) -> Outcome<Device> {
-    running(&Gpu::on_adapter(Some(luid))?)
+pub(in crate::abi) fn on_adapter(luid: u64, options: DeviceOptions) -> Outcome<Device> {
+    Ok(running(&Gpu::on_adapter(Some(luid))?, options)?.0)
 }
 
-fn running(gpu: &Gpu) -> Outcome<Device> {
-    Ok(Device::directml(&Ort::find(None)?, gpu, DirectMlOptions::default())?)
+/// What runs worlds on a Direct3D device, and the ONNX Runtime it uses.
+fn running(gpu: &Gpu, options: DeviceOptions) -> crate::Result<(Device, Ort)> {
+    let ort = Ort::find(&options.libraries)?;
+    let directml = DirectMlOptions { deterministic: options.cpu.deterministic, ..DirectMlOptions::default() };
+    let device = Device::directml(&ort, gpu, directml)?;
+    Ok((device.with_library_search(options.libraries), ort))
 }
 
 /// What a device runs on, each with a reference more; none for a CPU device.
@@ -138,7 +143,11 @@ pub(in crate::abi) struct Recording {
 
 /// AMD's libraries, once they were found.
 #[derive(Default)]
-pub(in crate::abi) struct Amd(Option<ffx::Library>);
+pub(in crate::abi) struct Amd {
+    /// Where they are searched: as the device says that is prepared for.
+    search: LibrarySearch,
+    library: Option<ffx::Library>,
+}
 
 /// All that frames of one size need.
 pub(in crate::abi) struct Prepared {
@@ -254,6 +263,7 @@ impl Prepared {
         {
             load_pipelines(gpu, load, wanted.user);
         }
+        amd.set_search(device.library_search());
         let mut without = Without::default();
         let is_required = [asked.fsr, asked.shader, asked.upscaler].contains(&CAIRN_PREFER_REQUIRE);
         let drawer = match asked.shader {
@@ -343,11 +353,18 @@ impl Without {
 }
 
 impl Amd {
+    /// Searches where `search` says from now on; libraries found by another search are released.
+    fn set_search(&mut self, search: &LibrarySearch) {
+        if self.search != *search {
+            *self = Self { search: search.clone(), library: None };
+        }
+    }
+
     /// AMD's functions for an effect.
     fn api(&mut self, effect: ffx::Effect) -> crate::Result<ffx::Api> {
-        let library = match &mut self.0 {
+        let library = match &mut self.library {
             Some(library) => library,
-            none => none.insert(ffx::Library::load(&ffx::LoadOptions::from_environment())?),
+            none => none.insert(ffx::Library::load(&ffx::LoadOptions::of_host(&self.search))?),
         };
         library.api(effect).copied()
     }
@@ -611,7 +628,7 @@ pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
 }
 
 /// What a device on the first adapter needs, and what of AMD's could run on it.
-pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_requirement> {
+pub(in crate::abi) fn requirements(options: DeviceOptions) -> Vec<cairn_requirement> {
     let needed = "a Direct3D 12 adapter";
     let gpu = match Gpu::on_adapter(None) {
         Ok(gpu) => gpu,
@@ -621,8 +638,8 @@ pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_r
         }
     };
     let found = format!("{}, adapter {:#x}", platform(), gpu.luid());
-    let tried =
-        Ort::find(onnxruntime_at).and_then(|ort| Device::directml(&ort, &gpu, DirectMlOptions::default()).map(|_| ort));
+    let amd = ffx::LoadOptions::of_host(&options.libraries);
+    let tried = running(&gpu, options).map(|(_, ort)| ort);
     let mut rows =
         vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, needed, &found), onnxruntime(tried), memory()];
     // Of a small size: what may be refused does not depend on it.
@@ -632,7 +649,7 @@ pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_r
     };
     let needed = "compute shaders, for frames that the device makes; else the processor makes them";
     rows.push(row(CAIRN_REQUIREMENT_SHADERS, status, needed, &found));
-    rows.extend(ffx::requirements(&ffx::LoadOptions::from_environment(), &gpu).iter().map(|of_amd| {
+    rows.extend(ffx::requirements(&amd, &gpu).iter().map(|of_amd| {
         let what = match of_amd.what {
             Needed::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,
             Needed::Provider => CAIRN_REQUIREMENT_FSR_PROVIDER,

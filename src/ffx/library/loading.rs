@@ -1,11 +1,12 @@
 //! Loading, and the report of what was found.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::module::{FileVersion, Module};
 use super::{Part, search, signature};
 use crate::ffx::{Api, Effect};
-use crate::{Error, ErrorKind, Result};
+use crate::libraries::own_folders;
+use crate::{Error, ErrorKind, LibrarySearch, Result};
 
 /// Where AMD's libraries come from.
 #[derive(Debug, Clone, Default)]
@@ -19,8 +20,13 @@ pub struct LoadOptions {
 impl LoadOptions {
     /// What tools use, which have no host to tell them: the folder is what `CAIRN_FFX_DIR` names, where it is set.
     pub fn from_environment() -> Self {
-        let named = std::env::var_os("CAIRN_FFX_DIR").filter(|folder| !folder.is_empty());
-        Self { directory: named.map(PathBuf::from), signed: false }
+        Self { directory: search::named(&LibrarySearch::for_tools()), ..Self::default() }
+    }
+
+    /// What the C interface uses: the folder that a host names; else what `CAIRN_FFX_DIR` names, where it is set and the host lets the
+    /// environment name libraries.
+    pub fn of_host(search: &LibrarySearch) -> Self {
+        Self { directory: search::named(search), ..Self::default() }
     }
 }
 
@@ -58,10 +64,7 @@ impl Library {
     /// `RuntimeMissing` when no folder holds any of them, or none of what is there can be used; the error is the first one's, and
     /// [`File::fault`] has each.
     pub fn load(options: &LoadOptions) -> Result<Self> {
-        let own = [Module::own().map(Module::path), std::env::current_exe().ok()];
-        let own: Vec<PathBuf> =
-            own.into_iter().flatten().filter_map(|file| file.parent().map(Path::to_owned)).collect();
-        let folder = search::folder(options.directory.as_deref(), &own)?;
+        let folder = search::folder(options.directory.as_deref(), &own_folders())?;
         let mut loading = Loading { folder, signed: options.signed, files: Vec::new() };
         let mut doors = [None; Effect::ALL.len()];
         let mut effects = Vec::new();

@@ -14,8 +14,7 @@ use windows::Win32::Storage::FileSystem::{
     GetFileVersionInfoSizeW, GetFileVersionInfoW, VS_FIXEDFILEINFO, VerQueryValueW,
 };
 use windows::Win32::System::LibraryLoader::{
-    GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
-    GetModuleHandleExW, GetProcAddress, LOAD_LIBRARY_SEARCH_DEFAULT_DIRS, LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR,
+    GetModuleFileNameW, GetProcAddress, LOAD_LIBRARY_SEARCH_DEFAULT_DIRS, LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR,
     LoadLibraryExW,
 };
 use windows::Win32::System::Threading::GetCurrentProcess;
@@ -68,15 +67,6 @@ impl Module {
         }
         let is_one = |path: &Path| path.file_name().is_some_and(|file| file.eq_ignore_ascii_case(name));
         modules.into_iter().map(Self).filter(|module| is_one(&module.path())).collect()
-    }
-
-    /// This very library, or the program that it is linked into.
-    pub(super) fn own() -> Option<Self> {
-        let here = Self::own as fn() -> Option<Self> as *const u16;
-        let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
-        let mut module = HMODULE::default();
-        // SAFETY: an address in this module, and a place for the handle.
-        unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.ok().map(|()| Self(module))
     }
 
     /// An exported function, or null.

@@ -6,7 +6,8 @@ use windows::core::Interface;
 use super::Frame;
 use super::frame::Tracked;
 use super::timing::Timing;
-use crate::gpu::{Gpu, Moment, Queue, Spent, count_object, failed_on};
+use crate::gpu::{Gpu, Moment, Queue, Spent, failed_on};
+use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
 /// How many frames may be recorded before the first of them has run.

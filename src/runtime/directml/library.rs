@@ -8,11 +8,14 @@ use windows::Win32::AI::MachineLearning::DirectML::{
     DML_CREATE_DEVICE_FLAG_NONE, DML_CREATE_DEVICE_FLAGS, DML_FEATURE_LEVEL, DML_FEATURE_LEVEL_5_0, IDMLDevice,
 };
 use windows::Win32::Foundation::HMODULE;
-use windows::Win32::System::LibraryLoader::{GetProcAddress, LOAD_WITH_ALTERED_SEARCH_PATH, LoadLibraryExW};
+use windows::Win32::System::LibraryLoader::{
+    GetProcAddress, LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, LoadLibraryExW,
+};
 use windows::core::{GUID, HRESULT, Interface, PCWSTR, s, w};
 
 use super::unsupported;
 use crate::gpu::Gpu;
+use crate::libraries::canonical;
 use crate::runtime::Ort;
 use crate::runtime::module::{self, Version};
 use crate::{Error, ErrorKind, Result};
@@ -42,7 +45,7 @@ pub(super) fn load(ort: &Ort) -> Result<Library> {
     }
     if let Some(first) = module::loaded(w!("DirectML.dll")) {
         let described = module::described(&first.path);
-        if first.path.canonicalize().is_ok_and(|canonical| canonical == path) {
+        if canonical(&first.path).is_ok_and(|first| canonical(&path).is_ok_and(|own| first == own)) {
             return Ok(Library { module: first.handle, path });
         }
         if Version::of(&first.path).is_some_and(|version| version >= OLDEST) {
@@ -55,8 +58,9 @@ pub(super) fn load(ort: &Ort) -> Result<Library> {
         .remedy("Load Cairn's device before the engine's DirectML, or give the engine DirectML 1.15 or newer"));
     }
     let wide: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
+    let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
     // SAFETY: a NUL-terminated path; runs the initialisers of a library beside the one the caller named, with its trust.
-    let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, LOAD_WITH_ALTERED_SEARCH_PATH) }
+    let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, search) }
         .map_err(|e| missing(format!("DirectML's library cannot be loaded: {e}")))?;
     Ok(Library { module, path })
 }

@@ -9,6 +9,7 @@ mod tracer;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use cairn::LibrarySearch;
 use cairn::bundle::{Bundle, Precision};
 use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{CacheMode, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions};
@@ -78,7 +79,7 @@ enum Where {
 
 impl Where {
     fn device(self) -> Result<Device, Failure> {
-        let ort = Ort::find(None)?;
+        let ort = Ort::find(&LibrarySearch::for_tools())?;
         match self {
             // One thread: the oracle's process may use the other cores, and these graphs are too small to share.
             Self::Cpu => Ok(Device::cpu(&ort, CpuOptions { threads: Some(1), deterministic: true })?),

@@ -44,7 +44,7 @@ class own_rollout {
 public:
     explicit own_rollout(const FCairnPicture& picture, uint64_t seed)
     {
-        cairn::cpu_options options;
+        cairn::device_options options;
         options.threads = THREADS;
         device_ = cairn::device::cpu(options).value();
         cairn::world_options wanted;

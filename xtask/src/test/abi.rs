@@ -29,7 +29,7 @@ const CALLS: &str = "tests/abi/calls.h";
 
 /// Headers that hosts may have been compiled with, by their folder in `tests/abi/earlier`, and programs that must run with
 /// them still.
-const EARLIER: [(&str, &[&str]); 1] = [("1", &["basics", "world", "input", "rollout"])];
+const EARLIER: [(&str, &[&str]); 1] = [("2", &["basics", "world", "input", "rollout"])];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let clone = context.clone;

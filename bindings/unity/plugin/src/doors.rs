@@ -76,7 +76,7 @@ pub unsafe extern "C" fn cairn_unity_create_device(device: *mut *mut cairn_devic
         let Some(drawing) = plugin::drawing() else { return CAIRN_ERROR_UNSUPPORTED };
         let (d3d12, queue) = drawing.parts();
         // SAFETY: objects of Unity's, to which `drawing` holds references; the place is checked.
-        unsafe { cairn_device_create_d3d12(d3d12.cast(), queue.cast(), std::ptr::null_mut(), device) }
+        unsafe { cairn_device_create_d3d12(d3d12.cast(), queue.cast(), std::ptr::null_mut(), std::ptr::null(), device) }
     })
 }
 

@@ -49,7 +49,7 @@ cairn::result<FCairnDevice> FCairnWorlds::Maker(ECairnAnchors Anchors, int32 Thr
 	{
 		return Frames();
 	}
-	cairn::cpu_options Wanted;
+	cairn::device_options Wanted;
 	Wanted.threads = static_cast<uint32>(FMath::Max(Threads, 0));
 	cairn::result<cairn::device> Made = cairn::device::cpu(Wanted);
 	if (!Made.ok())

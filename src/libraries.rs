@@ -1,0 +1,128 @@
+//! Where dynamic libraries of others are looked for, and who may name them.
+
+use std::path::{Path, PathBuf};
+
+/// Where ONNX Runtime and AMD's libraries are looked for. The default is what a game wants: beside this library, then beside the
+/// program, and nowhere else, so that nobody but who installed the game says which code runs in it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct LibrarySearch {
+    /// The file of ONNX Runtime; without one it is searched.
+    pub onnxruntime: Option<PathBuf>,
+    /// The folder of AMD's libraries; without one they are searched.
+    pub ffx: Option<PathBuf>,
+    /// Environment variables and the user's cache may name libraries, too.
+    pub environment: bool,
+}
+
+impl LibrarySearch {
+    /// What tools and tests use, which run as their user wants: the environment and the user's cache may name libraries.
+    pub fn for_tools() -> Self {
+        Self { environment: true, ..Self::default() }
+    }
+
+    /// The path in an environment variable, where the environment may name libraries and the variable is set and not empty.
+    pub(crate) fn variable(&self, name: &str) -> Option<PathBuf> {
+        let value = self.environment.then(|| std::env::var_os(name)).flatten();
+        value.filter(|value| !value.is_empty()).map(PathBuf::from)
+    }
+}
+
+/// The folders that are searched in every process: that of this library, then the program's.
+pub(crate) fn own_folders() -> Vec<PathBuf> {
+    let files = [own_module(), std::env::current_exe().ok()];
+    let mut folders: Vec<PathBuf> =
+        files.into_iter().flatten().filter_map(|file| file.parent().map(Path::to_owned)).collect();
+    folders.dedup();
+    folders
+}
+
+/// The file that this code was loaded from: the library, or the program that it is linked into.
+#[cfg(windows)]
+pub(crate) fn own_module() -> Option<PathBuf> {
+    use std::os::windows::ffi::OsStringExt;
+
+    use windows::Win32::Foundation::HMODULE;
+    use windows::Win32::System::LibraryLoader::{
+        GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
+        GetModuleHandleExW,
+    };
+    use windows::core::PCWSTR;
+
+    let here = own_module as fn() -> Option<PathBuf> as *const u16;
+    let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
+    let mut module = HMODULE::default();
+    // SAFETY: an address in this module, and a place for the handle.
+    unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.ok()?;
+    // The longest path that Windows has.
+    let mut name = vec![0; 1 << 15];
+    // SAFETY: a loaded module and memory of the length that the slice tells.
+    let length = unsafe { GetModuleFileNameW(Some(module), &mut name) } as usize;
+    let is_whole = (1..name.len()).contains(&length);
+    is_whole.then(|| std::ffi::OsString::from_wide(&name[..length]).into())
+}
+
+/// The same: the mapping that holds this function.
+#[cfg(target_os = "linux")]
+pub(crate) fn own_module() -> Option<PathBuf> {
+    let here = own_module as fn() -> Option<PathBuf> as usize;
+    let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
+    maps.lines().find_map(|line| {
+        let (range, rest) = line.split_once(' ')?;
+        let (from, to) = range.split_once('-')?;
+        let (from, to) = (usize::from_str_radix(from, 16).ok()?, usize::from_str_radix(to, 16).ok()?);
+        let path = &rest[rest.find('/')?..];
+        (from..to).contains(&here).then(|| PathBuf::from(path))
+    })
+}
+
+/// Nothing tells it there.
+#[cfg(not(any(windows, target_os = "linux")))]
+pub(crate) fn own_module() -> Option<PathBuf> {
+    None
+}
+
+/// A file's path without symbolic links, so that two paths of one file are equal; in the form that every loader takes, which
+/// Windows' own form of it, `\\?\C:\folder`, is not.
+pub(crate) fn canonical(path: &Path) -> std::io::Result<PathBuf> {
+    let path = path.canonicalize()?;
+    #[cfg(windows)]
+    {
+        /// The longest path that is taken without the prefix, by systems where long paths are off.
+        const MAX_PATH: usize = 260;
+        let plain = path.to_str().and_then(|path| path.strip_prefix(r"\\?\"));
+        if let Some(plain) = plain.filter(|plain| plain.as_bytes().get(1) == Some(&b':') && plain.len() < MAX_PATH) {
+            return Ok(plain.into());
+        }
+    }
+    Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(any(windows, target_os = "linux"))]
+    #[test]
+    fn the_module_of_a_test_is_the_test_program() {
+        assert_eq!(own_module(), std::env::current_exe().ok());
+        assert_eq!(own_folders().len(), 1);
+    }
+
+    #[test]
+    fn a_variable_counts_only_where_the_environment_may_name_libraries() {
+        let tools = LibrarySearch::for_tools();
+        assert!(tools.variable("PATH").is_some() && tools.variable("CAIRN_NO_SUCH_VARIABLE").is_none());
+        assert_eq!(LibrarySearch::default().variable("PATH"), None);
+    }
+
+    #[test]
+    fn a_canonical_path_is_plain_and_the_same_by_any_way() {
+        let program = std::env::current_exe().expect("our own path");
+        let folder = program.parent().expect("a folder");
+        let (name, parent) = (program.file_name().expect("a name"), folder.file_name().expect("a name"));
+        let around = folder.join("..").join(parent).join(name);
+        let path = canonical(&around).expect("it is there");
+        assert_eq!(path, canonical(&program).expect("it is there"));
+        assert!(!path.to_string_lossy().starts_with(r"\\?\"), "{}", path.display());
+    }
+}

@@ -1,0 +1,298 @@
+//! Where the library finds ONNX Runtime and DirectML, as a program has it that loads `cairn.dll`: beside the library in the layouts of
+//! engines, by a path, and nowhere that the host did not allow. On Windows, or in the lab, whose drive C: has nothing of this machine's.
+#![cfg(windows)]
+
+use std::ffi::{CString, c_char};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::ptr::{null, null_mut};
+use std::sync::OnceLock;
+
+use cairn::abi::d3d12::{ID3D12CommandQueue, ID3D12Device};
+use cairn::abi::device::{CAIRN_DEVICE_ENVIRONMENT, cairn_device, cairn_device_options};
+use cairn::abi::results::{CAIRN_ERROR_RUNTIME_MISSING, CAIRN_OK, cairn_result};
+use cairn::gpu::windows::Win32::Foundation::HMODULE;
+use cairn::gpu::windows::Win32::System::LibraryLoader::{
+    GetModuleFileNameW, GetModuleHandleW, GetProcAddress, LoadLibraryW,
+};
+use cairn::gpu::windows::core::{Interface, PCSTR, PCWSTR};
+
+mod common;
+#[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
+mod engine;
+
+/// What Microsoft's libraries are called, and one of the system's that the first of them needs.
+const RUNTIME: [&str; 2] = ["onnxruntime.dll", "DirectML.dll"];
+const NEEDED: &str = "MSVCP140.dll";
+
+/// An empty folder of a test's own, on drive C:. It stays: libraries in it are loaded.
+fn fresh(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("cairn-libraries-{}-{name}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
+
+/// Puts a file into a folder, which is made.
+fn put(from: &Path, folder: &Path, name: &str) -> PathBuf {
+    std::fs::create_dir_all(folder).expect("a folder");
+    let to = folder.join(name);
+    // On one drive the same file under another name takes no room.
+    if std::fs::hard_link(from, &to).is_err() {
+        std::fs::copy(from, &to).unwrap_or_else(|e| panic!("{}: {e}", from.display()));
+    }
+    to
+}
+
+/// Puts Microsoft's libraries into a folder.
+fn put_runtime(folder: &Path) {
+    static FIRST: OnceLock<PathBuf> = OnceLock::new();
+    let first = FIRST.get_or_init(|| {
+        let (ort, first) = (common::ort(), fresh("runtime"));
+        for name in RUNTIME {
+            put(&ort.path().with_file_name(name), &first, name);
+        }
+        first
+    });
+    for name in RUNTIME {
+        put(&first.join(name), folder, name);
+    }
+}
+
+/// The library under test, which the build puts beside the tests' programs.
+fn library() -> PathBuf {
+    let own = std::env::current_exe().expect("our own path");
+    let found = own.ancestors().skip(1).take(2).map(|place| place.join("cairn.dll")).find(|path| path.is_file());
+    found.expect("cairn.dll is not there: cargo build --package cairn --lib, for the same target")
+}
+
+/// What the program is told: the library, whether it lets the environment name libraries, and the file that it names in its options.
+const LIBRARY: &str = "CAIRN_TEST_LIBRARY";
+const ALLOWS: &str = "CAIRN_TEST_ALLOWS_ENVIRONMENT";
+const NAMES: &str = "CAIRN_TEST_NAMES";
+
+/// A program that uses the library, with no variable of ours; to be run.
+fn program(folder: &Path, library: &Path) -> Command {
+    let own = std::env::current_exe().expect("our own path");
+    let mut command = Command::new(put(&own, folder, "game.exe"));
+    command.args(["--exact", "the_program_that_loads_the_library", "--nocapture"]).current_dir("C:\\");
+    for (name, _) in std::env::vars_os() {
+        if name.to_string_lossy().to_uppercase().starts_with("CAIRN_") {
+            command.env_remove(name);
+        }
+    }
+    command.env(LIBRARY, library);
+    command
+}
+
+/// What a program said, line by line.
+fn said(command: &mut Command) -> Vec<String> {
+    let ended = command.output().expect("a process");
+    let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
+    assert!(ended.status.success() && out.contains("1 passed"), "{}: {out}\n{err}", ended.status);
+    out.lines().filter_map(|line| line.strip_prefix("> ")).map(str::to_owned).collect()
+}
+
+/// The program made a device of each kind, with ONNX Runtime and DirectML of that folder, and what they need from the system.
+fn finds(command: &mut Command, folder: &Path) {
+    let lines = said(command);
+    let system = PathBuf::from(std::env::var_os("SystemRoot").expect("Windows says where it is")).join("System32");
+    let files = RUNTIME.map(|name| folder.join(name)).into_iter().chain([system.join(NEEDED)]);
+    let files = files.zip(RUNTIME.into_iter().chain([NEEDED]));
+    let files = files.map(|(file, name)| format!("{name} is {}", file.display()));
+    let expected: Vec<String> = ["cpu 0", "d3d12 0"].map(str::to_owned).into_iter().chain(files).collect();
+    let lower = |lines: &[String]| lines.iter().map(|line| line.to_lowercase()).collect::<Vec<_>>();
+    assert_eq!(lower(&lines), lower(&expected));
+}
+
+/// The program made no device, and why says so.
+fn misses(command: &mut Command, parts: &[&str]) {
+    let lines = said(command);
+    let missing = format!("{CAIRN_ERROR_RUNTIME_MISSING}");
+    for (line, kind) in lines.iter().zip(["cpu", "d3d12"]) {
+        assert!(line.starts_with(&format!("{kind} {missing} ")), "{lines:?}");
+        for part in parts {
+            assert!(line.contains(part), "{line:?} does not say {part:?}");
+        }
+    }
+    assert_eq!(lines[2..4], RUNTIME.map(|name| format!("{name} is not loaded")), "{lines:?}");
+}
+
+/// Not a test of its own, but the program of the others: makes devices by the library that it is told, and says what came of it.
+#[test]
+fn the_program_that_loads_the_library() {
+    let Some(library) = std::env::var_os(LIBRARY) else { return };
+    type CreateCpu = unsafe extern "C" fn(*const cairn_device_options, *mut *mut cairn_device) -> cairn_result;
+    type CreateD3d12 = unsafe extern "C" fn(
+        *mut ID3D12Device,
+        *mut ID3D12CommandQueue,
+        *mut ID3D12CommandQueue,
+        *const cairn_device_options,
+        *mut *mut cairn_device,
+    ) -> cairn_result;
+    type Destroy = unsafe extern "C" fn(*mut cairn_device) -> cairn_result;
+    type LastError = unsafe extern "C" fn(*mut c_char, usize, *mut usize) -> cairn_result;
+    let path: Vec<u16> = std::os::windows::ffi::OsStrExt::encode_wide(&*library).chain([0]).collect();
+    // SAFETY: a path that ends with a zero, of the library under test, which stays loaded.
+    let module = unsafe { LoadLibraryW(PCWSTR(path.as_ptr())) }.expect("the library loads");
+    let function = |name: &std::ffi::CStr| {
+        // SAFETY: a loaded module and a name that ends with a zero.
+        unsafe { GetProcAddress(module, PCSTR(name.as_ptr().cast())) }.expect("it is exported")
+    };
+    // SAFETY: the functions of these names, as the header declares them.
+    let (create_cpu, create_d3d12, destroy, last_error) = unsafe {
+        (
+            std::mem::transmute::<_, CreateCpu>(function(c"cairn_device_create_cpu")),
+            std::mem::transmute::<_, CreateD3d12>(function(c"cairn_device_create_d3d12")),
+            std::mem::transmute::<_, Destroy>(function(c"cairn_device_destroy")),
+            std::mem::transmute::<_, LastError>(function(c"cairn_last_error")),
+        )
+    };
+    let message = || {
+        let mut text = [0_u8; 4096];
+        let mut length = 0;
+        // SAFETY: as much room as is said, and a place for the length.
+        unsafe { last_error(text.as_mut_ptr().cast(), text.len(), &mut length) };
+        String::from_utf8_lossy(&text[..length.min(text.len())]).replace('\n', " ")
+    };
+    let named = std::env::var(NAMES).ok().map(|path| CString::new(path).expect("no NUL"));
+    let allows = std::env::var_os(ALLOWS).is_some();
+    let options = cairn_device_options {
+        struct_size: size_of::<cairn_device_options>() as u32,
+        threads: 1,
+        flags: if allows { CAIRN_DEVICE_ENVIRONMENT } else { 0 },
+        reserved: 0,
+        onnxruntime: named.as_ref().map_or(null(), |path| path.as_ptr()),
+        ffx: null(),
+    };
+    let options = if allows || named.is_some() { &raw const options } else { null() };
+    let tell = |kind: &str, result: cairn_result, device: *mut cairn_device| {
+        if result == CAIRN_OK {
+            println!("> {kind} {result}");
+        } else {
+            println!("> {kind} {result} {}", message());
+        }
+        // SAFETY: null or a live handle.
+        assert_eq!(unsafe { destroy(device) }, CAIRN_OK);
+    };
+    let mut device = null_mut();
+    // SAFETY: null or options of their size, and a place for the handle.
+    tell("cpu", unsafe { create_cpu(options, &mut device) }, device);
+    let engine = engine::engine();
+    let mut device = null_mut();
+    let (d3d12, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
+    // SAFETY: live objects, null or options of their size, and a place for the handle.
+    tell("d3d12", unsafe { create_d3d12(d3d12, queue, null_mut(), options, &mut device) }, device);
+    for name in RUNTIME.into_iter().chain([NEEDED]) {
+        match loaded(name) {
+            Some(path) => println!("> {name} is {}", path.display()),
+            None => println!("> {name} is not loaded"),
+        }
+    }
+}
+
+/// The file of a library that is in this process.
+fn loaded(name: &str) -> Option<PathBuf> {
+    let name: Vec<u16> = name.encode_utf16().chain([0]).collect();
+    // SAFETY: a name that ends with a zero; no reference is taken.
+    let module: HMODULE = unsafe { GetModuleHandleW(PCWSTR(name.as_ptr())) }.ok()?;
+    let mut path = vec![0; 1 << 15];
+    // SAFETY: a loaded module and memory of the length that the slice tells.
+    let length = unsafe { GetModuleFileNameW(Some(module), &mut path) } as usize;
+    Some(String::from_utf16_lossy(&path[..length]).into())
+}
+
+#[test]
+fn beside_the_library_in_every_layout() {
+    let own = library();
+    // The folder of the library, its name, and the folder of the program.
+    for (name, place, file, started) in [
+        ("plain", "library", "cairn.dll", "program"),
+        ("unity", r"Game_Data\Plugins\x86_64", "cairn_unity.dll", "."),
+        ("unreal", r"Game\Plugins\Cairn\Binaries\ThirdParty\Cairn\Win64", "cairn.dll", r"Game\Binaries\Win64"),
+        ("letters", "a folder Ж 状態", "cairn.dll", "another folder Ж"),
+    ] {
+        let root = fresh(name);
+        let folder = root.join(place);
+        put_runtime(&folder);
+        finds(&mut program(&root.join(started), &put(&own, &folder, file)), &folder);
+    }
+}
+
+#[test]
+fn beside_the_program() {
+    let root = fresh("program");
+    let folder = root.join("program");
+    put_runtime(&folder);
+    finds(&mut program(&folder, &put(&library(), &root.join("library"), "cairn.dll")), &folder);
+}
+
+#[test]
+fn where_the_options_say() {
+    let root = fresh("named");
+    let folder = root.join("a folder Ж 状態");
+    put_runtime(&folder);
+    let mut command = program(&root.join("program"), &put(&library(), &root.join("library"), "cairn.dll"));
+    finds(command.env(NAMES, folder.join(RUNTIME[0])), &folder);
+}
+
+#[test]
+fn the_environment_counts_only_where_the_host_allows_it() {
+    let root = fresh("environment");
+    let own = put(&library(), &root.join("library"), "cairn.dll");
+    let folder = root.join("named");
+    put_runtime(&folder);
+    let cache = root.join("cache");
+    let cached = cache.join("cairn").join("onnxruntime-1.24.4");
+    put_runtime(&cached);
+    let started = root.join("program");
+    for (variable, value, place) in [
+        ("CAIRN_ONNXRUNTIME", folder.join(RUNTIME[0]), &folder),
+        ("CAIRN_CACHE_DIR", cache.clone(), &cached),
+        ("LOCALAPPDATA", cache, &cached),
+    ] {
+        let mut command = program(&started, &own);
+        command.env(variable, value);
+        let named = variable == "CAIRN_ONNXRUNTIME";
+        misses(&mut command, if named { &["CAIRN_ONNXRUNTIME is set, but this host"] } else { &["was not found"] });
+        finds(command.env(ALLOWS, "1"), place);
+    }
+    // What lies beside the library is not chosen by a variable either.
+    let beside = root.join("beside");
+    put_runtime(&beside);
+    let mut command = program(&started, &put(&library(), &beside, "cairn.dll"));
+    finds(command.env("CAIRN_ONNXRUNTIME", folder.join(RUNTIME[0])), &beside);
+}
+
+/// On Windows `/proc/self/maps` is a file on the current drive, which anybody may write, and which may name any folder. Wine takes a path
+/// that begins so for one of Linux, where the current drive has no say: that the library does not know the name is checked, too.
+#[test]
+fn a_file_called_proc_self_maps_is_not_read() {
+    let root = fresh("planted");
+    let planted = root.join("planted");
+    put_runtime(&planted);
+    let folder = Path::new(r"C:\proc\self");
+    std::fs::create_dir_all(folder).expect("a folder");
+    let path = planted.display().to_string().replace('\\', "/");
+    let line = format!("0-7fffffffffffffff r-xp 00000000 00:00 0 {}/cairn.dll\n", path.trim_start_matches("C:"));
+    std::fs::write(folder.join("maps"), line).expect("a file");
+    let mut command = program(&root.join("program"), &put(&library(), &root.join("library"), "cairn.dll"));
+    misses(&mut command, &["was not found", r"library\onnxruntime.dll"]);
+    std::fs::remove_dir_all(r"C:\proc").expect("it was there");
+    let bytes = std::fs::read(library()).expect("the library");
+    assert!(!bytes.windows(6).any(|part| part == b"/proc/"), "the library names a file of Linux");
+}
+
+/// Visual C++'s library is ONNX Runtime's own need: beside it or of the system, and neither the program's nor the working folder's.
+#[test]
+fn what_onnx_runtime_needs_comes_from_beside_it_or_from_the_system() {
+    let root = fresh("needs");
+    let folder = root.join("library");
+    put_runtime(&folder);
+    let started = root.join("program");
+    let mut command = program(&started, &put(&library(), &folder, "cairn.dll"));
+    // Any library would do: which one was loaded is what counts.
+    put(&library(), &started, NEEDED);
+    put(&library(), &root.join("working"), NEEDED);
+    finds(command.current_dir(root.join("working")).env(NAMES, folder.join(RUNTIME[0])), &folder);
+}
