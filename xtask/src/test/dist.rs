@@ -7,6 +7,7 @@ use std::process::Command;
 use provision::{Console, tools};
 
 use super::Context;
+use super::archive;
 use super::host;
 use super::lab;
 use super::tally::{Skip, Tally};
@@ -377,21 +378,12 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// The sample as its page says, run with nothing but what the archive has; a project that finds the package; and a
-    /// program that LLVM links as MSVC does.
+    /// The sample as its page says, run with nothing but what the archive has, and hosts of other kinds; a project that finds the package;
+    /// and a program that LLVM links as MSVC does.
     fn on_windows(&self, log: &mut Log, root: &Path, tally: &mut Tally) -> Result<(), String> {
         let source = root.join("samples").join("host-d3d12");
         let program = host::windows_sample(log, self.cmake, &source, &self.work.join("host-d3d12"), &[])?;
-        let (script, seed) = (root.join("samples/scripts/walk.txt"), root.join("samples/worlds/place.ppm"));
-        let mut command = in_lab(&program)?;
-        // What lies beside the program is what the library looks for first.
-        command.env_remove("CAIRN_ONNXRUNTIME");
-        command.args(["--headless", "6", "--record", "walk", "--anchors", "cpu", "--script"]).arg(script);
-        command.arg("--seed-picture").arg(seed).current_dir(self.work);
-        let ended = log.run(&mut command)?;
-        let frames = (0..6).filter(|i| self.work.join("walk").join(format!("frame-{i:05}.ppm")).is_file()).count();
-        let wrong = !ended.success || frames != 6;
-        tally.check(wrong.then(|| format!("host-d3d12 of the archive records {frames} of 6 frames")));
+        archive::run(self.context, log, root, &program, self.work, tally)?;
 
         let list = self.work.join("found");
         let build = self.work.join("found-windows");

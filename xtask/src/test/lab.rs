@@ -54,6 +54,50 @@ fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     Ok(cargo::count(&log.run(&mut command)?))
 }
 
+/// A command that runs a program as [`lab_run`] does, with nothing in its environment but what Windows itself puts there.
+pub(super) fn alone(program: &Path) -> Result<Command, String> {
+    let mut command = crate::lab::command(program)?;
+    let own: Vec<_> =
+        command.get_envs().filter_map(|(name, value)| Some((name.to_owned(), value?.to_owned()))).collect();
+    command.env_clear().envs(own);
+    // What starts the lab, or Windows, cannot do without.
+    for name in if cfg!(windows) { ["SystemRoot", "SystemDrive"] } else { ["PATH", "TERM"] } {
+        if let Some(value) = std::env::var_os(name) {
+            command.env(name, value);
+        }
+    }
+    Ok(command)
+}
+
+/// A path of this machine as programs in the lab, or on Windows, have it.
+pub(super) fn on_drive(path: &Path) -> PathBuf {
+    if cfg!(windows) {
+        return path.to_owned();
+    }
+    // The machine's root is a drive there.
+    format!("Z:{}", path.display().to_string().replace('/', "\\")).into()
+}
+
+/// Puts Microsoft's libraries into a folder, where a program or a library of ours looks for them first.
+pub(super) fn put_runtime(folder: &Path) -> Result<(), String> {
+    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+    let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
+    fs::create_dir_all(folder).map_err(failed)?;
+    for name in ["onnxruntime.dll", "DirectML.dll"] {
+        let (from, to) = (library.with_file_name(name), folder.join(name));
+        let size = |path: &Path| fs::metadata(path).map(|file| file.len()).ok();
+        if size(&to).is_some() && size(&to) == size(&from) {
+            continue;
+        }
+        _ = fs::remove_file(&to);
+        // The same file under another name takes no room; not every file system has that.
+        if fs::hard_link(&from, &to).is_err() {
+            fs::copy(&from, &to).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
 /// How many lives of a device, and of a world, the long run has.
 const DEVICES: &str = "1000";
 const WORLDS: &str = "20";

@@ -1,6 +1,7 @@
 //! `cargo xtask test`: named runners, one after the other, and one sum.
 
 mod abi;
+mod archive;
 mod blocks;
 mod book;
 mod browser;
@@ -198,12 +199,29 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
-    /// The same for a command that runs Windows programs.
+    /// The same for a command that runs programs that cargo builds for Windows: Microsoft's libraries lie beside them, as beside a game,
+    /// and no variable names them.
     fn provide_windows_worlds(&self, command: &mut Command) -> Result<(), String> {
+        let built = self.windows_programs();
+        lab::put_runtime(&built)?;
+        lab::put_runtime(&built.join("deps"))?;
+        command.env_remove("CAIRN_ONNXRUNTIME");
+        command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
+        Ok(())
+    }
+
+    /// The same for a program that fetches ONNX Runtime itself where no variable names it.
+    fn provide_windows_tools(&self, command: &mut Command) -> Result<(), String> {
         let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
         command.env("CAIRN_ONNXRUNTIME", library);
         command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
         Ok(())
+    }
+
+    /// Where cargo puts programs for Windows; those of tests are in its folder `deps`.
+    fn windows_programs(&self) -> PathBuf {
+        let target = &self.clone.target;
+        if cfg!(windows) { target.join("debug") } else { target.join(provision::tools::WINDOWS_TARGET).join("debug") }
     }
 
     /// Tells a command where the weights of LPIPS are.

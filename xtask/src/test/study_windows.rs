@@ -76,7 +76,7 @@ fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     lab::for_windows(&mut command)?;
     // By their whole names: another test whose name holds one of them is not left out, and a renamed one runs.
     command.args(["--", "--exact"]).args(LONG.iter().flat_map(|name| ["--skip", name]));
-    context.provide_windows_worlds(&mut command)?;
+    context.provide_windows_tools(&mut command)?;
     context.provide_lpips(&mut command)?;
     Ok(cargo::count(&log.run(&mut command)?))
 }
@@ -109,7 +109,7 @@ impl<'a> Comparison<'a> {
         let mut command = lab::lab_run()?;
         command.arg(&self.program).arg("compare").args(SHORT).args(["--quiet", "--generator", generator]);
         command.arg("--out").arg(&self.out).current_dir(&self.context.clone.root).env("CAIRN_FFX_DIR", amd);
-        self.context.provide_windows_worlds(&mut command)?;
+        self.context.provide_windows_tools(&mut command)?;
         self.context.provide_lpips(&mut command)?;
         log.run(&mut command)
     }

@@ -39,7 +39,7 @@ const FOLDER: &str = "a folder Ж";
 const PAGES: &str = "bindings/unreal/";
 
 /// The library in the plugin.
-const LIBRARY: &str = "Binaries/ThirdParty/Cairn/Win64/cairn.dll";
+pub(super) const LIBRARY: &str = "Binaries/ThirdParty/Cairn/Win64/cairn.dll";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
@@ -58,6 +58,15 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         None => place.play(log, &mut tally)?,
     }
     Ok(tally)
+}
+
+/// Builds the small engine as the newest version in a folder; the program.
+pub(super) fn host(context: &Context<'_>, log: &mut Log, work: PathBuf) -> Result<PathBuf, String> {
+    let place = Place { context, work };
+    place.mark_headers(&mut Tally::default())?;
+    let late = place.late_imports(log)?;
+    let program = place.engine(log, PLAYED[PLAYED.len() - 1], &late)?;
+    program.ok_or_else(|| "the small engine does not compile".to_owned())
 }
 
 fn skip(name: &str, reason: String) -> Skip {
@@ -248,29 +257,36 @@ impl Place<'_> {
         Ok(())
     }
 
+    /// The small engine as a version, with the plugin's sources; none where it does not compile.
+    fn engine(&self, log: &mut Log, version: u32, late: &Path) -> Result<Option<PathBuf>, String> {
+        let sources =
+            [self.files(&format!("{RUNTIME}/Private/"), ".cpp")?, self.files(&format!("{HOST}/"), ".cpp")?].concat();
+        let all = self.together("host.cpp", &sources)?;
+        let program = self.work.join(format!("host-5.{version}.exe"));
+        let mingw = tools::mingw_compiler(true, &Console::new()).map_err(|e| e.to_string())?;
+        let mut command = Command::new(&mingw.program);
+        command.args(mingw.first);
+        self.told(&mut command, version, true);
+        command.arg(&all).arg(late).args(["-ldelayimp", "-ld3d12", "-ldxgi", "-lshell32", "-static", "-o"]);
+        Ok(log.run(command.arg(&program))?.success.then_some(program))
+    }
+
     /// Builds a small engine around the plugin, and runs it with the library, with others in its place, and with none.
     fn play(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let library = host::windows_library(self.context, log)?;
         let plugin = self.work.join(FOLDER).join("Cairn");
         dist::assemble_unreal(self.context.clone, &library, &plugin)?;
+        // Beside the library, as the page has it, and the program is elsewhere.
+        lab::put_runtime(&plugin.join(LIBRARY).with_file_name(""))?;
         let late = self.late_imports(log)?;
-        let sources =
-            [self.files(&format!("{RUNTIME}/Private/"), ".cpp")?, self.files(&format!("{HOST}/"), ".cpp")?].concat();
-        let all = self.together("host.cpp", &sources)?;
         let mut newest = PathBuf::new();
         for version in PLAYED {
-            let program = self.work.join(format!("host-5.{version}.exe"));
-            let mingw = tools::mingw_compiler(true, &Console::new()).map_err(|e| e.to_string())?;
-            let mut command = Command::new(&mingw.program);
-            command.args(mingw.first);
-            self.told(&mut command, version, true);
-            command.arg(&all).arg(&late).args(["-ldelayimp", "-ld3d12", "-ldxgi", "-lshell32", "-static", "-o"]);
-            if !log.run(command.arg(&program))?.success {
+            let Some(program) = self.engine(log, version, &late)? else {
                 tally.failures.push(format!("the small engine does not compile as 5.{version}"));
                 continue;
-            }
+            };
             let mut command = in_lab(&program)?;
-            self.context.provide_windows_worlds(&mut command)?;
+            command.env_remove("CAIRN_ONNXRUNTIME");
             let ended = log.run(command.arg(&plugin).arg("play").current_dir(&self.work))?;
             tally.check((!ended.success).then(|| format!("the plugin in Unreal Engine 5.{version}: {}", ended.output)));
             newest = program;

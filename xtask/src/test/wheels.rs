@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 use provision::{Console, tools, wheels};
 
@@ -181,12 +182,10 @@ impl Place<'_> {
         };
         self.stand_ins(log, &start, "dll", stand_ins)?;
         let folder = self.work.join(PLACE);
-        let lab = |name, into: &str| {
-            let mut command = lab::lab_run()?;
-            command.arg(&program);
-            self.program(command, name, &folder.join(into))
-        };
+        let lab = |name, into: &str| self.program(lab::alone(&program)?, name, &folder.join(into));
+        let began = Instant::now();
         abi::count("the Windows wheel", &log.run(&mut lab("walk.py", "walk-windows")?)?, tally);
+        log.line(&format!("the Windows wheel: started, shown and ended in {:.1} s", began.elapsed().as_secs_f64()))?;
         let mut wrong = lab("wrong.py", "wrong-windows")?;
         abi::count("what the Windows wheel says", &log.run(wrong.arg(stand_ins))?, tally);
         Ok(())
@@ -202,10 +201,10 @@ impl Place<'_> {
             let copy = into.join(entry.file_name());
             fs::copy(entry.path(), &copy).map_err(|e| format!("{}: {e}", copy.display()))?;
         }
-        // The machine's root is a drive there.
-        let on_drive = |path: &Path| format!("Z:{}", path.display().to_string().replace('/', "\\"));
         let paths = into.join("python312._pth");
-        let text = format!("python312.zip\r\n.\r\n{}\r\n{}\r\n", on_drive(site), on_drive(&python.packages));
+        let text =
+            [lab::on_drive(site), lab::on_drive(&python.packages)].map(|path| path.display().to_string()).join("\r\n");
+        let text = format!("python312.zip\r\n.\r\n{text}\r\n");
         fs::write(&paths, text).map_err(|e| format!("{}: {e}", paths.display()))?;
         Ok(into.join("python.exe"))
     }

@@ -14,6 +14,8 @@ use cairn::abi::results::{
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
+// The plugin is linked into this program.
+use cairn_unity as plugin;
 use cairn_unity::*;
 
 #[path = "../../../../tests/d3d12/engine.rs"]

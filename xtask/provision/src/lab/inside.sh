@@ -11,6 +11,8 @@ if ! read -r display < /run/display; then
     exit 1
 fi
 export DISPLAY=":$display" WINEPREFIX=/windows
+# In another locale Wine sees no letters in names of files but Latin ones.
+export LC_ALL="${LC_ALL:-C.UTF-8}"
 # Wine's remarks would stand between the program's own.
 export WINEDEBUG="${WINEDEBUG:--all}" VKD3D_DEBUG="${VKD3D_DEBUG:-none}" VKD3D_SHADER_DEBUG="${VKD3D_SHADER_DEBUG:-none}"
 export WINEDLLOVERRIDES="${WINEDLLOVERRIDES:-mscoree,mshtml=}"

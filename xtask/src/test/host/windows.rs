@@ -52,6 +52,7 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
     }
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let program = build(context, log, &cmake, &work)?;
+    lab::put_runtime(&program.with_file_name(""))?;
     let host = Host { context, work, program };
     recorded(&host, log, &mut tally)?;
     high_range(&host, log, &mut tally)?;
@@ -63,16 +64,26 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
     Ok(tally)
 }
 
-/// Builds the library for Windows, with what the library's own tests have been built with; the folder it is in.
+/// Builds the library for Windows, with what the library's own tests have been built with, and the Unity that shows a picture; the
+/// folder they are in.
 pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
-    let mut command =
-        context.clone.cargo(["build", "--package", "cairn", "--package", "cairn-unity", "--lib", "--test", "d3d12"]);
+    let mut command = context.clone.cargo([
+        "build",
+        "--package",
+        "cairn",
+        "--package",
+        "cairn-unity",
+        "--lib",
+        "--test",
+        "d3d12",
+        "--example",
+        "show",
+    ]);
     lab::for_windows(&mut command)?;
     if !log.run(&mut command)?.success {
         return Err("the library does not build for Windows".to_owned());
     }
-    let target = &context.clone.target;
-    Ok(if cfg!(windows) { target.join("debug") } else { target.join(tools::WINDOWS_TARGET).join("debug") })
+    Ok(context.windows_programs())
 }
 
 /// Builds the library, and the sample for it.
@@ -123,8 +134,7 @@ impl Host<'_> {
         if !cfg!(windows) {
             command.arg(&self.program);
         }
-        let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
-        command.args(arguments).current_dir(&self.work).env("CAIRN_ONNXRUNTIME", library);
+        command.args(arguments).current_dir(&self.work).env_remove("CAIRN_ONNXRUNTIME");
         Ok(command)
     }
 
@@ -341,10 +351,9 @@ fn hands(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     let program = host.work.join("hands.exe");
     compile(host.context, log, HANDS, &program)?;
     let mut command = lab::lab_run()?;
-    let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
     command.arg(&program).arg("played/controls.txt").arg(&host.program);
     command.args(["--anchors", "cpu", "--rate", "4", "--record", "played"]);
-    let ended = log.run(command.current_dir(&host.work).env("CAIRN_ONNXRUNTIME", library))?;
+    let ended = log.run(command.current_dir(&host.work).env_remove("CAIRN_ONNXRUNTIME"))?;
     tally.check((!ended.success).then(|| format!("keyboard and mouse: {}", ended.output)));
     let script = fs::read_to_string(host.work.join("played").join("controls.txt")).unwrap_or_default();
     let heard = script.contains(" down W") && script.contains(" mouse ");

@@ -11,10 +11,10 @@ use std::sync::Mutex;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
 use cairn_unity::interfaces::Guid;
-use cairn_unity::{UnityPluginLoad, UnityPluginUnload};
 
 use super::engine::{self, Engine};
 use super::lists;
+use super::plugin::{self, UnityPluginLoad, UnityPluginUnload};
 use super::textures::Recording;
 
 /// The first number of the plugin's events.
@@ -168,7 +168,7 @@ fn submit() {
 
 /// Calls the plugin for an event, where this thread is.
 fn run(number: c_int, data: usize) {
-    let event = cairn_unity::cairn_unity_get_event_function();
+    let event = plugin::cairn_unity_get_event_function();
     // SAFETY: any number and any data are allowed.
     unsafe { event(number, std::ptr::without_provenance_mut(data)) };
 }

@@ -1,0 +1,187 @@
+//! What a stranger has from the Windows archive in the first minute: from what was unpacked alone, and with nothing in the environment, hosts
+//! of every kind show a picture of the world inside the library, and end well. How long each takes is in the log.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use provision::{Console, DotNet};
+
+use super::tally::{Skip, Tally};
+use super::{Context, csharp, lab, unreal};
+use crate::shell::Log;
+
+/// The sample's frames.
+const FRAMES: usize = 6;
+
+const CSHARP: &str = "tests/host/Picture.cs";
+
+/// Runs a host in C++, which was built from the archive, a program in C#, a Unity and an Unreal Engine of the tests'. The wheel's turn is in
+/// the runner of wheels.
+pub(super) fn run(
+    context: &Context<'_>,
+    log: &mut Log,
+    root: &Path,
+    sample: &Path,
+    work: &Path,
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let hosts = Hosts { context, root, work: work.join("first minute Ж") };
+    fs::create_dir_all(&hosts.work).map_err(|e| format!("{}: {e}", hosts.work.display()))?;
+    hosts.cpp(log, sample, tally)?;
+    hosts.csharp(log, tally)?;
+    hosts.unity(log, tally)?;
+    hosts.unreal(log, tally)
+}
+
+struct Hosts<'a> {
+    context: &'a Context<'a>,
+    /// Of the archive.
+    root: &'a Path,
+    work: PathBuf,
+}
+
+impl Hosts<'_> {
+    /// Runs a host, which writes that picture.
+    fn shows(
+        &self,
+        log: &mut Log,
+        name: &str,
+        command: &mut Command,
+        picture: Option<&Path>,
+        tally: &mut Tally,
+    ) -> Result<(), String> {
+        let began = Instant::now();
+        let ended = log.run(command.current_dir(&self.work))?;
+        log.line(&format!("{name}: started, shown and ended in {:.1} s", began.elapsed().as_secs_f64()))?;
+        let flat = picture.is_some_and(|picture| is_flat(&fs::read(picture).unwrap_or_default()));
+        let why = match (ended.success, flat) {
+            (false, _) => Some("does not end well"),
+            (true, true) => Some("shows nothing"),
+            (true, false) => None,
+        };
+        tally.check(why.map(|why| format!("{name} from the Windows archive alone {why}: {}", ended.output)));
+        Ok(())
+    }
+
+    fn folder(&self, name: &str) -> Result<PathBuf, String> {
+        let folder = self.work.join(name);
+        fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display())).map(|()| folder)
+    }
+
+    /// Copies files of the archive's folder into another.
+    fn copy(&self, from: &str, names: &[&str], into: &Path) -> Result<(), String> {
+        for name in names {
+            let file = self.root.join(from).join(name);
+            fs::copy(&file, into.join(name)).map_err(|e| format!("{}: {e}", file.display()))?;
+        }
+        Ok(())
+    }
+
+    /// The sample as its page says, with the libraries that CMake put beside it.
+    fn cpp(&self, log: &mut Log, sample: &Path, tally: &mut Tally) -> Result<(), String> {
+        let (script, seed) = (self.root.join("samples/scripts/walk.txt"), self.root.join("samples/worlds/place.ppm"));
+        let mut command = lab::alone(sample)?;
+        command
+            .args(["--headless", &FRAMES.to_string(), "--record", "walk", "--anchors", "cpu", "--script"])
+            .arg(script);
+        command.arg("--seed-picture").arg(seed);
+        let last = self.work.join("walk").join(format!("frame-{:05}.ppm", FRAMES - 1));
+        self.shows(log, "a host in C++", &mut command, Some(&last), tally)
+    }
+
+    /// A program in C# on .NET for Windows, with the archive's sources of the binding, and all libraries beside it.
+    fn csharp(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let console = Console::new();
+        let (mono, dotnet) = match (provision::mono(&console), provision::dotnet_for_windows(&console)) {
+            (Ok(mono), Ok(dotnet)) => (mono, dotnet),
+            (mono, dotnet) => {
+                let why = mono.err().or(dotnet.err()).map(|e| e.to_string()).unwrap_or_default();
+                let reason = format!("needs mono and .NET for Windows: {why}");
+                tally.skips.push(Skip { name: "a program in C# from the Windows archive".to_owned(), reason });
+                return Ok(());
+            }
+        };
+        let folder = self.folder("csharp")?;
+        let program = folder.join("Picture.dll");
+        let mut command = mono.compiler();
+        command.args(["-target:exe", "-langversion:7.2", "-unsafe", "-nostdlib", "-noconfig", "-nowarn:1702"]);
+        let framework = dotnet.framework();
+        command.args(csharp::FRAMEWORK.map(|name| format!("-r:{}", framework.join(format!("{name}.dll")).display())));
+        command.arg(format!("-out:{}", program.display())).arg(self.context.clone.root.join(CSHARP));
+        let sources = self.root.join("bindings/csharp/src");
+        command.arg(format!("-recurse:{}/*.cs", sources.display()));
+        if !log.run(&mut command)?.success {
+            tally.failures.push(format!("{CSHARP} does not compile with the archive's binding"));
+            return Ok(());
+        }
+        let settings = folder.join("Picture.runtimeconfig.json");
+        fs::write(&settings, DotNet::SETTINGS).map_err(|e| format!("{}: {e}", settings.display()))?;
+        self.copy("bin", &["cairn.dll"], &folder)?;
+        self.copy("runtime", &["onnxruntime.dll", "DirectML.dll"], &folder)?;
+        let picture = folder.join("picture.ppm");
+        let mut command = lab::alone(dotnet.program().get_program().as_ref())?;
+        command.arg(lab::on_drive(&program)).arg(lab::on_drive(&picture));
+        self.shows(log, "a program in C#", &mut command, Some(&picture), tally)
+    }
+
+    /// The package for Unity where the archive has it, in the Unity of the plugin's tests, which was built with the library.
+    fn unity(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let program = self.context.windows_programs().join("examples").join("show.exe");
+        let plugin = self.root.join("unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll");
+        let picture = self.folder("unity")?.join("picture.ppm");
+        let mut command = lab::alone(&program)?;
+        command.arg(lab::on_drive(&plugin)).arg(lab::on_drive(&picture));
+        self.shows(log, "the package for Unity", &mut command, Some(&picture), tally)
+    }
+
+    /// The plugin for Unreal Engine with `runtime/` beside its library, as its page says, in the small engine of its tests, which holds its
+    /// own pictures against the library's.
+    fn unreal(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let program = unreal::host(self.context, log, self.work.join("engine"))?;
+        let plugin = self.work.join("Game").join("Plugins").join("Cairn");
+        copy_all(&self.root.join("unreal").join("Cairn"), &plugin)?;
+        let beside = plugin.join(unreal::LIBRARY).with_file_name("");
+        self.copy("runtime", &["onnxruntime.dll", "DirectML.dll"], &beside)?;
+        let mut command = lab::alone(&program)?;
+        command.arg(&plugin).arg("show");
+        self.shows(log, "the plugin for Unreal Engine", &mut command, None, tally)
+    }
+}
+
+/// Copies a folder with all that is in it.
+fn copy_all(from: &Path, to: &Path) -> Result<(), String> {
+    fs::create_dir_all(to).map_err(|e| format!("{}: {e}", to.display()))?;
+    for entry in fs::read_dir(from).map_err(|e| format!("{}: {e}", from.display()))? {
+        let entry = entry.map_err(|e| format!("{}: {e}", from.display()))?;
+        let (path, copy) = (entry.path(), to.join(entry.file_name()));
+        if path.is_dir() {
+            copy_all(&path, &copy)?;
+        } else {
+            fs::copy(&path, &copy).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether nothing is to be seen in a PPM: less than sixteen levels between the darkest and the brightest byte, or no pixels at all.
+fn is_flat(ppm: &[u8]) -> bool {
+    let mut lines = ppm.splitn(4, |byte| *byte == b'\n');
+    let (kind, pixels) = (lines.next(), lines.nth(2).unwrap_or_default());
+    let (least, most) = pixels.iter().fold((u8::MAX, 0), |(least, most), v| (least.min(*v), most.max(*v)));
+    kind != Some(b"P6") || most.saturating_sub(least) < 16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_of_one_colour_is_flat_and_so_is_none() {
+        let picture = |pixels: &[u8]| [b"P6\n2 1\n255\n", pixels].concat();
+        assert!(!is_flat(&picture(&[0, 0, 0, 255, 255, 255])));
+        assert!(is_flat(&picture(&[9, 9, 9, 12, 12, 12])));
+        assert!(is_flat(b"P6\n2 1\n255\n") && is_flat(b"") && is_flat(b"P5\n2 1\n255\n\x00\xff"));
+    }
+}
