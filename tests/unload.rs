@@ -1,8 +1,10 @@
 //! The library as a host loads it: after its last object is destroyed no thread of it is left, and it can be unloaded, loaded
 //! again and used again. All of it is one test, as it counts the threads of the process.
 
+use std::ffi::c_void;
 use std::path::PathBuf;
 use std::ptr::{null, null_mut};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use cairn::abi::controls::cairn_controls;
@@ -10,6 +12,7 @@ use cairn::abi::device::{CAIRN_DEVICE_ENVIRONMENT, cairn_device_options};
 use cairn::abi::images::{cairn_picture, cairn_target};
 use cairn::abi::presenter::{CAIRN_FRAME_GENERATED, cairn_frame, cairn_presenter, cairn_presenter_options};
 use cairn::abi::results::{CAIRN_NOT_READY, CAIRN_OK, cairn_result};
+use cairn::abi::threads::{cairn_job, cairn_scheduler, cairn_thread_options};
 #[cfg(feature = "embedded-world")]
 use cairn::abi::world::cairn_world_options;
 
@@ -87,8 +90,13 @@ fn options() -> cairn_device_options {
     }
 }
 
-/// Draws frames of anchors that `push` makes; the last one is generated.
+/// A generated frame of anchors that `push` makes.
 fn present(library: &libloading::Library, push: impl Fn(*mut cairn_presenter)) -> Vec<u8> {
+    present_and(library, push, || {})
+}
+
+/// The same; `look` is called while the presenter is still there.
+fn present_and(library: &libloading::Library, push: impl Fn(*mut cairn_presenter), look: impl FnOnce()) -> Vec<u8> {
     let options = cairn_presenter_options {
         struct_size: size_of::<cairn_presenter_options>() as u32,
         interval_ns: 1_000,
@@ -114,6 +122,7 @@ fn present(library: &libloading::Library, push: impl Fn(*mut cairn_presenter)) -
         );
     }
     assert_eq!(frame.source, CAIRN_FRAME_GENERATED, "a frame between two anchors");
+    look();
     ok!(library, presenter::cairn_presenter_destroy(presenter));
     pixels
 }
@@ -216,6 +225,45 @@ fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
     ok!(library, device::cairn_device_destroy(device));
 }
 
+/// The same frame on so many threads of the library's own.
+fn frame_on(library: &libloading::Library, count: u32) -> Vec<u8> {
+    let options =
+        cairn_thread_options { struct_size: size_of::<cairn_thread_options>() as u32, threads: count, ..zeroed() };
+    ok!(library, threads::cairn_set_threads(&options));
+    let before = threads();
+    let look = || threads_come_to(before + count as usize, "as many as were set");
+    present_and(library, |presenter| push(library, presenter), look)
+}
+
+static JOBS: AtomicUsize = AtomicUsize::new(0);
+
+/// A host's job system: a thread for each job.
+unsafe extern "C" fn run(user: *mut c_void, jobs: u32, job: cairn_job, data: *mut c_void) {
+    assert!(user.is_null());
+    let (job, data) = (job.expect("a job"), data.addr());
+    // SAFETY: the library's own job and data, and this call has not returned.
+    let call = move || unsafe { job(std::ptr::without_provenance_mut(data)) };
+    JOBS.fetch_add(jobs as usize, Ordering::SeqCst);
+    std::thread::scope(|scope| (0..jobs).for_each(|_| _ = scope.spawn(call)));
+}
+
+/// The same frame on a job system of the host's.
+fn frame_on_jobs(library: &libloading::Library) -> Vec<u8> {
+    let scheduler = cairn_scheduler {
+        struct_size: size_of::<cairn_scheduler>() as u32,
+        concurrency: 4,
+        run: Some(run),
+        user: null_mut(),
+    };
+    ok!(library, threads::cairn_set_scheduler(&scheduler));
+    let before = threads();
+    let look = || threads_come_to(before, "the library starts none of its own");
+    let pixels = present_and(library, |presenter| push(library, presenter), look);
+    assert!(JOBS.swap(0, Ordering::SeqCst) > 0, "its work was given to the host");
+    ok!(library, threads::cairn_set_scheduler(null()));
+    pixels
+}
+
 /// Loads the library, uses it on a thread of its own, and unloads it when that thread has ended: until then what the thread keeps
 /// for the library keeps this loaded on Linux.
 fn life<T: Send>(work: impl FnOnce(&libloading::Library) -> T + Send) -> T {
@@ -223,12 +271,7 @@ fn life<T: Send>(work: impl FnOnce(&libloading::Library) -> T + Send) -> T {
     // SAFETY: the library of this very build, which does nothing when it is loaded.
     let library = unsafe { libloading::Library::new(path()) }.expect("the library of this build");
     let made = std::thread::scope(|scope| scope.spawn(|| work(&library)).join()).expect("no panic");
-    // A driver's threads may end a little later than its objects.
-    let deadline = Instant::now() + Duration::from_secs(60);
-    while threads() > before && Instant::now() < deadline {
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert_eq!(threads(), before, "nothing of the library runs after its last object");
+    threads_come_to(before, "nothing of the library runs after its last object");
     library.close().expect("unloaded");
     assert_eq!(threads(), before);
     made
@@ -242,6 +285,11 @@ fn it_can_be_unloaded_and_loaded_again_after_its_last_object() {
         assert!(life(frame) == first, "the same frame");
         assert!(!is_loaded());
     }
+    for count in [1, 2, 7] {
+        assert!(life(|library| frame_on(library, count)) == first, "the same frame on {count} threads");
+    }
+    assert!(life(frame_on_jobs) == first, "the same frame on a host's job system");
+    assert!(!is_loaded());
     #[cfg(target_os = "linux")]
     {
         // SAFETY: the library of this very build, which does nothing when it is loaded.
@@ -272,18 +320,19 @@ fn it_can_be_unloaded_and_loaded_again_after_its_last_object() {
     }
 }
 
+/// Waits until the process has so many threads: one that was joined, or a driver's, may be on its way out.
+fn threads_come_to(expected: usize, why: &str) {
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while threads() != expected && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert_eq!(threads(), expected, "{why}");
+}
+
 /// Threads of this process.
 #[cfg(target_os = "linux")]
 fn threads() -> usize {
-    // A thread that was joined may be on its way out.
-    let count = || std::fs::read_dir("/proc/self/task").expect("the threads").count();
-    (0..100)
-        .map(|_| {
-            std::thread::yield_now();
-            count()
-        })
-        .min()
-        .unwrap_or(0)
+    std::fs::read_dir("/proc/self/task").expect("the threads").count()
 }
 
 #[cfg(target_os = "linux")]

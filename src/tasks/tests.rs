@@ -134,6 +134,31 @@ fn a_thread_that_shares_a_loop_works_for_the_one_that_started_it() {
     assert_eq!(calling_thread(), me);
 }
 
+#[cfg(all(target_os = "linux", not(miri)))]
+#[test]
+fn threads_of_a_pool_have_their_priority() {
+    unsafe extern "C" {
+        safe fn getpriority(which: i32, who: u32) -> i32;
+    }
+    let nice = || getpriority(0, 0);
+    let (own, me) = (nice(), std::thread::current().id());
+    for (priority, raised) in [(Priority::Normal, 0), (Priority::BelowNormal, 5), (Priority::Lowest, 10)] {
+        let (pool, failed) = Pool::start(1, priority);
+        assert!(failed.is_none());
+        // Both of its threads must come.
+        let (meet, found) = (std::sync::Barrier::new(2), Mutex::new(None));
+        pool.install(|| {
+            for_each_index(2, |_| {
+                meet.wait();
+                if std::thread::current().id() != me {
+                    *found.lock() = Some(nice());
+                }
+            });
+        });
+        assert_eq!(found.into_inner(), Some((own + raised).min(19)), "{priority:?}");
+    }
+}
+
 #[test]
 fn numbers_of_threads_that_cannot_be_are_refused() {
     for concurrency in [0, MAX_THREADS + 2, usize::MAX] {

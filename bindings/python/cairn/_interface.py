@@ -159,14 +159,7 @@ class Sized(Structure):
 
 
 class DeviceOptions(Sized):
-    _fields_ = [
-        ("struct_size", c_uint32),
-        ("threads", c_uint32),
-        ("flags", c_uint32),
-        ("reserved", c_uint32),
-        ("onnxruntime", c_char_p),
-        ("ffx", c_char_p),
-    ]
+    _fields_ = [*_each(c_uint32, "struct_size threads flags reserved"), *_each(c_char_p, "onnxruntime ffx")]
 
 
 class DeviceInfo(Sized):
@@ -205,12 +198,7 @@ class Requirement(Sized):
 
 
 class LoadProgress(Sized):
-    _fields_ = [
-        ("struct_size", c_uint32),
-        ("stage", c_uint32),
-        ("done", c_uint64),
-        ("total", c_uint64),
-    ]
+    _fields_ = [*_each(c_uint32, "struct_size stage"), *_each(c_uint64, "done total")]
 
 
 load_callback = CFUNCTYPE(c_uint32, POINTER(LoadProgress), c_void_p)
@@ -220,21 +208,11 @@ run_callback = CFUNCTYPE(None, c_void_p, c_uint32, job, c_void_p)
 
 
 class ThreadOptions(Sized):
-    _fields_ = [
-        ("struct_size", c_uint32),
-        ("threads", c_uint32),
-        ("priority", c_uint32),
-        ("reserved", c_uint32),
-    ]
+    _fields_ = _each(c_uint32, "struct_size threads priority reserved")
 
 
 class Scheduler(Sized):
-    _fields_ = [
-        ("struct_size", c_uint32),
-        ("concurrency", c_uint32),
-        ("run", run_callback),
-        ("user", c_void_p),
-    ]
+    _fields_ = [*_each(c_uint32, "struct_size concurrency"), ("run", run_callback), ("user", c_void_p)]
 
 
 class WorldOptions(Sized):
