@@ -56,6 +56,7 @@ fn evicted(told: &[Told]) -> Vec<usize> {
 fn a_rollout_that_rests_gives_its_memory_up_and_goes_on_as_if_it_had_not() {
     let _alone = alone();
     comes_back(Back::Later);
+    GRANTED.store(1 << 40, Ordering::SeqCst);
     let gpu = Gpu::on_adapter(None).expect("a device");
     residents::install(&gpu);
     let world = world_at(&device_on(&gpu), None);
@@ -211,8 +212,8 @@ fn play_budget() {
 fn a_budget_that_shrinks_narrows_the_window_before_the_next_latent() {
     let _alone = alone();
     comes_back(Back::Later);
-    play_budget();
     GRANTED.store(1 << 40, Ordering::SeqCst);
+    play_budget();
     let device = device_on(&Gpu::on_adapter(None).expect("a device"));
     let [wide, narrow] = [16, 4].map(|window| world_at(&device, Some(window)));
     let mut rollout = Rollout::new(&wide, &point(&wide), 7).expect("a rollout");

@@ -134,7 +134,7 @@ struct row {
     C3(cairn_rollout_append, ALONE(ROLLOUT), READ(cairn_picture), FILLED_OR_NULL(cairn_step_info))                    \
     C4(cairn_rollout_append_pictures, ALONE(ROLLOUT), READ(cairn_picture), CHOICE(1, 1),                              \
        FILLED_OR_NULL(cairn_step_info))                                                                               \
-    C2(cairn_rollout_keep_encoder_stream, ALONE(ROLLOUT), CHOICE(0, 0))                                               \
+    C2(cairn_rollout_keep_encoder_stream, ALONE(ROLLOUT), CHOICE(0, 1))                                               \
     C1(cairn_rollout_rest, ALONE(ROLLOUT))                                                                            \
     C3(cairn_rollout_step, ALONE(ROLLOUT), READ(cairn_controls), FILLED_OR_NULL(cairn_step_info))                     \
     C3(cairn_rollout_set_budget, ALONE(ROLLOUT), NUMBER(100000000), TEXT)                                             \

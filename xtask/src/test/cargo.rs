@@ -87,9 +87,11 @@ pub(super) fn count(ended: &Ended) -> Tally {
             if let Some(name) = test.strip_suffix(" ... FAILED") {
                 tally.failures.push(name.trim().to_owned());
             } else if let Some((name, reason)) = test.split_once(" ... ignored") {
+                // libtest writes `ignored, reason`, libtest_mimic `ignored (reason)`.
                 let reason = reason.trim_start_matches([',', ' ']);
+                let reason = reason.strip_prefix('(').and_then(|rest| rest.strip_suffix(')')).unwrap_or(reason);
                 let reason = if reason.is_empty() { "no reason given" } else { reason };
-                tally.skips.push(Skip { name: name.to_owned(), reason: reason.to_owned() });
+                tally.skips.push(Skip { name: name.trim().to_owned(), reason: reason.to_owned() });
             }
         }
     }
@@ -150,6 +152,14 @@ mod tests {
         assert_eq!(tally.to_string(), "13 passed, 1 failed, 1 skipped");
         assert_eq!(tally.failures, ["a::c"]);
         assert_eq!(tally.skips[0], Skip { name: "a::d".to_owned(), reason: "needs real-gpu".to_owned() });
+    }
+
+    #[test]
+    fn a_test_that_is_skipped_as_it_runs_is_a_skip_with_its_reason() {
+        let output = "test of_amd    ... ignored (needs amd-dlls: none (yet))\ntest result: ok. 0 passed; 0 failed; 1 ignored;\n";
+        let tally = count(&ended(true, output));
+        let skip = Skip { name: "of_amd".to_owned(), reason: "needs amd-dlls: none (yet)".to_owned() };
+        assert_eq!((tally.skips.as_slice(), tally.failures.len()), ([skip].as_slice(), 0));
     }
 
     #[test]

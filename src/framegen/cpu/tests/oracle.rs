@@ -16,6 +16,10 @@ use cases::{Dice, guidance, overlay, pictures, previous_depth};
 #[path = "../../../../tests/support/frame_cases.rs"]
 mod cases;
 
+/// Levels within which the two anchors' colours of a pixel beside something in front are that thing's: stated here anew, as a
+/// description that took it from the generator would follow a fault of it.
+pub(super) const RIM_BETWEEN: f32 = 45.0;
+
 fn raster<P: Colour>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
     let mut picture = Raster::new(size.0, size.1).unwrap();
     picture.pixels_mut().iter_mut().zip(levels).for_each(|(pixel, &levels)| *pixel = P::from_levels(levels));

@@ -21,17 +21,11 @@ use crate::framegen::cpu::leaving::Leaving;
 use crate::framegen::cpu::overlay::Overlays;
 use crate::framegen::cpu::past::Past;
 use crate::framegen::cpu::perspective::{Moment, Seen, Way};
-use crate::framegen::cpu::render::{DISTINCT, STRICT, apart, careful, unseen};
+use crate::framegen::cpu::render::{AGREE, DISTINCT, STRICT, apart, careful, unseen};
 use crate::framegen::cpu::soften::{SHARE, TORN};
-use crate::framegen::cpu::{source, standing::Standing};
+use crate::framegen::cpu::{source, standing::Standing, tests::oracle::RIM_BETWEEN};
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
-
-// Stated here anew: a description that took them from what it describes would follow each of their faults.
-/// Levels within which the two anchors' colours of a pixel beside something in front are that thing's.
-const RIM_BETWEEN: f32 = 45.0;
-/// Levels within which two samples agree.
-const AGREE: u8 = 1;
 
 /// The picture at `phase` of [`WHOLE`] between two anchors without a cut, and the share that nothing visible in the
 /// current one lands on.
