@@ -341,12 +341,12 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 	return true;
 }
 
-void FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing, uint64 NowNs)
+uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, uint64 NowNs)
 {
 	// Who adds the pass for itself need not know how far the thread is.
 	if (!bReady || bStopping)
 	{
-		return;
+		return 0;
 	}
 	const D3D12_RESOURCE_DESC Shape = Texture->GetDesc();
 	const FIntPoint Size(static_cast<int32>(Shape.Width), static_cast<int32>(Shape.Height));
@@ -356,7 +356,7 @@ void FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Textu
 		if (!Resized.ok())
 		{
 			Fail(UTF8_TO_TCHAR(Resized.why().what()));
-			return;
+			return 0;
 		}
 		RecordedSize = Size;
 	}
@@ -366,19 +366,18 @@ void FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Textu
 	if (!Drawn.ok())
 	{
 		Fail(UTF8_TO_TCHAR(Drawn.why().what()));
-		return;
+		return 0;
 	}
 	if (!*Drawn)
 	{
-		return;
+		return 0;
 	}
-	// Behind the list: when the device gets there, this frame is over.
-	GetID3D12DynamicRHI()->RHISignalManualFence(Executing, Fence, ++Recorded);
 	{
 		const FScopeLock Locked(&Lock);
 		Shown = **Drawn;
 	}
 	bDrawn = true;
+	return ++Recorded;
 }
 
 FCairnStatistics FCairnStream::GetStatistics() const

@@ -33,7 +33,6 @@ struct FCairnSettings
 #if CAIRN_WITH_D3D12
 
 struct ID3D12Fence;
-class FRHICommandList;
 
 /** A rollout on a thread of its own, and the presenter that shows its anchors. What is not said otherwise: any thread. */
 class FCairnStream final : public FRunnable
@@ -74,10 +73,11 @@ public:
 	FCairnStatistics GetStatistics() const;
 
 	/**
-	 * Records the frame that is due into a list, at the size of a target that is in COPY_DEST; nothing before the first anchor. Where the
-	 * engine writes its lists, one call at a time.
+	 * Records the frame that is due into a list, at the size of a target that is in COPY_DEST. Where the engine writes its lists, one call
+	 * at a time. The value that the engine is to give GetFence behind the list; 0 where nothing was recorded, as before the first anchor.
 	 */
-	void Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing, uint64 NowNs);
+	uint64 Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, uint64 NowNs);
+	ID3D12Fence* GetFence() const { return Fence; }
 
 	virtual uint32 Run() override;
 	virtual void Stop() override { RequestStop(); }
