@@ -361,7 +361,7 @@ fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
         let targets: Vec<_> = (0..12).map(|_| texture(&unity, SIZE, 1)).collect();
         let (mut expected, mut made, mut last) = (Vec::new(), 0, Vec::new());
         for (target, count) in targets.iter().zip(0_u64..) {
-            let now = INTERVAL * (8 + count) / 8;
+            let now = INTERVAL * (4 + count) / 4;
             assert_eq!(scene.set(now, Some(target)), CAIRN_OK);
             scene.show(&unity);
             let (result, shown, frame, message) = scene.get();
