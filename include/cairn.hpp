@@ -258,6 +258,8 @@ using rollout_info = sized<cairn_rollout_info>;
 using rollout_statistics = sized<cairn_rollout_statistics>;
 using budget = sized<cairn_budget>;
 using d3d12_options = sized<cairn_d3d12_options>;
+using d3d12_preparation = sized<cairn_d3d12_preparation>;
+using d3d12_recording = sized<cairn_d3d12_recording>;
 using swapchain_options = sized<cairn_swapchain_options>;
 using swapchain_frame = sized<cairn_swapchain_frame>;
 using swapchain_pacing = sized<cairn_swapchain_pacing>;
@@ -848,18 +850,26 @@ public:
 
 #if defined(_WIN32)
     /**
-     * Records the frame that is due into the engine's command list, or nothing before the first anchor came. `texture` is in state
-     * `before` on entry and `after` on exit: cairn_presenter_record_d3d12.
+     * Makes all that frames need, on a thread that loads; false where no anchor has come and `wanted` does not say how large anchors
+     * are: cairn_presenter_prepare_d3d12.
      */
-    result<std::optional<frame>> record_d3d12(const cairn::device &device, std::uint64_t now_ns, ID3D12GraphicsCommandList *list,
-                                              ID3D12Resource *texture, std::uint32_t before, std::uint32_t after)
+    result<bool> prepare_d3d12(const cairn::device &device, const d3d12_preparation &wanted = {}) const
+    {
+        return detail::accepted(cairn_presenter_prepare_d3d12(get(), device.get(), &wanted));
+    }
+
+    /**
+     * Records the frame that is due into the engine's command list; nothing before the first anchor came, and where as many lists as were
+     * prepared may not have run: cairn_presenter_record_d3d12.
+     */
+    result<std::optional<frame>> record_d3d12(const cairn::device &device, std::uint64_t now_ns, const d3d12_recording &recording)
     {
         return detail::filled_or_none<frame>([&](frame *to) {
-            return cairn_presenter_record_d3d12(get(), device.get(), now_ns, list, texture, before, after, to);
+            return cairn_presenter_record_d3d12(get(), device.get(), now_ns, &recording, to);
         });
     }
 
-    /** The same in a list of the presenter's own, given to the device's queue; `guard` gets what to wait for: cairn_presenter_submit_d3d12. */
+    /** The same into a texture, in a list of the presenter's own, given to the device's queue; `guard` gets what to wait for: cairn_presenter_submit_d3d12. */
     result<std::optional<frame>> submit_d3d12(const cairn::device &device, std::uint64_t now_ns, ID3D12Resource *texture,
                                               std::uint32_t before, std::uint32_t after, d3d12_guard &guard)
     {
@@ -868,7 +878,7 @@ public:
         });
     }
 
-    /** Waits for its frames and lets go of their targets, before a swap chain is resized: cairn_presenter_release_d3d12. */
+    /** Waits for its frames and releases their targets, before a swap chain is resized: cairn_presenter_release_d3d12. */
     result<void> release_d3d12() { return detail::done(cairn_presenter_release_d3d12(get())); }
 #endif
 

@@ -8,9 +8,9 @@ use cairn::framegen::FrameGenerator;
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
-use cairn::gpu::{Gpu, Target};
+use cairn::gpu::{Gpu, Moment, Target};
 use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
-use cairn::present::device::DeviceDrawer;
+use cairn::present::device::{DeviceDrawer, FrameResult, Preparation};
 use cairn::present::pacing::Interval;
 use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, Shown, ShownSource, extract};
 use cairn::runtime::{Device, DirectMlOptions};
@@ -22,9 +22,13 @@ mod common;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "d3d12/tables.rs"]
+mod tables;
 #[path = "d3d12/textures.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod textures;
+#[path = "d3d12/waits.rs"]
+mod waits;
 use engine::Engine;
 use textures::{Recording, Wanted};
 
@@ -73,10 +77,19 @@ struct Both {
 
 impl Both {
     fn new(gpu: &Gpu, size: (u32, u32), options: &PresenterOptions) -> Self {
+        Self::of_latents(gpu, size, options, [0; 3])
+    }
+
+    /// The same, with motion from latents of that shape.
+    fn of_latents(gpu: &Gpu, size: (u32, u32), options: &PresenterOptions, latent: [u32; 3]) -> Self {
+        let device = Presenter::new(options.clone(), None).expect("a presenter");
+        let mut drawer = DeviceDrawer::new(gpu, size, Colours::Shown).expect("a drawer");
+        let wanted = Preparation { latent, ..Preparation::new(options.size.unwrap_or(size)) };
+        drawer.prepare(&device, &wanted).expect("it is prepared");
         Self {
             host: Presenter::new(options.clone(), Some(Box::new(CpuGenerator::new()))).expect("a presenter"),
-            device: Presenter::new(options.clone(), None).expect("a presenter"),
-            drawer: DeviceDrawer::new(gpu, size, Colours::Shown).expect("a drawer"),
+            device,
+            drawer,
             pixels: 0,
             far: 0,
         }
@@ -101,12 +114,12 @@ impl Both {
         let target = Target { texture: texture.clone(), before, after };
         let found = if own {
             let (shown, moment) =
-                self.device.submit(now, &mut self.drawer, &target).expect("it is made").expect("a frame");
+                self.device.submit(now, &mut self.drawer, &target).expect("it is made").made().expect("a frame");
             moment.wait().expect("it is there");
             Some(shown)
         } else {
             let recording = Recording::on(&engine.device, &engine.direct);
-            let shown = self.device.record(now, &mut self.drawer, recording.list(), &target).expect("it is recorded");
+            let shown = record(&self.device, now, &mut self.drawer, &recording, &target).made();
             recording.submit(&engine.direct);
             textures::wait(&engine.device, &engine.direct);
             shown
@@ -127,16 +140,30 @@ impl Both {
         shown
     }
 
-    fn resize(&self, size: Option<(u32, u32)>) {
+    fn resize(&mut self, size: Option<(u32, u32)>) {
         for presenter in [&self.host, &self.device] {
             presenter.resize(size).expect("a size");
         }
+        let frames = self.device.size().expect("anchors have come");
+        self.drawer.prepare(&self.device, &Preparation::new(frames)).expect("it is prepared");
     }
 
     fn check(&self) {
         println!("{} of {} pixels are more than a level off", self.far, self.pixels);
         assert!(self.far * 1000 <= self.pixels, "{} of {} pixels", self.far, self.pixels);
     }
+}
+
+/// Records a frame into an engine's list, whose fence says when that has run.
+fn record(
+    presenter: &Presenter,
+    now: u64,
+    drawer: &mut DeviceDrawer,
+    recording: &Recording,
+    target: &Target,
+) -> FrameResult<Shown> {
+    let until = Moment::of_engine(drawer.gpu(), recording.fence(), 1).expect("a fence of the device");
+    presenter.record(now, drawer, recording.list(), target, &until).expect("it is recorded")
 }
 
 /// Pixels of a texture's that are more than a level of 255 from the picture.
@@ -187,7 +214,7 @@ fn anchors_of_a_rollout_are_presented_as_the_processor_presents_them() {
         .map(|pair| Arc::new(extract(MotionSource::PictureFlow, &pair[0], &pair[1]).expect("guidance")))
         .collect();
     for is_given in [false, true] {
-        let mut both = Both::new(&gpu, size, &options(MotionSource::Paper));
+        let mut both = Both::of_latents(&gpu, size, &options(MotionSource::Paper), anchors[0].latent_shape());
         both.push(&anchors[0], None, 0);
         for (frame, kind) in (0..12).zip(KINDS.iter().cycle()) {
             let now = INTERVAL + frame * INTERVAL / 4;
@@ -278,7 +305,8 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
     let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
     let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
     let now = 5 * INTERVAL + INTERVAL / 2;
-    let (shown, moment) = both.device.submit(now, &mut both.drawer, &target).expect("it is made").expect("a frame");
+    let (shown, moment) =
+        both.device.submit(now, &mut both.drawer, &target).expect("it is made").made().expect("a frame");
     assert_eq!(shown.source, ShownSource::Generated, "nobody knows yet");
     moment.wait().expect("it has run");
     both.device.look(&mut both.drawer);
@@ -360,10 +388,11 @@ fn frames_have_the_colours_of_targets_beyond_white() {
         let [host, device] = [cpu, None].map(|g| Presenter::new(options(MotionSource::PictureFlow), g).expect("one"));
         [&host, &device].into_iter().for_each(push);
         let mut drawer = DeviceDrawer::new(&gpu, size, colours).expect("a drawer");
+        drawer.prepare(&device, &Preparation::new(size)).expect("it is prepared");
         for now in [INTERVAL, INTERVAL * 3 / 2] {
             let texture = Wanted { size, format, flags: RENDERED, ..Wanted::default() }.make(&engine.device);
             let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
-            let (_, moment) = device.submit(now, &mut drawer, &target).expect("it is made").expect("a frame");
+            let (_, moment) = device.submit(now, &mut drawer, &target).expect("it is made").made().expect("a frame");
             moment.wait().expect("it is there");
             let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
             let mut wanted = Vec::new();
@@ -427,7 +456,8 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
         }
         let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
         let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
-        let (_, moment) = both.device.submit(now, &mut both.drawer, &target).expect("it is made").expect("a frame");
+        let (_, moment) =
+            both.device.submit(now, &mut both.drawer, &target).expect("it is made").made().expect("a frame");
         moment.wait().expect("it is there");
         let of_device = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
         let mut of_host = Vec::new();
@@ -483,7 +513,8 @@ fn a_list_that_an_engine_drops_leaves_nothing_that_is_copied_later() {
                 let texture = Wanted { size: wanted, ..Wanted::default() }.make(&engine.device);
                 let target = Target { texture, before: PRESENT, after: PRESENT };
                 let dropped = Recording::on(&engine.device, &engine.direct);
-                let shown = both.device.record(now, &mut both.drawer, dropped.list(), &target).expect("it is recorded");
+                let shown = record(&both.device, now, &mut both.drawer, &dropped, &target).made();
+                dropped.drop_list();
                 let of_host = both.host.draw(now, wanted, |_| ()).expect("it is drawn");
                 assert_eq!(shown, of_host);
             }
@@ -494,4 +525,111 @@ fn a_list_that_an_engine_drops_leaves_nothing_that_is_copied_later() {
         }
         assert_eq!(both.device.statistics().cuts, 0, "what never ran tells of no cut");
     }
+}
+
+/// Frames of three pairs of anchors in lists that an engine holds back until all are recorded, and then submits in the order that it is
+/// told; how many pixels of each are wrong.
+fn late(order: impl Fn(&mut Vec<usize>)) -> Vec<usize> {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (96, 64);
+    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+    let mut held = Vec::new();
+    for number in 0..4 {
+        let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + 3 * number), number, false));
+        both.push(&anchor, None, number * INTERVAL);
+        if number == 0 {
+            continue;
+        }
+        let now = number * INTERVAL + INTERVAL / 4;
+        let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
+        let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
+        let recording = Recording::on(&engine.device, &engine.direct);
+        let made = record(&both.device, now, &mut both.drawer, &recording, &target);
+        assert!(made.made().is_some());
+        textures::wait(&engine.device, &engine.direct);
+        let mut expected = None;
+        both.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("it is drawn");
+        held.push((recording, texture, expected.expect("a picture")));
+    }
+    let mut places: Vec<usize> = (0..held.len()).collect();
+    order(&mut places);
+    places.iter().for_each(|place| held[*place].0.submit(&engine.direct));
+    textures::wait(&engine.device, &engine.direct);
+    let read = |texture| textures::read(&engine.device, &engine.direct, texture, PRESENT);
+    held.iter().map(|(_, texture, expected)| far(&read(texture), expected, DXGI_FORMAT_R8G8B8A8_UNORM)).collect()
+}
+
+#[test]
+fn lists_that_an_engine_submits_late_show_what_was_recorded() {
+    for (name, is_reversed) in [("in order", false), ("the last first", true)] {
+        let wrong = late(|places| {
+            if is_reversed {
+                places.reverse()
+            }
+        });
+        assert!(wrong.iter().all(|far| far * 1000 <= 96 * 64), "{name}: {wrong:?} pixels of each are wrong");
+    }
+}
+
+#[test]
+fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() {
+    let engine = engine::engine();
+    let gpu = device_of(&engine, &engine.direct);
+    waits::count(&engine.direct);
+    let options_of_device = DirectMlOptions { deterministic: true, ..Default::default() };
+    let device = Device::directml(&common::ort(), &gpu, options_of_device).expect("DirectML");
+    let precision = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+    let world = World::load(&device, &common::bundle("tiny"), precision).expect("a world");
+    let mut rollout = common::seeded(&world, &common::point(&world), 7);
+    let gate = engine::fence(&engine.device);
+    // The last anchor's copy is held back.
+    let anchors: Vec<_> = (0..3)
+        .map(|i| {
+            rollout.step(&common::controls(i)).expect("a step");
+            if i == 2 {
+                // SAFETY: a live queue and fence.
+                unsafe { gpu.anchors().d3d12().Wait(&gate, 1) }.expect("it takes a wait");
+            }
+            Arc::new(KeptAnchor::of(&mut rollout, false).expect("an anchor"))
+        })
+        .collect();
+    assert_eq!([0, 1, 2].map(|i: usize| anchors[i].has_arrived() || i < 2), [true, true, false]);
+    while !anchors[..2].iter().all(|anchor| anchor.has_arrived()) {
+        std::thread::yield_now();
+    }
+    let latent = anchors[0].latent_shape();
+    for motion in [MotionSource::PictureFlow, MotionSource::Paper] {
+        let mut both = Both::of_latents(&gpu, anchors[0].size(), &options(motion), latent);
+        (0..2).for_each(|i| both.push(&anchors[i], None, i as u64 * INTERVAL));
+        // One that has not come is not counted, for the processor either.
+        both.push(&anchors[2], None, 2 * INTERVAL);
+        for presenter in [&both.host, &both.device] {
+            assert_eq!((presenter.statistics().anchors, presenter.arriving()), (2, 1));
+        }
+        for quarter in 4..12 {
+            // Each frame is compared once the queue has made it: it waits for nothing.
+            let shown = both.compare(&engine, quarter * INTERVAL / 4, KINDS[0], quarter % 2 == 0);
+            let source = match quarter {
+                4 | 8 => ShownSource::Anchor,
+                5..8 => ShownSource::Generated,
+                _ => ShownSource::Extrapolated,
+            };
+            assert_eq!(shown.source, source, "{shown:?}");
+        }
+        both.check();
+        assert_eq!(waits::counted(), 0, "the engine's queue waits for nothing");
+        if motion == MotionSource::Paper {
+            // It comes, is due when that is seen, and is shown then.
+            // SAFETY: a live fence.
+            unsafe { gate.Signal(1) }.expect("a signal");
+            while !anchors[2].has_arrived() {
+                std::thread::yield_now();
+            }
+            let shown = both.compare(&engine, 13 * INTERVAL / 4, KINDS[0], false);
+            assert_eq!((shown.source, shown.previous), (ShownSource::Anchor, anchors[2].number()), "{shown:?}");
+            assert_eq!((both.device.statistics().late, both.device.arriving()), (1, 0));
+        }
+    }
+    assert_eq!(waits::counted(), 0);
 }

@@ -6,15 +6,15 @@ use std::ptr::null_mut;
 use cairn::Picture;
 use cairn::abi::anchor::{cairn_anchor, cairn_anchor_create, cairn_anchor_destroy};
 use cairn::abi::d3d12::{
-    cairn_device_create_d3d12, cairn_presenter_record_d3d12, cairn_presenter_release_d3d12,
-    cairn_presenter_submit_d3d12,
+    cairn_d3d12_preparation, cairn_d3d12_recording, cairn_device_create_d3d12, cairn_presenter_prepare_d3d12,
+    cairn_presenter_record_d3d12, cairn_presenter_release_d3d12, cairn_presenter_submit_d3d12,
 };
 use cairn::abi::device::{cairn_device, cairn_device_destroy, cairn_device_get_info, cairn_device_info};
 use cairn::abi::images::{cairn_picture, cairn_target};
 use cairn::abi::presenter::*;
 use cairn::abi::results::{
-    CAIRN_ERROR_DEVICE_REMOVED, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK,
-    cairn_result,
+    CAIRN_ERROR_DEVICE_REMOVED, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_ERROR_STRUCT_SIZE, CAIRN_ERROR_UNSUPPORTED,
+    CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, cairn_result,
 };
 use cairn::abi::statistics::{cairn_presenter_get_statistics, cairn_presenter_statistics};
 use cairn::gpu::Gpu;
@@ -73,6 +73,14 @@ fn push(presenter: *mut cairn_presenter, number: u64, now: u64) {
     assert_eq!([pushed, unsafe { cairn_anchor_destroy(anchor) }], [CAIRN_OK; 2]);
 }
 
+/// Makes it ready for frames on a device, so many of which may be recorded and not run.
+fn prepare(presenter: *mut cairn_presenter, device: *mut cairn_device, lists: u32) {
+    let mut wanted: cairn_d3d12_preparation = prepared(|p: &mut cairn_d3d12_preparation| &mut p.struct_size);
+    wanted.lists = lists;
+    // SAFETY: live handles, and a struct of its size.
+    assert_eq!(unsafe { cairn_presenter_prepare_d3d12(presenter, device, &wanted) }, CAIRN_OK);
+}
+
 /// Destroys what a test has made.
 fn end<const P: usize, const D: usize>(presenters: [*mut cairn_presenter; P], devices: [*mut cairn_device; D]) {
     // SAFETY: live handles; what presenters recorded has run or never will.
@@ -121,7 +129,7 @@ struct Call<'a> {
     presenter: *mut cairn_presenter,
     device: *mut cairn_device,
     now: u64,
-    list: &'a ID3D12GraphicsCommandList,
+    recording: &'a Recording,
     target: &'a ID3D12Resource,
     states: [D3D12_RESOURCE_STATES; 2],
 }
@@ -129,13 +137,19 @@ struct Call<'a> {
 impl Call<'_> {
     fn record(&self) -> (cairn_result, cairn_frame) {
         let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
-        let [before, after] = self.states.map(|state| state.0.cast_unsigned());
-        let (list, target) = (self.list.as_raw().cast(), self.target.as_raw().cast());
+        let mut recording: cairn_d3d12_recording = prepared(|r: &mut cairn_d3d12_recording| &mut r.struct_size);
+        [recording.state_before, recording.state_after] = self.states.map(|state| state.0.cast_unsigned());
+        recording.list = self.recording.list().as_raw().cast();
+        recording.target = self.target.as_raw().cast();
+        (recording.fence, recording.fence_value) = (self.recording.fence().as_raw().cast(), 1);
+        (self.record_as(&recording, &mut frame), frame)
+    }
+
+    /// The same as somebody says it.
+    fn record_as(&self, recording: &cairn_d3d12_recording, frame: &mut cairn_frame) -> cairn_result {
+        let Self { presenter, device, now, .. } = *self;
         // SAFETY: live handles and objects, and a place for the frame.
-        let result = unsafe {
-            cairn_presenter_record_d3d12(self.presenter, self.device, self.now, list, target, before, after, &mut frame)
-        };
-        (result, frame)
+        unsafe { cairn_presenter_record_d3d12(presenter, device, now, recording, frame) }
     }
 
     /// The same into another target and in a list of the presenter's.
@@ -204,7 +218,7 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
         let colours = if linear { CAIRN_COLOUR_LINEAR } else { CAIRN_COLOUR_SRGB };
         let presenter = presenter(colours, CAIRN_PREFER_NEVER);
         let texture = Wanted { size: SIZE, format, flags, state: states[0], ..Wanted::default() }.make(&engine.device);
-        // More lists are under way than the presenter has memory for.
+        prepare(presenter, kind, 5);
         let frames = [
             (INTERVAL, CAIRN_FRAME_ANCHOR),
             (INTERVAL * 5 / 4, CAIRN_FRAME_GENERATED),
@@ -218,7 +232,7 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
             if i > 0 {
                 recording.barrier(&texture, states[1], states[0]);
             }
-            let call = Call { presenter, device: kind, now, list: recording.list(), target: &texture, states };
+            let call = Call { presenter, device: kind, now, recording: &recording, target: &texture, states };
             let (result, frame) = call.record();
             assert_eq!((result, frame.source), (CAIRN_OK, source), "{format:?}: {frame:?}");
             // What came at 0 is due an interval later, and what came then another one.
@@ -263,10 +277,11 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
     for (preference, name) in [(CAIRN_PREFER_AUTO, "shader"), (CAIRN_PREFER_NEVER, "cpu")] {
         let presenter = presenter(CAIRN_COLOUR_SRGB, preference);
         let now = INTERVAL * 3 / 2;
+        prepare(presenter, direct, 0);
         let memory = drawn(presenter, now);
         assert_eq!(generator(presenter).0, "cpu", "what is drawn into memory is the processor's");
         let recording = Recording::on(&engine.device, &engine.direct);
-        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states: rest };
+        let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states: rest };
         assert_eq!(call.record().0, CAIRN_OK);
         recording.submit(&engine.direct);
         assert_eq!(generator(presenter).0, name);
@@ -305,11 +320,12 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
     }
     // Light, which the processor makes of the same numbers; a level near white is more than two of those of light.
     let bright = presenter(CAIRN_COLOUR_LINEAR, CAIRN_PREFER_AUTO);
+    prepare(bright, direct, 0);
     let now = INTERVAL * 5 / 4;
     let halves = DXGI_FORMAT_R16G16B16A16_FLOAT;
     let texture = Wanted { size: SIZE, format: halves, ..Wanted::default() }.make(&engine.device);
     let recording = Recording::on(&engine.device, &engine.direct);
-    let call = Call { presenter: bright, device: direct, now, list: recording.list(), target: &texture, states: rest };
+    let call = Call { presenter: bright, device: direct, now, recording: &recording, target: &texture, states: rest };
     assert_eq!(call.record().0, CAIRN_OK);
     recording.submit(&engine.direct);
     assert_eq!(generator(bright).0, "shader");
@@ -348,10 +364,11 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
         let size = if i % 4 == 3 { SIZE } else { (1 + i * 37 % 90, 1 + i * 53 % 70) };
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_presenter_resize(presenter, size.0, size.1) }, CAIRN_OK);
+        prepare(presenter, direct, 0);
         let texture = target(size, formats[i as usize % 3]);
         let recording = Recording::on(&engine.device, &engine.direct);
         let now = INTERVAL + u64::from(i) * INTERVAL / 24;
-        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+        let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states };
         assert_eq!(call.record().0, CAIRN_OK, "{size:?}");
         assert_eq!(generator(presenter).0, "shader", "{size:?}");
         if i % 5 != 2 {
@@ -370,10 +387,11 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     }
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_presenter_resize(presenter, 0, 0) }, CAIRN_OK);
+    prepare(presenter, direct, 0);
     let frame_at = |presenter, now| {
         let texture = target(SIZE, formats[0]);
         let recording = Recording::on(&engine.device, &engine.direct);
-        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+        let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states };
         let (result, frame) = call.record();
         assert_eq!(result, CAIRN_OK);
         recording.submit(&engine.direct);
@@ -403,6 +421,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     // SAFETY: options of their size and a place for the handle.
     let holding = made(|to| unsafe { cairn_presenter_create(&options, to) });
     (0..2).for_each(|number| push(holding, number, number * INTERVAL));
+    prepare(holding, direct, 0);
     let (anchor, shown) = frame_at(holding, 2 * INTERVAL);
     let (late, held) = frame_at(holding, 2 * INTERVAL + INTERVAL / 2);
     assert_eq!((anchor.source, late.source), (CAIRN_FRAME_ANCHOR, CAIRN_FRAME_HELD));
@@ -422,6 +441,7 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let good = Wanted { size: SIZE, ..Wanted::default() };
     let texture = good.make(&engine.device);
+    prepare(presenter, direct, 0);
     let list = |kind| Recording::new(&engine.device, kind);
     let (for_direct, for_compute) = (list(D3D12_COMMAND_LIST_TYPE_DIRECT), list(D3D12_COMMAND_LIST_TYPE_COMPUTE));
     let (for_copies, elsewhere) = (list(D3D12_COMMAND_LIST_TYPE_COPY), Recording::on(&other.device, &other.direct));
@@ -462,14 +482,14 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     ];
     for (what, device, recording, target, states) in &cases {
         let (device, states) = (*device, *states);
-        let call = Call { presenter, device, now: INTERVAL, list: recording.list(), target, states };
+        let call = Call { presenter, device, now: INTERVAL, recording, target, states };
         assert_eq!(call.record().0, CAIRN_ERROR_INVALID_ARGUMENT, "{what}");
     }
     // No anchor came to this one.
     // SAFETY: a place for the handle.
     let empty = made(|to| unsafe { cairn_presenter_create(std::ptr::null(), to) });
     let call =
-        Call { presenter: empty, device: direct, now: 0, list: for_direct.list(), target: &texture, states: common };
+        Call { presenter: empty, device: direct, now: 0, recording: &for_direct, target: &texture, states: common };
     assert_eq!(call.record().0, CAIRN_NOT_READY);
     // All lists are as they were, and so is the device.
     for_direct.submit(&engine.direct);
@@ -478,7 +498,7 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     textures::wait(&engine.device, &engine.compute);
     let recording = Recording::on(&engine.device, &engine.direct);
     let call =
-        Call { presenter, device: direct, now: INTERVAL, list: recording.list(), target: &texture, states: common };
+        Call { presenter, device: direct, now: INTERVAL, recording: &recording, target: &texture, states: common };
     assert_eq!(call.record().0, CAIRN_OK);
     recording.submit(&engine.direct);
     textures::wait(&engine.device, &engine.direct);
@@ -488,7 +508,7 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     let list: ID3D12CommandList = open.list().cast().expect("a command list");
     // SAFETY: a live queue and list.
     unsafe { engine.direct.ExecuteCommandLists(&[Some(list)]) };
-    let call = Call { list: open.list(), ..call };
+    let call = Call { recording: &open, ..call };
     assert_eq!(call.record().0, CAIRN_ERROR_DEVICE_REMOVED);
     end([presenter, empty], [direct, compute]);
 }
@@ -499,11 +519,12 @@ fn what_stands_is_copied_and_not_made_again() {
     let engine = engine::engine();
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
+    prepare(presenter, direct, 0);
     let states = [D3D12_RESOURCE_STATE_PRESENT; 2];
     let frame_at = |now| {
         let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
         let recording = Recording::on(&engine.device, &engine.direct);
-        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+        let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states };
         let (result, frame) = call.record();
         assert_eq!(result, CAIRN_OK);
         recording.submit(&engine.direct);
@@ -541,6 +562,7 @@ fn frames_are_held_to_a_budget_of_the_device_s_time() {
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
+    prepare(presenter, direct, 0);
     let states = [D3D12_RESOURCE_STATE_COMMON; 2];
     let mut at = 4;
     // So many frames from `at` on, a quarter of an interval each; their sources.
@@ -551,7 +573,7 @@ fn frames_are_held_to_a_budget_of_the_device_s_time() {
             }
             let recording = Recording::on(&engine.device, &engine.direct);
             let now = at * INTERVAL / 4;
-            let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states };
+            let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states };
             let (result, frame) = call.record();
             assert_eq!(result, CAIRN_OK);
             recording.submit(&engine.direct);
@@ -576,5 +598,154 @@ fn frames_are_held_to_a_budget_of_the_device_s_time() {
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_presenter_set_budget(presenter, 0) }, CAIRN_OK);
     assert_eq!(frames(4), [anchor, generated, generated, generated]);
+    end([presenter], [direct]);
+}
+
+/// Frames that an engine records into lists, which it holds back.
+struct Late {
+    engine: Engine,
+    device: *mut cairn_device,
+    presenter: *mut cairn_presenter,
+    held: Vec<(Recording, ID3D12Resource, Picture)>,
+}
+
+/// Lists that the presenter is prepared for.
+const LISTS: u32 = 4;
+
+impl Late {
+    fn new(shader: u32) -> Self {
+        let engine = engine::engine();
+        let device = device(&engine, &engine.direct);
+        let presenter = presenter(CAIRN_COLOUR_SRGB, shader);
+        prepare(presenter, device, LISTS);
+        Self { engine, device, presenter, held: Vec::new() }
+    }
+
+    /// Records the frame a quarter of an interval behind anchor `number - 1`.
+    fn record(&mut self, number: u64) -> cairn_result {
+        if number > 1 {
+            push(self.presenter, number, number * INTERVAL);
+        }
+        let now = number * INTERVAL + INTERVAL / 4;
+        let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&self.engine.device);
+        let recording = Recording::on(&self.engine.device, &self.engine.direct);
+        let states = [D3D12_RESOURCE_STATE_COMMON; 2];
+        let Self { presenter, device, .. } = *self;
+        let call = Call { presenter, device, now, recording: &recording, target: &texture, states };
+        let (result, _) = call.record();
+        // All that the queue was given for it has run.
+        textures::wait(&self.engine.device, &self.engine.direct);
+        if result == CAIRN_OK {
+            self.held.push((recording, texture, drawn(self.presenter, now)));
+        }
+        result
+    }
+
+    /// Submits a list, and looks at what it copied.
+    fn submit(&self, place: usize) {
+        let (recording, texture, expected) = &self.held[place];
+        recording.submit(&self.engine.direct);
+        let state = D3D12_RESOURCE_STATE_COMMON;
+        let found = textures::read(&self.engine.device, &self.engine.direct, texture, state);
+        let apart = found.iter().zip(expected.rgba()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+        assert_eq!(apart, 0, "list {place} of {} copies what was recorded", self.held.len());
+    }
+
+    fn pending(&self) -> u32 {
+        statistics(self.presenter).lists_pending
+    }
+}
+
+#[test]
+fn lists_may_run_late_in_any_order_or_never() {
+    for shader in [CAIRN_PREFER_AUTO, CAIRN_PREFER_NEVER] {
+        for order in [[0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]] {
+            let mut late = Late::new(shader);
+            (1..=4).for_each(|number| assert_eq!(late.record(number), CAIRN_OK));
+            // As many as there is memory for; nothing waits, and nothing of these is overwritten.
+            assert_eq!([late.record(5), late.record(6)], [CAIRN_QUEUE_FULL; 2]);
+            assert_eq!(late.pending(), LISTS);
+            order.into_iter().for_each(|place| late.submit(place));
+            assert_eq!((late.pending(), late.record(7)), (0, CAIRN_OK));
+            late.submit(4);
+            // Lists that are dropped: the engine says so, or releases them all.
+            (8..=11).for_each(|number| assert_eq!(late.record(number), CAIRN_OK));
+            late.held[6].0.drop_list();
+            assert_eq!((late.pending(), late.record(12), late.record(13)), (3, CAIRN_OK, CAIRN_QUEUE_FULL));
+            // SAFETY: a live handle.
+            assert_eq!(unsafe { cairn_presenter_release_d3d12(late.presenter) }, CAIRN_OK);
+            assert_eq!((late.pending(), late.record(14)), (0, CAIRN_OK));
+            late.submit(late.held.len() - 1);
+            end([late.presenter], [late.device]);
+        }
+    }
+}
+
+#[test]
+fn what_was_prepared_before_is_kept_as_long_as_lists_may_read_it() {
+    for shader in [CAIRN_PREFER_AUTO, CAIRN_PREFER_NEVER] {
+        let mut late = Late::new(shader);
+        (1..=3).for_each(|number| assert_eq!(late.record(number), CAIRN_OK));
+        prepare(late.presenter, late.device, LISTS);
+        assert_eq!(late.pending(), 3);
+        (4..=7).for_each(|number| assert_eq!(late.record(number), CAIRN_OK));
+        (0..7).rev().for_each(|place| late.submit(place));
+        assert_eq!(late.pending(), 0);
+        end([late.presenter], [late.device]);
+    }
+}
+
+#[test]
+fn a_fence_that_cannot_say_when_a_list_has_run_is_refused() {
+    let (engine, other) = (engine::engine(), engine::engine());
+    let direct = device(&engine, &engine.direct);
+    let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
+    prepare(presenter, direct, 0);
+    let fence_of = |device: &ID3D12Device, value| -> ID3D12Fence {
+        // SAFETY: a live device.
+        unsafe { device.CreateFence(value, D3D12_FENCE_FLAG_NONE) }.expect("a fence")
+    };
+    let (own, foreign) = (fence_of(&engine.device, 7), fence_of(&other.device, 0));
+    let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
+    let recording = Recording::on(&engine.device, &engine.direct);
+    let states = [D3D12_RESOURCE_STATE_COMMON; 2];
+    let call = |now| Call { presenter, device: direct, now, recording: &recording, target: &texture, states };
+    let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
+    let mut record = |now: u64, fence: *mut std::ffi::c_void, value: u64, size: u32, reserved: u32| {
+        let mut wanted: cairn_d3d12_recording = prepared(|r: &mut cairn_d3d12_recording| &mut r.struct_size);
+        (wanted.list, wanted.target) = (recording.list().as_raw().cast(), texture.as_raw().cast());
+        (wanted.fence, wanted.fence_value) = (fence.cast(), value);
+        (wanted.struct_size, wanted.reserved) = (wanted.struct_size + size, reserved);
+        call(now).record_as(&wanted, &mut frame)
+    };
+    for (what, fence, value) in [
+        ("none", null_mut(), 8),
+        ("another device's", foreign.as_raw(), 8),
+        ("an object of another kind", texture.as_raw(), 8),
+        ("a value that it has", own.as_raw(), 7),
+        ("one that it had", own.as_raw(), 6),
+        ("one that every fence has", own.as_raw(), 0),
+    ] {
+        assert_eq!(record(INTERVAL, fence, value, 0, 0), CAIRN_ERROR_INVALID_ARGUMENT, "{what}");
+    }
+    assert_eq!(record(INTERVAL, own.as_raw(), 8, 0, 1), CAIRN_ERROR_INVALID_ARGUMENT, "what is reserved");
+    assert_eq!(record(INTERVAL, own.as_raw(), 8, 4, 0), CAIRN_ERROR_STRUCT_SIZE);
+    let done = statistics(presenter);
+    assert_eq!((done.lists_pending, done.shown_anchors + done.shown_generated), (0, 0), "nothing was recorded");
+    // A value may come in any order, and stand for several frames.
+    for (quarter, value) in [(0, 10), (1, 9), (2, 9), (3, 10)] {
+        assert_eq!(record(INTERVAL + quarter * INTERVAL / 4, own.as_raw(), value, 0, 0), CAIRN_OK, "{value}");
+    }
+    let reach = |value| {
+        // SAFETY: a live fence.
+        unsafe { own.Signal(value) }.expect("a signal");
+        statistics(presenter).lists_pending
+    };
+    assert_eq!([reach(8), reach(9), reach(10)], [4, 2, 0]);
+    // The list holds all four.
+    recording.submit(&engine.direct);
+    let found = textures::read(&engine.device, &engine.direct, &texture, states[1]);
+    let memory = drawn(presenter, INTERVAL * 7 / 4);
+    assert!(found.iter().zip(memory.rgba()).all(|(a, b)| a.abs_diff(*b) <= 1), "the last one");
     end([presenter], [direct]);
 }

@@ -6,7 +6,10 @@ use std::ptr::null_mut;
 use std::sync::Arc;
 
 use cairn::abi::anchor::{cairn_anchor, cairn_anchor_create, cairn_anchor_destroy};
-use cairn::abi::d3d12::{cairn_device_create_d3d12, cairn_presenter_record_d3d12};
+use cairn::abi::d3d12::{
+    cairn_d3d12_preparation, cairn_d3d12_recording, cairn_device_create_d3d12, cairn_presenter_prepare_d3d12,
+    cairn_presenter_record_d3d12,
+};
 use cairn::abi::device::{cairn_device, cairn_device_destroy};
 use cairn::abi::images::{cairn_picture, cairn_target};
 use cairn::abi::presenter::*;
@@ -15,9 +18,9 @@ use cairn::abi::statistics::*;
 use cairn::ffx::{Choice, Effect, Part};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{Gpu, Target};
+use cairn::gpu::{Gpu, Moment, Target};
 use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
-use cairn::present::device::{DeviceDrawer, ScaledBy};
+use cairn::present::device::{DeviceDrawer, Preparation, ScaledBy};
 use cairn::present::pacing::Interval;
 use cairn::present::presenter::{Presenter, PresenterOptions, Shown, ShownSource};
 use cairn::world::KeptAnchor;
@@ -95,6 +98,7 @@ struct Stream {
     engine: Engine,
     presenter: Presenter,
     drawer: DeviceDrawer,
+    is_prepared: bool,
     anchors: u64,
 }
 
@@ -117,6 +121,7 @@ impl Stream {
         Self {
             presenter: Presenter::new(options, None).expect("a presenter"),
             drawer: DeviceDrawer::new(&gpu, SIZE, Colours::Shown).expect("a drawer"),
+            is_prepared: false,
             anchors: 0,
             engine,
         }
@@ -148,18 +153,23 @@ impl Stream {
     fn draw(&mut self, t: f64, own: bool, runs: bool) -> (Shown, Option<Vec<u8>>) {
         let now = (self.anchors - 1) * INTERVAL + (t * INTERVAL as f64) as u64;
         let size = self.presenter.size().expect("anchors have come");
+        if !std::mem::replace(&mut self.is_prepared, true) {
+            self.drawer.prepare(&self.presenter, &Preparation::new(size)).expect("it is prepared");
+        }
         let texture = Wanted { size, ..Wanted::default() }.make(&self.engine.device);
         let target = Target { texture: texture.clone(), before: REST, after: REST };
         let shown = if own {
             let made = self.presenter.submit(now, &mut self.drawer, &target).expect("it is made");
-            let (shown, moment) = made.expect("a frame");
+            let (shown, moment) = made.made().expect("a frame");
             moment.wait().expect("it has run");
             shown
         } else {
             let recording = Recording::on(&self.engine.device, &self.engine.direct);
-            let made = self.presenter.record(now, &mut self.drawer, recording.list(), &target);
-            let shown = made.expect("it is recorded").expect("a frame");
+            let until = Moment::of_engine(self.drawer.gpu(), recording.fence(), 1).expect("the device's");
+            let made = self.presenter.record(now, &mut self.drawer, recording.list(), &target, &until);
+            let shown = made.expect("it is recorded").made().expect("a frame");
             if !runs {
+                recording.drop_list();
                 return (shown, None);
             }
             recording.submit(&self.engine.direct);
@@ -361,9 +371,17 @@ fn record_of(
 ) -> cairn_result {
     let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
     let recording = Recording::on(&engine.device, &engine.direct);
-    let (list, target) = (recording.list().as_raw().cast(), texture.as_raw().cast());
+    let wanted: cairn_d3d12_preparation = prepared(|p: &mut cairn_d3d12_preparation| &mut p.struct_size);
+    // SAFETY: live handles, and a struct of its size.
+    let result = unsafe { cairn_presenter_prepare_d3d12(presenter, device, &wanted) };
+    if result != CAIRN_OK {
+        return result;
+    }
+    let mut told: cairn_d3d12_recording = prepared(|r: &mut cairn_d3d12_recording| &mut r.struct_size);
+    (told.list, told.target) = (recording.list().as_raw().cast(), texture.as_raw().cast());
+    (told.fence, told.fence_value) = (recording.fence().as_raw().cast(), 1);
     // SAFETY: live handles and objects.
-    let result = unsafe { cairn_presenter_record_d3d12(presenter, device, now, list, target, 0, 0, null_mut()) };
+    let result = unsafe { cairn_presenter_record_d3d12(presenter, device, now, &told, null_mut()) };
     if result == CAIRN_OK {
         recording.submit(&engine.direct);
         textures::wait(&engine.device, &engine.direct);

@@ -40,6 +40,9 @@ public:
     unsigned slot() const { return slot_; }
     /* Closes the list and gives it to the queue. */
     void submit();
+    /* Has the value of the open list once that has run. */
+    ID3D12Fence *fence() const { return fence_.Get(); }
+    std::uint64_t value_of_open_list() const { return submitted_ + 1; }
     /* Waits until everything has run. */
     void wait_idle();
 

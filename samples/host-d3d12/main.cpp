@@ -51,6 +51,19 @@ static cairn::presenter make_presenter(const options &o, std::uint32_t width, st
 }
 
 /*
+ * Makes all that frames of that size need, once it is known how large anchors are, so that the first one is no later than others. An
+ * engine does this on a thread that loads; here there is nothing else to be seen yet.
+ */
+static void prepare(const host &host, const cairn::presenter &presenter, std::uint32_t width, std::uint32_t height)
+{
+    cairn::d3d12_preparation wanted;
+    wanted.format = static_cast<std::uint32_t>(format_of(host.o.shown_in).format);
+    wanted.width = width;
+    wanted.height = height;
+    presenter.prepare_d3d12(host.device, wanted).value();
+}
+
+/*
  * Records and submits the frame that is due at `now` into `target`, which goes from state `before` to `after`; `more` records
  * what else is to be seen, with the target in COPY_DEST.
  */
@@ -59,10 +72,14 @@ static std::optional<cairn::frame> show(const host &host, cairn::presenter &pres
                                         D3D12_RESOURCE_STATES before, D3D12_RESOURCE_STATES after, More more)
 {
     ID3D12GraphicsCommandList *list = host.gpu.begin();
-    const auto frame = presenter
-                           .record_d3d12(host.device, now, list, target, static_cast<std::uint32_t>(before),
-                                         static_cast<std::uint32_t>(D3D12_RESOURCE_STATE_COPY_DEST))
-                           .value();
+    cairn::d3d12_recording recording;
+    recording.list = list;
+    recording.target = target;
+    recording.state_before = static_cast<std::uint32_t>(before);
+    recording.state_after = static_cast<std::uint32_t>(D3D12_RESOURCE_STATE_COPY_DEST);
+    recording.fence = host.gpu.fence();
+    recording.fence_value = host.gpu.value_of_open_list();
+    const auto frame = presenter.record_d3d12(host.device, now, recording).value();
     if (frame) {
         more(list);
         const D3D12_RESOURCE_BARRIER barrier = transition(target, D3D12_RESOURCE_STATE_COPY_DEST, after);
@@ -175,6 +192,7 @@ static void in_window(const host &host, const cairn::device &world_device)
     std::uint64_t last = 0;
     std::uint32_t count = 0;
     std::optional<cairn::frame> shown;
+    bool prepared = false;
     while (!window.closed()) {
         /* What comes while the presenter has enough waits here. */
         while ((next || (next = anchors.take(false))) && presenter.push(next->anchor, next->when_ns).value()) {
@@ -183,6 +201,10 @@ static void in_window(const host &host, const cairn::device &world_device)
         }
         const std::uint64_t now = now_ns();
         const auto due = presenter.query(now).value();
+        if (due && !prepared) {
+            prepare(host, presenter, width, height);
+            prepared = true;
+        }
         if (!due) window.title("Cairn: " + anchors.doing());
         const bool same = due && shown && due->since_ns == shown->since_ns && due->position == shown->position;
         if (!due || window.minimised() || (same && due->until_ns <= now)) {
@@ -238,6 +260,7 @@ static void without_window(const host &host, const cairn::device &world_device)
             record.anchor(next->anchor);
             presenter.push(next->anchor, came * interval).value();
         }
+        if (i == 0) prepare(host, presenter, width, height);
         const auto frame = show(host, presenter, now, target.target(), D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_COMMON,
                                 [](ID3D12GraphicsCommandList *) {});
         ID3D12GraphicsCommandList *list = host.gpu.begin();

@@ -1,5 +1,6 @@
 //! Direct3D 12: the doors that an engine's own objects come through. What stands behind them is built for Windows only.
 
+use std::ffi::c_void;
 use std::time::Duration;
 
 use super::anchor::{cairn_anchor, check_index};
@@ -7,10 +8,11 @@ use super::boundary::call;
 use super::device::cairn_device;
 use super::handles::{enter, enter_alone, insert};
 use super::presenter::{cairn_frame, cairn_presenter, to_header};
-use super::results::{CAIRN_NOT_READY, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out, describe, read};
 use super::worker::Job;
+use crate::present::presenter::Shown;
 
 #[cfg_attr(windows, path = "d3d12/windows.rs")]
 #[cfg_attr(not(windows), path = "d3d12/elsewhere.rs")]
@@ -45,6 +47,8 @@ pub(super) struct Guard {
 pub(super) struct DeviceFigures {
     /// Frames that have not run.
     pub(super) under_way: u32,
+    /// Recorded frames whose lists may not have run.
+    pub(super) lists_pending: u32,
     /// Frames that have.
     pub(super) frames: DeviceTimes,
     /// Lists that bring what they are made of.
@@ -268,63 +272,209 @@ pub unsafe extern "C" fn cairn_anchor_get_d3d12(
     })
 }
 
-/// Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Compute shaders make it
-/// on the device unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does, and the list copies it from memory of
-/// the presenter's: cairn_presenter_get_statistics says which, and why. target needs no view and no access for shaders. Shaders leave
-/// another pipeline, compute root signature and descriptor heaps in the list. Waits where three lists before it have not run yet; work
-/// on anchors is waited for on the queue and not here.
+/// Recorded frames that may not have run, at most: see cairn_d3d12_preparation.lists.
+pub const CAIRN_MAX_LISTS: u32 = 16;
+/// A flag of cairn_d3d12_preparation: frames are submitted only, and no memory is kept for recorded ones.
+pub const CAIRN_PREPARE_SUBMIT_ONLY: u32 = 1;
+
+/// Gives pipelines that cairn_pipelines_store_callback got in an earlier run, on the thread that prepares. Called first with null and 0, to
+/// return how many bytes there are, 0 for none; then with memory of that size, to fill it and return the same number.
+pub type cairn_pipelines_load_callback =
+    Option<unsafe extern "C" fn(bytes: *mut c_void, capacity: u64, user: *mut c_void) -> u64>;
+
+/// Gets the pipelines of a device, on the thread that prepares: bytes are valid during the call only. Bytes of another adapter, driver or
+/// version of the library, and damaged ones, are ignored when they are loaded.
+pub type cairn_pipelines_store_callback =
+    Option<unsafe extern "C" fn(bytes: *const c_void, size: u64, user: *mut c_void)>;
+
+/// What frames for Direct3D 12 are prepared for. All zero: frames of the presenter's size in any format, of the anchors that have come.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_d3d12_preparation {
+    /// sizeof(cairn_d3d12_preparation)
+    pub struct_size: u32,
+    /// DXGI_FORMAT of the targets; 0 for any that frames can be written in, with memory for the widest.
+    pub format: u32,
+    /// Size of the targets in pixels; 0 both ways for that of the presenter's frames.
+    pub width: u32,
+    /// See width.
+    pub height: u32,
+    /// Size of the anchors in pixels, 1 to 16384 each way; 0 both ways for that of the anchors that have come.
+    pub anchor_width: u32,
+    /// See anchor_width.
+    pub anchor_height: u32,
+    /// Pictures that an anchor brings, as cairn_anchor_info.pictures; 0 for 1.
+    pub anchor_pictures: u32,
+    /// As cairn_anchor_info has it; needed where options.motion is CAIRN_MOTION_PAPER, else 0.
+    pub latent_channels: u32,
+    /// See latent_channels.
+    pub latent_height: u32,
+    /// See latent_channels.
+    pub latent_width: u32,
+    /// Frames recorded into the engine's lists that may not have run, 1 to CAIRN_MAX_LISTS; 0 for 4. Each costs the memory of a frame.
+    pub lists: u32,
+    /// CAIRN_PREPARE_SUBMIT_ONLY, or 0.
+    pub flags: u32,
+    /// May be null.
+    pub load: cairn_pipelines_load_callback,
+    /// May be null.
+    pub store: cairn_pipelines_store_callback,
+    /// Handed to both.
+    pub user: *mut c_void,
+}
+describe!(cairn_d3d12_preparation, [], {
+    struct_size, format, width, height, anchor_width, anchor_height, anchor_pictures, latent_channels, latent_height,
+    latent_width, lists, flags, load, store, user,
+});
+
+/// Makes all that frames for Direct3D 12 need, on a thread of the host's that loads: pipelines, textures, memory, AMD's libraries with their
+/// contexts and the test that these must pass. Afterwards cairn_presenter_record_d3d12 and cairn_presenter_submit_d3d12 make nothing
+/// for frames of these sizes and this format. Blocks for as long as that takes, seconds at the first time.
+///
+/// Until it was called, and for frames of another size, format or device, these show the nearest anchor in place of each frame, resized by
+/// the processor, with CAIRN_FRAME_UNPREPARED: so call it again when targets change their size. What was prepared before is used until
+/// the call is done, and longer where it fails.
+///
+/// Pipelines are kept as long as the device, and shared by its presenters. With callbacks they are kept from one run of the program to the next, as
+/// far as the driver gives them away; the library writes no file. load is called once for a device, and store where
+/// pipelines were compiled that were neither loaded nor stored before, with all of the device's.
+///
+/// device: the one on whose queue frames will be made.
+///
+/// Ownership: preparation is read during the call; user stays the caller's; nothing is handed over, on success or on failure.
+/// Threads: any thread, also while another one pushes, queries, records or submits; a second one that prepares the same presenter gets
+/// CAIRN_ERROR_BUSY. Callbacks may call any function but those that destroy the presenter or the device.
+/// Results: CAIRN_OK; CAIRN_NOT_READY where no anchor has come and the preparation does not say how large anchors are;
+/// CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU
+/// device and where a required generator or upscaler cannot be used; CAIRN_ERROR_RUNTIME_MISSING where AMD's libraries are required and not
+/// there; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_presenter_prepare_d3d12(
+    presenter: *const cairn_presenter,
+    device: *const cairn_device,
+    preparation: *const cairn_d3d12_preparation,
+) -> cairn_result {
+    call("cairn_presenter_prepare_d3d12", || {
+        let presenting = enter(presenter)?;
+        let device = enter(device)?;
+        // SAFETY: the host's promise about `preparation`.
+        let wanted = unsafe { read(preparation, "preparation") }?;
+        let refuse = |field: &str, why: String| Err(Failure::argument(&format!("preparation.{field}"), why));
+        let sides = 1..=crate::MAX_SIDE;
+        for (field, size) in
+            [("width", (wanted.width, wanted.height)), ("anchor_width", (wanted.anchor_width, wanted.anchor_height))]
+        {
+            if size != (0, 0) && !(sides.contains(&size.0) && sides.contains(&size.1)) {
+                return refuse(field, format!("{} x {} pixels", size.0, size.1));
+            }
+        }
+        if wanted.lists > CAIRN_MAX_LISTS {
+            return refuse("lists", format!("{} recorded frames cannot be kept", wanted.lists));
+        }
+        if wanted.flags & !CAIRN_PREPARE_SUBMIT_ONLY != 0 {
+            return refuse("flags", format!("{:#x} has an unknown bit", wanted.flags));
+        }
+        Ok(if presenting.prepare(&device, &wanted)? { CAIRN_OK } else { CAIRN_NOT_READY })
+    })
+}
+
+/// A list of the engine's that a frame is recorded into.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct cairn_d3d12_recording {
+    /// sizeof(cairn_d3d12_recording)
+    pub struct_size: u32,
+    /// D3D12_RESOURCE_STATES of the target when the list comes to it.
+    pub state_before: u32,
+    /// D3D12_RESOURCE_STATES that it is left in.
+    pub state_after: u32,
+    /// 0
+    pub reserved: u32,
+    /// Open for recording, of the type of the device's queue.
+    pub list: *mut ID3D12GraphicsCommandList,
+    /// Of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and typeless ones
+    /// included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR.
+    pub target: *mut ID3D12Resource,
+    /// The host's own, of the same device.
+    pub fence: *mut ID3D12Fence,
+    /// The fence gets it on the queue that executes the list, after the list.
+    pub fence_value: u64,
+}
+describe!(cairn_d3d12_recording, [], {
+    struct_size, state_before, state_after, reserved, list, target, fence, fence_value,
+});
+
+/// Has the frame that is due made on the device's queue, as cairn_presenter_draw writes it into memory, and records its copy into the engine's
+/// command list. Compute shaders make it unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does:
+/// cairn_presenter_get_statistics says which, and why. The list gets a barrier, a copy and a barrier, and nothing else of it changes.
+///
+/// The list may be executed early or late, in another order than it was recorded in, or never. What it copies from is used again once the
+/// fence has its value, and not before; nothing waits for it. The same value may stand for several lists if it comes after all of
+/// them. Of a list that is dropped the host signals the value itself, or calls cairn_presenter_release_d3d12.
 ///
 /// A cut that only the generator finds shows the nearer anchor as well, but frame says so only where the processor made it; the
-/// statistics count it once the list has run.
+/// statistics count it once the frame has been made.
 ///
-/// device: the one on whose queue the list will run.
+/// device: the one on whose queue the list will run; on another queue it must wait for what the device's queue has been given before.
 /// now_ns: when it will be shown, on the host's clock.
-/// list: open for recording, of the queue's type; to be given to the queue before the next frame is recorded.
-/// target: of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and
-/// typeless ones included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR. In before on entry and in after on
-/// exit, both D3D12_RESOURCE_STATES that the list can name: a compute list cannot name RENDER_TARGET. It and the presenter must live
-/// until the list has run.
+/// recording: the target is in state_before on entry and in state_after on exit, both D3D12_RESOURCE_STATES that the list can name: a compute list
+/// cannot name RENDER_TARGET. The presenter must live until the list has run.
 /// frame: may be null.
 ///
-/// Ownership: list and target stay the caller's, and the presenter may hold a reference to target until the frame after next but one is
-/// recorded or cairn_presenter_release_d3d12 is called; frame is filled on success; on failure it is not written and no frame is recorded.
-/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
-/// when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
-/// a CPU device, and where options.shader is CAIRN_PREFER_REQUIRE and shaders cannot make it; CAIRN_ERROR_OUT_OF_MEMORY;
-/// CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+/// Ownership: all objects stay the caller's, and the presenter holds a reference to the fence until it has its value; frame is filled on
+/// success; on failure it is not written and no frame is recorded.
+/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. Not waited for is a thread that prepares.
+/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_QUEUE_FULL where as many lists as were prepared may not have run:
+/// nothing is recorded, and the target holds what it did; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also without a fence, for one of
+/// another device or that has the value already, and when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent;
+/// CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU device; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE;
+/// CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_record_d3d12(
     presenter: *mut cairn_presenter,
     device: *const cairn_device,
     now_ns: u64,
-    list: *mut ID3D12GraphicsCommandList,
-    target: *mut ID3D12Resource,
-    before: u32,
-    after: u32,
+    recording: *const cairn_d3d12_recording,
     frame: *mut cairn_frame,
 ) -> cairn_result {
     call("cairn_presenter_record_d3d12", || {
         let presenting = enter_alone(presenter)?;
         let device = enter(device)?;
-        given(list, "list")?;
-        given(target, "target")?;
+        // SAFETY: the host's promise about `recording`.
+        let recording = unsafe { read(recording, "recording") }?;
+        given(recording.list, "recording.list")?;
+        given(recording.target, "recording.target")?;
+        if recording.fence.is_null() {
+            return Err(Failure::argument("recording.fence", "without a fence it is not known when the list has run")
+                .remedy("Pass a fence that the queue signals after the list, or use cairn_presenter_submit_d3d12"));
+        }
+        if recording.reserved != 0 {
+            return Err(Failure::argument("recording.reserved", "it must be 0"));
+        }
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
-        let target = To { list, target, before, after };
+        let cairn_d3d12_recording { state_before, state_after, list, target, fence, fence_value, .. } = recording;
+        let guard = Guard { fence, value: fence_value };
+        let to = To { list: Some((list, guard)), target, before: state_before, after: state_after };
         // SAFETY: the host's promise about its objects.
-        let made = unsafe { presenting.record(&device, now_ns, &target) }?;
-        let Some((shown, _)) = made else { return Ok(CAIRN_NOT_READY) };
-        frame.into_iter().for_each(|frame| frame.write(&to_header(&shown)));
-        Ok(CAIRN_OK)
+        match unsafe { presenting.record(&device, now_ns, &to) }? {
+            Recorded::NotReady => Ok(CAIRN_NOT_READY),
+            Recorded::QueueFull => Ok(CAIRN_QUEUE_FULL),
+            Recorded::Frame(shown, _) => {
+                frame.into_iter().for_each(|frame| frame.write(&to_header(&shown)));
+                Ok(CAIRN_OK)
+            }
+        }
     })
 }
 
-/// Has the frame that is due written to a texture on the device's queue, as cairn_presenter_record_d3d12 records it, in a list of the
-/// presenter's own and behind all that the queue has been given.
+/// Has the frame that is due written to a texture on the device's queue, in a list of the presenter's own and behind all that the queue has been
+/// given. Waits where three frames before it have not run.
 ///
-/// device, now_ns, target, before, after, frame: as for cairn_presenter_record_d3d12.
+/// device, now_ns, frame: as for cairn_presenter_record_d3d12; target, before, after: as in cairn_d3d12_recording. The presenter may hold a
+/// reference to target until the third frame after it is made or cairn_presenter_release_d3d12 is called.
 /// fence, value: get what to wait for before the frame is read elsewhere than on the queue, and before target is freed.
 ///
 /// Ownership: target stays the caller's; on success *fence has a reference more, for the caller to release, and frame is filled;
@@ -352,10 +502,10 @@ pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
         check_out(value, "value")?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
-        let target = To { list: std::ptr::null_mut(), target, before, after };
+        let to = To { list: None, target, before, after };
         // SAFETY: the host's promise about its objects.
-        let made = unsafe { presenting.record(&device, now_ns, &target) }?;
-        let Some((shown, Some(guard))) = made else { return Ok(CAIRN_NOT_READY) };
+        let made = unsafe { presenting.record(&device, now_ns, &to) }?;
+        let Recorded::Frame(shown, Some(guard)) = made else { return Ok(CAIRN_NOT_READY) };
         // SAFETY: checked above; writable by the host's promise.
         unsafe { fence.write(guard.fence) };
         // SAFETY: as above.
@@ -365,8 +515,8 @@ pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
     })
 }
 
-/// Waits until all frames have run and lets go of their targets, as a swap chain wants it before its buffers are resized. Lists that were
-/// recorded must have been given to the queue, or never will be.
+/// Waits until all frames have run and releases their targets, as a swap chain wants it before its buffers are resized. Every list that frames
+/// were recorded into must have been given to the queue, or never will be: their memory is free then, whatever their fences say.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
@@ -380,10 +530,21 @@ pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_pre
     })
 }
 
+/// What became of a frame for Direct3D 12.
+pub(super) enum Recorded {
+    /// No anchor has come.
+    NotReady,
+    /// As many lists as may have not run.
+    QueueFull,
+    /// It is made; with what guards its target where that is submitted.
+    Frame(Shown, Option<Guard>),
+}
+
 /// Where a frame is recorded to.
 #[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door reads it"))]
 pub(super) struct To {
-    list: *mut ID3D12GraphicsCommandList,
+    /// An engine's list, and its own fence that says when that has run.
+    list: Option<(*mut ID3D12GraphicsCommandList, Guard)>,
     target: *mut ID3D12Resource,
     before: u32,
     after: u32,

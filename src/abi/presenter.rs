@@ -6,14 +6,15 @@ use parking_lot::Mutex;
 
 use super::anchor::cairn_anchor;
 use super::boundary::call;
-use super::d3d12::behind::{HAS_SHADERS, Recording};
-use super::d3d12::{Guard, To};
+use super::d3d12::behind::{Amd, HAS_SHADERS, Prepared, Recording};
+use super::d3d12::{Recorded, To, cairn_d3d12_preparation};
 use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
 use super::images::{Target, cairn_target};
 use super::preferences::{choose, colours};
 use super::results::{
-    CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result,
+    CAIRN_ERROR_BUSY, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL,
+    Failure, Outcome, cairn_result,
 };
 use super::structs::{Out, check_out, describe, read_or_default, slice};
 use crate::Colours;
@@ -66,6 +67,8 @@ pub const CAIRN_FRAME_HELD: u32 = 5;
 pub const CAIRN_FRAME_CUT: u32 = 1;
 /// A flag of cairn_frame: it is the very picture that was drawn before.
 pub const CAIRN_FRAME_REPEATED: u32 = 2;
+/// A flag of cairn_frame: an anchor is shown in its place, as cairn_presenter_prepare_d3d12 was not called for it.
+pub const CAIRN_FRAME_UNPREPARED: u32 = 4;
 
 /// Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, generates it
 /// and writes it into the host's memory. It reads no clock: every time is the host's, in nanoseconds from wherever it likes.
@@ -91,6 +94,8 @@ pub(super) struct Presenting {
     preference: String,
     /// What frames for Direct3D 12 are recorded with.
     pub(super) recording: Mutex<Recording>,
+    /// Whoever prepares holds it; behind what uses AMD's libraries, which it keeps loaded.
+    preparing: Mutex<Amd>,
 }
 
 impl Handle for cairn_presenter {
@@ -106,14 +111,49 @@ impl Presenting {
     ///
     /// # Safety
     /// What `to` points to are objects of COM and live during the call.
-    pub(super) unsafe fn record(&self, device: &Device, now: u64, to: &To) -> Outcome<Option<(Shown, Option<Guard>)>> {
+    pub(super) unsafe fn record(&self, device: &Device, now: u64, to: &To) -> Outcome<Recorded> {
         if !device.is_gpu() {
             return Err(Failure::no_d3d12());
         }
-        let Self { presenter, colours, fsr, shader, upscaler, .. } = self;
-        let asked = Asked { presenter, colours: *colours, fsr: *fsr, shader: *shader, upscaler: *upscaler };
         // SAFETY: the caller's promise.
-        unsafe { self.recording.lock().record(&asked, device, now, to) }
+        unsafe { self.recording.lock().record(&self.asked(), device, now, to) }
+    }
+
+    /// Makes all that frames need, and uses it from then on; false where it is not known how large anchors are. Frames are recorded meanwhile.
+    pub(super) fn prepare(&self, device: &Device, wanted: &cairn_d3d12_preparation) -> Outcome<bool> {
+        if !device.is_gpu() {
+            return Err(Failure::no_d3d12());
+        }
+        let Some(mut amd) = self.preparing.try_lock() else {
+            return Err(Failure::new(CAIRN_ERROR_BUSY, "another thread prepares the presenter")
+                .remedy("Wait for that call to return"));
+        };
+        let asked = self.asked();
+        let made = match Prepared::new(&asked, device, wanted, &mut amd) {
+            Err(why) if why.code == CAIRN_ERROR_OUT_OF_MEMORY && self.put(None) => {
+                log::info!("what was prepared before is released, as there is no memory for both");
+                Prepared::new(&asked, device, wanted, &mut amd)
+            }
+            made => made,
+        }?;
+        let is_known = made.is_some();
+        if is_known {
+            self.put(made);
+        }
+        Ok(is_known)
+    }
+
+    /// Uses what was prepared, and drops what was before, for which recording does not wait; whether there was any.
+    fn put(&self, prepared: Option<Prepared>) -> bool {
+        let Some(replaced) = self.recording.lock().replace(prepared) else { return false };
+        let retired = replaced.retire();
+        self.recording.lock().retire(retired);
+        true
+    }
+
+    fn asked(&self) -> Asked<'_> {
+        let Self { presenter, colours, fsr, shader, upscaler, .. } = self;
+        Asked { presenter, colours: *colours, fsr: *fsr, shader: *shader, upscaler: *upscaler }
     }
 
     /// Waits until all frames have run, and lets go of their targets.
@@ -218,7 +258,7 @@ pub struct cairn_frame {
     pub current: u64,
     /// Intervals from the previous anchor, 0 to 1.
     pub t: f32,
-    /// CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED
+    /// CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED, CAIRN_FRAME_UNPREPARED
     pub flags: u32,
 }
 describe!(cairn_frame, [], { struct_size, source, position, since_ns, until_ns, previous, current, t, flags });
@@ -249,7 +289,8 @@ pub unsafe extern "C" fn cairn_presenter_create(
 }
 
 /// Gives a presenter the next anchor. What comes without a number one above the last, or with CAIRN_ANCHOR_CUT, is a cut:
-/// nothing is generated between it and the one before.
+/// nothing is generated between it and the one before. An anchor that a Direct3D 12 device still works on has come once its fence
+/// says so, which is looked at whenever a frame is asked for and no queue waits for; until then it is late.
 ///
 /// guidance: of the anchor before and this one; null to have the presenter find it.
 /// now_ns: when it came, on the host's clock.
@@ -516,6 +557,7 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
         generator: name,
         preference,
         recording: Mutex::default(),
+        preparing: Mutex::default(),
     })
 }
 
@@ -529,6 +571,7 @@ pub(super) fn to_header(shown: &Shown) -> cairn_frame {
     };
     let cut = if shown.cut { CAIRN_FRAME_CUT } else { 0 };
     let repeated = if shown.repeated { CAIRN_FRAME_REPEATED } else { 0 };
+    let unprepared = if shown.unprepared { CAIRN_FRAME_UNPREPARED } else { 0 };
     cairn_frame {
         struct_size: 0,
         source,
@@ -538,6 +581,6 @@ pub(super) fn to_header(shown: &Shown) -> cairn_frame {
         previous: shown.previous,
         current: shown.current,
         t: shown.t,
-        flags: cut | repeated,
+        flags: cut | repeated | unprepared,
     }
 }

@@ -176,8 +176,8 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
 pub struct cairn_presenter_statistics {
     /// sizeof(cairn_presenter_statistics)
     pub struct_size: u32,
-    /// 0
-    pub reserved: u32,
+    /// Anchors that were pushed and whose fences have not come.
+    pub anchors_under_way: u32,
     /// Anchors that came.
     pub anchors: u64,
     /// Those that came after they were due.
@@ -210,7 +210,7 @@ pub struct cairn_presenter_statistics {
     pub preference: [c_char; 160],
     /// Anchors that wait for their time, as of the latest time that was heard of.
     pub waiting: u32,
-    /// Frames for Direct3D 12 that are recorded and have not run.
+    /// Frames for Direct3D 12 that the queue was given and has not made.
     pub under_way: u32,
     /// Frames for Direct3D 12 whose time on the device is known. What else the queue ran meanwhile is in their times.
     pub device_frames: u64,
@@ -236,12 +236,21 @@ pub struct cairn_presenter_statistics {
     pub upscaler: [c_char; 32],
     /// Why AMD's upscaler does not, for people; UTF-8.
     pub upscaling: [c_char; 160],
+    /// Frames for Direct3D 12 in whose place an anchor was shown: CAIRN_FRAME_UNPREPARED.
+    pub unprepared: u64,
+    /// Objects of Direct3D and contexts of AMD's that were made while frames were recorded or submitted: none where all were prepared.
+    pub objects_made: u64,
+    /// Recorded frames whose fences have not come.
+    pub lists_pending: u32,
+    /// 0
+    pub reserved: u32,
 }
-describe!(cairn_presenter_statistics, [304, 376], {
-    struct_size, reserved, anchors, late_anchors, slipped_ns, shown_anchors, shown_decoded, shown_generated,
+describe!(cairn_presenter_statistics, [304, 376, 568], {
+    struct_size, anchors_under_way, anchors, late_anchors, slipped_ns, shown_anchors, shown_decoded, shown_generated,
     shown_extrapolated, shown_held, repeated, cuts, guidance_ns, generate_ns, resize_ns, generator, preference, waiting,
     under_way, device_frames, device_frames_ns, device_frame_longest_ns, device_frame_last_ns, device_lists, device_lists_ns,
-    device_list_longest_ns, made_to_anchor, budget_changes, upscaler, upscaling,
+    device_list_longest_ns, made_to_anchor, budget_changes, upscaler, upscaling, unprepared, objects_made, lists_pending,
+    reserved,
 });
 
 /// Says what a presenter has done, and with what.
@@ -266,7 +275,7 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         let device = presenting.recording.lock().figures();
         statistics.write(&cairn_presenter_statistics {
             struct_size: 0,
-            reserved: 0,
+            anchors_under_way: u32::try_from(presenting.presenter.arriving()).unwrap_or(u32::MAX),
             anchors: done.anchors,
             late_anchors: done.late,
             slipped_ns: done.slipped_ns,
@@ -295,6 +304,10 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
             budget_changes: u32::try_from(done.budget_changes).unwrap_or(u32::MAX),
             upscaler: fixed_text(&upscaler),
             upscaling: fixed_text(&upscaling),
+            unprepared: done.unprepared,
+            objects_made: done.objects_made,
+            lists_pending: device.lists_pending,
+            reserved: 0,
         });
         Ok(CAIRN_OK)
     })

@@ -4,6 +4,7 @@
 //! end. Before that it records motion and depth of the frame ([`Swapchain::prepare`]). What lies between two frames is recorded by the
 //! swap chain, within `Present`, by way of a callback that hands its struct on to the generator.
 
+mod present_fence;
 mod settings;
 mod taken;
 
@@ -29,8 +30,9 @@ use super::clean_motion::CleanMotion;
 use super::textures::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
 use super::{Api, Chain, Choice, Context, Frame, Generator, Provider, Shot};
 use crate::gpu::compute::{Frames, Resting};
-use crate::gpu::{Gpu, Promises, check_list, failed_on};
+use crate::gpu::{Gpu, check_list, failed_on};
 use crate::{Error, ErrorKind, Result};
+use present_fence::PresentFence;
 pub use settings::{
     Interface, Paced, PacedPictures, Pacing, SwapchainMemory, SwapchainOptions, swapchain_memory_needed,
 };
@@ -41,8 +43,8 @@ use taken::{references, wrapped};
 /// Threads: one at a time, with `Present` and all else that is done to the DXGI swap chain; may move between them. It has threads of
 /// its own, which present.
 pub struct Swapchain {
-    /// Signals what was promised before anybody below waits for it.
-    promises: Promises,
+    /// Dropped first: it signals what the ring waits for.
+    presented: PresentFence,
     ring: Frames,
     gpu: Gpu,
     api: Api,
@@ -196,7 +198,7 @@ impl Swapchain {
             generated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
         });
-        let (promises, ring) = (Promises::new(gpu)?, Frames::new(gpu, gpu.frames(), CleanMotion::ROOM)?);
+        let (presented, ring) = (PresentFence::new(gpu)?, Frames::new(gpu, gpu.frames(), CleanMotion::ROOM)?);
         let motion = CleanMotion::new(gpu, motion_size_at(&head, head.max_render_size))?;
         let pacer = pace(gpu, api, &mut given, from)?;
         if given.swapchain.is_null() {
@@ -208,7 +210,7 @@ impl Swapchain {
             held_at_first: references(&swapchain),
             swapchain,
             pacer,
-            promises,
+            presented,
             ring,
             gpu: gpu.clone(),
             api: *api,
@@ -318,8 +320,8 @@ impl Swapchain {
         };
         let (hudless, distortion) = (late(&pictures.hudless, "hudless")?, late(&pictures.distortion, "distortion")?);
         // The list before this one has been given to the queue.
-        self.promises.keep()?;
-        let until = self.promises.next()?;
+        self.presented.presented()?;
+        let until = self.presented.next()?;
         let mut frame = self.ring.begin_in(list, &until)?;
         let clean = self.motion.record(&self.gpu, &mut frame, &pictures.motion, motion_size, shot.motion_scale)?;
         frame.bring(&clean, READ)?;
@@ -460,7 +462,7 @@ impl Swapchain {
     /// Turns generation off and lets the generator go, once nothing uses it any more.
     fn end_generator(&mut self) -> Result<()> {
         let off = self.pause();
-        self.promises.keep()?;
+        self.presented.presented()?;
         // What it generated was on the engine's queue.
         self.gpu.frames().now()?.wait()?;
         self.ring.finish()?;

@@ -21,8 +21,8 @@ pub(crate) struct EachPixel {
     size: (u32, u32),
     spread: Kernel,
     ring: Frames,
-    /// Made for the first that come in tiles.
-    each: Option<[ID3D12Resource; 2]>,
+    /// Of what comes in tiles.
+    each: [ID3D12Resource; 2],
 }
 
 /// A texture and the state it rests in.
@@ -42,12 +42,13 @@ impl EachPixel {
     /// For pictures of `size`.
     pub(crate) fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
         let shape = Shape { constants: 4, inputs: 2, outputs: 2 };
+        let each = |format| written_texture(gpu, size, format, D3D12_RESOURCE_STATE_COMMON);
         Ok(Self {
             gpu: gpu.clone(),
             size,
             spread: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_spread.dxbc"), shape)?,
             ring: Frames::new(gpu, gpu.frames(), ROOM)?,
-            each: None,
+            each: [each(MOTION)?, each(DEPTH)?],
         })
     }
 
@@ -57,14 +58,7 @@ impl EachPixel {
         if [guidance.motion_tile, guidance.depth_tile] == [1, 1] {
             return Ok((hold(&guidance.motion), hold(&guidance.depth)));
         }
-        let each = match &self.each {
-            Some(each) => each,
-            None => {
-                let made = |format| written_texture(&self.gpu, self.size, format, D3D12_RESOURCE_STATE_COMMON);
-                self.each.insert([made(MOTION)?, made(DEPTH)?])
-            }
-        };
-        let [motion, depth] = each.clone().map(|resource| Held { resource, state: D3D12_RESOURCE_STATE_COMMON });
+        let [motion, depth] = self.each.clone().map(|resource| Held { resource, state: D3D12_RESOURCE_STATE_COMMON });
         let constants = [self.size.0, self.size.1, guidance.motion_tile, guidance.depth_tile];
         let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
         // SAFETY: live resources.

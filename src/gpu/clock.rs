@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::{Gpu, Heap, Queue, Shared, failed_on};
+use super::{Gpu, Heap, Queue, Shared, count_object, failed_on};
 use crate::Result;
 
 /// Time that frames, or a world's passes, have taken on the device, from the first to the last of their commands. What else a queue
@@ -64,6 +64,7 @@ impl Marks {
         let count = 2 * pairs as u32;
         let wanted = D3D12_QUERY_HEAP_DESC { Type: D3D12_QUERY_HEAP_TYPE_TIMESTAMP, Count: count, NodeMask: 0 };
         let mut heap: Option<ID3D12QueryHeap> = None;
+        count_object();
         // SAFETY: a live device; description and place live during the call.
         unsafe { gpu.device().CreateQueryHeap(&wanted, &mut heap) }
             .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateQueryHeap", &e))?;

@@ -11,7 +11,7 @@ use windows::Win32::Graphics::Dxgi::IDXGIAdapter1;
 use windows::core::{IUnknown, Interface};
 
 use super::failure::{failed, failed_on, removed};
-use super::{Adapter, Queue, adapter};
+use super::{Adapter, Pipelines, Queue, adapter};
 use crate::{Error, ErrorKind, Result};
 
 /// A Direct3D 12 device, an engine's or our own, with a queue for frames and one for anchors. Cheap to clone; every clone is the
@@ -28,6 +28,7 @@ struct Inner {
     luid: u64,
     /// Looked for once, as each search starts DXGI anew.
     adapter: OnceLock<(IDXGIAdapter1, Adapter)>,
+    pipelines: Pipelines,
 }
 
 impl Gpu {
@@ -63,7 +64,8 @@ impl Gpu {
         };
         // SAFETY: a live device.
         let luid = adapter::number(unsafe { device.GetAdapterLuid() });
-        Ok(Self(Arc::new(Inner { frames, anchors, device: device.clone(), luid, adapter: OnceLock::new() })))
+        let (device, adapter, pipelines) = (device.clone(), OnceLock::new(), Pipelines::default());
+        Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines })))
     }
 
     /// A device of our own on the adapter with `luid`, as [`adapters`](super::adapters) lists it; without one on the first that
@@ -85,7 +87,7 @@ impl Gpu {
         let frames = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_DIRECT)?;
         let anchors = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE)?;
         let (luid, adapter) = (described.luid, OnceLock::from((adapter, described)));
-        Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter })))
+        Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines: Pipelines::default() })))
     }
 
     /// Direct3D's own.
@@ -119,6 +121,11 @@ impl Gpu {
     /// What its adapter calls itself. Tries no other adapter, and makes no device on it.
     pub(crate) fn adapter_name(&self) -> Option<String> {
         self.found().ok().map(|(_, described)| described.description.clone())
+    }
+
+    /// The compute pipelines that were made on it.
+    pub(crate) fn pipelines(&self) -> &Pipelines {
+        &self.0.pipelines
     }
 
     /// DXGI's object of its adapter, and what that says of itself.

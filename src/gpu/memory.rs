@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
 
-use super::{Gpu, failed_on};
+use super::{Gpu, count_object, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// Whose memory a buffer is in.
@@ -39,6 +39,7 @@ pub(crate) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resour
         ..Default::default()
     };
     let mut made: Option<ID3D12Resource> = None;
+    count_object();
     // SAFETY: a live device; descriptions and place live during the call.
     unsafe { gpu.device().CreateCommittedResource(&properties, D3D12_HEAP_FLAG_NONE, &wanted, state, None, &mut made) }
         .map_err(|e| {

@@ -36,6 +36,20 @@ impl Moment {
         Ok(Self::new(fence, value, gpu.device()))
     }
 
+    /// Refuses a value that the fence has already: it says nothing of work that is to come.
+    ///
+    /// # Errors
+    /// `InvalidArgument`.
+    pub(crate) fn check_pending(&self) -> Result<()> {
+        if !self.reached() {
+            return Ok(());
+        }
+        let why = format!("the fence has the value {} already, before the list has run", self.value);
+        Err(Error::new(ErrorKind::InvalidArgument, why)
+            .field("fence_value")
+            .remedy("Pass a value that the queue gives the fence after the list"))
+    }
+
     /// The fence that has the value once the moment is reached.
     pub fn fence(&self) -> &ID3D12Fence {
         &self.fence

@@ -24,7 +24,7 @@ impl Pipeline {
     /// `OutOfMemory`, `DeviceRemoved`, `Device`.
     pub(crate) fn new(gpu: &Gpu, code: &[u8], constants: usize, reads: usize, writes: usize) -> Result<Self> {
         let root = root_signature(gpu, constants, reads, writes)?;
-        let state = shader::pipeline_state(gpu, &root, code)?;
+        let state = shader::pipeline_state(gpu, &root, code, None)?;
         Ok(Self { state, root, constants, reads, writes })
     }
 

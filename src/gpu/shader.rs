@@ -5,7 +5,7 @@ use std::mem::ManuallyDrop;
 use windows::Win32::Graphics::Direct3D::ID3DBlob;
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::{Gpu, failed_on};
+use super::{Gpu, count_object, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// Constants in `b0`: so many words, visible everywhere.
@@ -31,25 +31,45 @@ pub(super) fn root_signature(gpu: &Gpu, parameters: &[D3D12_ROOT_PARAMETER]) -> 
     unsafe { D3D12SerializeRootSignature(&wanted, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }
         .map_err(|e| failed_on(gpu.device(), "D3D12SerializeRootSignature", &e))?;
     let blob = blob.ok_or_else(|| Error::new(ErrorKind::Device, "D3D12SerializeRootSignature gave nothing"))?;
-    // SAFETY: a live blob.
-    let (address, length) = unsafe { (blob.GetBufferPointer(), blob.GetBufferSize()) };
-    // SAFETY: the blob's own memory, which lives as long as it does and which nobody writes.
-    let bytes = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), length) };
+    count_object();
     // SAFETY: a live device and bytes that live during the call.
-    unsafe { gpu.device().CreateRootSignature(0, bytes) }
+    unsafe { gpu.device().CreateRootSignature(0, bytes(&blob)) }
         .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateRootSignature", &e))
 }
 
-/// The shader `code`, DXBC of profile cs_5_x, made ready for the device's driver.
+/// A blob's memory.
+pub(super) fn bytes(blob: &ID3DBlob) -> &[u8] {
+    // SAFETY: a live blob.
+    let (address, length) = unsafe { (blob.GetBufferPointer(), blob.GetBufferSize()) };
+    if address.is_null() || length == 0 {
+        return &[];
+    }
+    // SAFETY: the blob's own memory, which lives as long as it does and which nobody writes.
+    unsafe { std::slice::from_raw_parts(address.cast::<u8>(), length) }
+}
+
+/// The shader `code`, DXBC of profile cs_5_x, made ready for the device's driver; from what that `compiled` of it in an earlier run, where it
+/// is given.
 ///
 /// # Errors
 /// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver cannot take it.
-pub(super) fn pipeline_state(gpu: &Gpu, root: &ID3D12RootSignature, code: &[u8]) -> Result<ID3D12PipelineState> {
+pub(super) fn pipeline_state(
+    gpu: &Gpu,
+    root: &ID3D12RootSignature,
+    code: &[u8],
+    compiled: Option<&[u8]>,
+) -> Result<ID3D12PipelineState> {
+    let cached = compiled.map_or_else(D3D12_CACHED_PIPELINE_STATE::default, |compiled| D3D12_CACHED_PIPELINE_STATE {
+        pCachedBlob: compiled.as_ptr().cast(),
+        CachedBlobSizeInBytes: compiled.len(),
+    });
     let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
         pRootSignature: ManuallyDrop::new(Some(root.clone())),
         CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
+        CachedPSO: cached,
         ..Default::default()
     };
+    count_object();
     // SAFETY: a live device; the description and the code live during the call.
     let state = unsafe { gpu.device().CreateComputePipelineState(&wanted) };
     // The description's own reference.

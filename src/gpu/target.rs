@@ -4,7 +4,8 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::Gpu;
-use super::texture::names_state;
+use super::compute::pictures::Format;
+use super::texture::{barrier, copy, first_level, names_state, placed};
 use crate::texels::Texel;
 use crate::{Colours, Error, ErrorKind, Result};
 
@@ -48,6 +49,29 @@ impl Target {
             check_state(field, state, &desc, kind)?;
         }
         Ok((desc, texel))
+    }
+
+    /// Bytes of a pixel; none where frames cannot be written to it.
+    pub(crate) fn pixel_bytes(&self) -> Option<u32> {
+        // SAFETY: a live resource.
+        Format::of(unsafe { self.texture.GetDesc() }.Format).map(|format| format.bytes)
+    }
+
+    /// Records a copy of rows of a buffer, which is in a state for it, over all of the texture into an open list: a barrier, the copy, and a
+    /// barrier. Nothing else of the list changes.
+    pub(crate) fn record_copy(
+        &self,
+        list: &ID3D12GraphicsCommandList,
+        from: &ID3D12Resource,
+        rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,
+    ) {
+        if self.before != D3D12_RESOURCE_STATE_COPY_DEST {
+            barrier(list, &self.texture, self.before, D3D12_RESOURCE_STATE_COPY_DEST);
+        }
+        copy(list, &first_level(&self.texture), &placed(from, rows));
+        if self.after != D3D12_RESOURCE_STATE_COPY_DEST {
+            barrier(list, &self.texture, D3D12_RESOURCE_STATE_COPY_DEST, self.after);
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::Interface;
 
 use super::memory::{Heap, Shared};
-use super::{Gpu, Moment, failed_on};
+use super::{Gpu, Moment, count_object, failed_on};
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 
 /// The states that a compute list may name in a barrier.
@@ -123,6 +123,7 @@ fn make(
     };
     let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
     let mut made = None::<ID3D12Resource>;
+    count_object();
     // SAFETY: a live device; descriptions and place live during the call.
     unsafe { gpu.device().CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, state, None, &mut made) }
         .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommittedResource", &e))?;
@@ -180,6 +181,8 @@ pub(super) fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUB
 /// Runs what `record` records on the queue for frames, and waits for it; the moment when it was done.
 fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Moment> {
     let (device, kind) = (gpu.device(), gpu.frames().kind());
+    // An allocator and a list.
+    (0..2).for_each(|_| count_object());
     // SAFETY: a live device.
     let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
         .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandAllocator", &e))?;

@@ -2,53 +2,61 @@
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::compute::FRAMES_IN_FLIGHT;
 use super::memory::{Heap, Shared};
+use super::recorded::RecordedMemory;
 use super::target::{Target, check_list};
-use super::texture::{barrier, copy, first_level, layout, placed};
+use super::texture::layout;
 use super::{Gpu, Moment};
 use crate::texels::{Encoder, Texel};
 use crate::{Colours, Error, ErrorKind, Picture, Result};
 
-/// A ring of memory from which command lists of an engine's copy pictures into its textures. A copy needs nothing of a texture but
-/// that it is one: no view, and no access for shaders.
-///
-/// Each list must have been given to the device's queue for frames before the next one is recorded: what the queue has done then
-/// says which memory is free.
+/// Memory from which command lists copy pictures into an engine's textures. A copy needs nothing of a texture but that it is one: no
+/// view, and no access for shaders.
 ///
 /// Threads: one at a time; may move between them.
 pub struct Uploads {
     gpu: Gpu,
-    slots: [Slot; FRAMES_IN_FLIGHT],
-    next: usize,
-    /// The slot that was recorded last, until the queue is asked when it is free.
-    recorded: Option<usize>,
+    slots: RecordedMemory<Option<Shared>>,
+    /// The slot of the last copy, and what is in it.
+    last: Option<(usize, Content)>,
     row: Vec<u8>,
 }
 
-#[derive(Default)]
-struct Slot {
-    memory: Option<(Shared, usize)>,
-    busy: Option<Moment>,
+/// How a picture is held in a slot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Content {
+    texel: Texel,
+    colours: Colours,
+    size: (u32, u32),
 }
 
-/// A place in a list for a picture: everything about it is checked, and nothing is recorded yet.
+/// A copy of a picture into a target: everything about it is checked, and nothing is recorded yet.
 pub struct Place<'a> {
     uploads: &'a mut Uploads,
     slot: usize,
     list: ID3D12GraphicsCommandList,
     target: Target,
     layout: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,
-    size: (u32, u32),
-    texel: Texel,
-    colours: Colours,
+    content: Content,
 }
 
 impl Uploads {
-    /// A ring for an engine's lists of the type of the queue for frames. Its memory is made with the first pictures.
-    pub fn new(gpu: &Gpu) -> Self {
-        let slots = std::array::from_fn(|_| Slot::default());
-        Self { gpu: gpu.clone(), slots, next: 0, recorded: None, row: Vec::new() }
+    /// Memory for so many pictures whose lists may not have run. It is made with the first pictures, or by [`prepare`](Self::prepare).
+    pub fn new(gpu: &Gpu, lists: usize) -> Result<Self> {
+        let slots = RecordedMemory::new(lists, || Ok(None))?;
+        Ok(Self { gpu: gpu.clone(), slots, last: None, row: Vec::new() })
+    }
+
+    /// Makes the memory for targets of `size` with so many bytes to a pixel.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, `DeviceRemoved`.
+    pub fn prepare(&mut self, lists: usize, size: (u32, u32), pixel: u32) -> Result<()> {
+        let pitch = (size.0 as usize * pixel as usize).next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize);
+        let bytes = pitch * size.1 as usize;
+        self.slots = RecordedMemory::new(lists, || Shared::new(&self.gpu, Heap::Upload, bytes).map(Some))?;
+        self.last = None;
+        self.grow_row(size.0 as usize * pixel as usize)
     }
 
     /// The device that it is for.
@@ -56,8 +64,8 @@ impl Uploads {
         &self.gpu
     }
 
-    /// Prepares for a picture of `size` to be copied by `list`, an engine's open one, into `target`, in `colours`.
-    /// Waits where three lists before it have not run.
+    /// Prepares for a picture of `size` to be copied by `list`, an open one, into `target`, in `colours`; none where as many lists as there is
+    /// memory for may not have run.
     ///
     /// # Errors
     /// `InvalidArgument` for a list of another type than the queue for frames or of another device, for a texture of another kind,
@@ -69,73 +77,91 @@ impl Uploads {
         target: Target,
         size: (u32, u32),
         colours: Colours,
-    ) -> Result<Place<'_>> {
+    ) -> Result<Option<Place<'_>>> {
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
         let kind = check_list(&self.gpu, &list)?;
         let (desc, texel) = target.check(&self.gpu, kind, size, colours)?;
         let (layout, bytes) = layout(&self.gpu, &desc);
-        let slot = self.free_next(bytes)?;
-        Ok(Place { uploads: self, slot, list, target, layout, size, texel, colours })
+        let Some(slot) = self.slots.free() else { return Ok(None) };
+        let memory = self.slots.memory_mut(slot);
+        if memory.as_ref().is_none_or(|memory| memory.len() < bytes) {
+            *memory = None;
+            *memory = Some(Shared::new(&self.gpu, Heap::Upload, bytes)?);
+        }
+        let content = Content { texel, colours, size };
+        Ok(Some(Place { uploads: self, slot, list, target, layout, content }))
     }
 
-    /// A slot with room for so many bytes that no list uses.
-    fn free_next(&mut self, bytes: usize) -> Result<usize> {
-        if let Some(recorded) = self.recorded.take() {
-            self.slots[recorded].busy = Some(self.gpu.frames().now()?);
+    /// The list of the last copy reads its memory until that moment.
+    pub fn read_until(&mut self, until: &Moment) {
+        if let Some((slot, _)) = self.last {
+            self.slots.read_until(slot, until);
         }
-        let slot = &mut self.slots[self.next];
-        if let Some(busy) = &slot.busy {
-            busy.wait()?;
-        }
-        slot.busy = None;
-        if slot.memory.as_ref().is_none_or(|(_, len)| *len < bytes) {
-            slot.memory = None;
-            slot.memory = Some((Shared::new(&self.gpu, Heap::Upload, bytes)?, bytes));
-        }
-        Ok(self.next)
     }
-}
 
-impl Place<'_> {
-    /// Writes the picture, which has the size that was said, and records its copy.
-    pub fn fill(self, picture: &Picture) -> Result<()> {
-        let Self { uploads, slot, list, target, layout, size, texel, colours } = self;
-        assert_eq!(picture.size(), size, "the size that was checked");
-        let Some((memory, _)) = &mut uploads.slots[slot].memory else {
-            return Err(Error::new(ErrorKind::InvalidState, "the place has no memory"));
-        };
-        let (encoder, len) = (Encoder::new(texel, colours), size.0 as usize * texel.bytes());
-        let more = len.saturating_sub(uploads.row.len());
-        uploads
-            .row
+    /// Pictures whose lists may not have run.
+    pub fn pending(&self) -> usize {
+        self.slots.pending()
+    }
+
+    /// Waits for the queue; every list has run then, or never will.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`.
+    pub fn release(&mut self) -> Result<()> {
+        self.gpu.frames().now()?.wait()?;
+        self.slots.release();
+        Ok(())
+    }
+
+    fn grow_row(&mut self, len: usize) -> Result<()> {
+        let more = len.saturating_sub(self.row.len());
+        self.row
             .try_reserve_exact(more)
             .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a row of {len} bytes cannot be allocated")))?;
-        uploads.row.resize(len, 0);
-        for (y, from) in picture.rgba().chunks_exact(size.0 as usize * 4).enumerate() {
-            encoder.row(from, &mut uploads.row);
-            memory.write(layout.Offset as usize + y * layout.Footprint.RowPitch as usize, &uploads.row);
-        }
-        if target.before != D3D12_RESOURCE_STATE_COPY_DEST {
-            barrier(&list, &target.texture, target.before, D3D12_RESOURCE_STATE_COPY_DEST);
-        }
-        copy(&list, &first_level(&target.texture), &placed(memory.resource(), layout));
-        if target.after != D3D12_RESOURCE_STATE_COPY_DEST {
-            barrier(&list, &target.texture, D3D12_RESOURCE_STATE_COPY_DEST, target.after);
-        }
-        uploads.recorded = Some(slot);
-        uploads.next = (slot + 1) % FRAMES_IN_FLIGHT;
+        self.row.resize(len, 0);
         Ok(())
     }
 }
 
+impl Place<'_> {
+    /// Writes the picture, which has the size that was checked, and records its copy. A picture that `is_repeated` is the very one of the copy
+    /// before. [`read_until`](Uploads::read_until) says afterwards until when the list reads it.
+    pub fn fill(self, picture: &Picture, is_repeated: bool) -> Result<()> {
+        let Self { uploads, mut slot, list, target, layout, content } = self;
+        assert_eq!(picture.size(), content.size, "the size that was checked");
+        match uploads.last.filter(|(_, last)| is_repeated && *last == content) {
+            Some((last, _)) => slot = last,
+            None => {
+                uploads.last = None;
+                let len = content.size.0 as usize * content.texel.bytes();
+                uploads.grow_row(len)?;
+                let memory = uploads.slots.memory_mut(slot).as_mut().ok_or_else(no_memory)?;
+                let encoder = Encoder::new(content.texel, content.colours);
+                let rows = picture.rgba().chunks_exact(content.size.0 as usize * 4);
+                for (y, from) in rows.enumerate() {
+                    encoder.row(from, &mut uploads.row);
+                    memory.write(layout.Offset as usize + y * layout.Footprint.RowPitch as usize, &uploads.row);
+                }
+            }
+        }
+        let memory = uploads.slots.memory(slot).as_ref().ok_or_else(no_memory)?;
+        target.record_copy(&list, memory.resource(), layout);
+        uploads.last = Some((slot, content));
+        Ok(())
+    }
+}
+
+fn no_memory() -> Error {
+    Error::new(ErrorKind::InvalidState, "the copy has no memory")
+}
+
 impl Drop for Uploads {
     fn drop(&mut self) {
-        // The queue may still read what is freed next.
-        if self.recorded.is_some() || self.slots.iter().any(|slot| slot.busy.is_some()) {
-            self.gpu.frames().settle();
-        }
+        // The queue may still read what is freed next. Lists that it was not given are the engine's to drop first.
+        self.gpu.frames().settle();
     }
 }
 

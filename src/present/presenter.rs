@@ -75,6 +75,8 @@ pub struct Shown {
     pub cut: bool,
     /// Whether it is the very picture that was drawn before.
     pub repeated: bool,
+    /// Whether an anchor is shown in its place, as nothing was prepared for it.
+    pub unprepared: bool,
 }
 
 /// What a shown frame is made of.
@@ -108,6 +110,8 @@ struct Stream {
     /// Which anchor the first of `slots` is, counted as they were pushed.
     first: u64,
     slots: VecDeque<Slot>,
+    /// Anchors that were pushed and whose fences have not come, in their order.
+    arriving: VecDeque<(Arc<KeptAnchor>, Option<Arc<Guidance>>)>,
     size: Option<(u32, u32)>,
     /// Size of the frames where it is not the anchors'.
     wanted: Option<(u32, u32)>,
@@ -191,6 +195,16 @@ pub(super) struct Taken {
     pub(super) key: Drawn,
 }
 
+/// What the processor draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Draws {
+    /// Every frame.
+    Frames,
+    /// The nearest anchor in place of a frame that would be generated.
+    #[cfg_attr(not(windows), expect(dead_code, reason = "frames for Direct3D 12 may not be prepared"))]
+    Anchors,
+}
+
 impl Presenter {
     /// A presenter whose frames `generator` makes; without one, anchors stand until the next.
     ///
@@ -205,15 +219,18 @@ impl Presenter {
         if options.capacity == 0 {
             return refuse("capacity", "no anchor could ever wait".into());
         }
-        let mut slots = VecDeque::new();
-        slots.try_reserve(options.capacity.saturating_add(3)).map_err(|_| {
+        let no_room = |_| {
             Error::new(ErrorKind::OutOfMemory, format!("{} anchors cannot wait", options.capacity)).field("capacity")
-        })?;
+        };
+        let (mut slots, mut arriving) = (VecDeque::new(), VecDeque::new());
+        slots.try_reserve(options.capacity.saturating_add(3)).map_err(no_room)?;
+        arriving.try_reserve(options.capacity).map_err(no_room)?;
         let stream = Stream {
             pacer: None,
             epoch: 0,
             first: 0,
             slots,
+            arriving,
             size: None,
             wanted: options.size,
             overlay: None,
@@ -226,7 +243,8 @@ impl Presenter {
         Ok(Self { options, phases, stream: Mutex::new(stream), drawer: Mutex::new(drawer) })
     }
 
-    /// Takes an anchor that came at `now`, with the guidance that leads to it from the one before, where there is some.
+    /// Takes an anchor at `now`, with the guidance that leads to it from the one before, where there is some. It has come once
+    /// [`KeptAnchor::has_arrived`] says so, which is asked whenever a frame is: until then frames are those of a stream in which it is late.
     /// `false` when as many wait as may, and nothing was taken.
     ///
     /// # Errors
@@ -241,7 +259,9 @@ impl Presenter {
         };
         let mut stream = self.stream.lock();
         let stream = &mut *stream;
-        fits(size, stream.size.unwrap_or(size), "anchor").map_err(|e| e.remedy("Reset the presenter first"))?;
+        stream.arrive(now, self.options.multiplier);
+        let known = stream.size.or_else(|| stream.arriving.front().map(|(anchor, _)| anchor.size()));
+        fits(size, known.unwrap_or(size), "anchor").map_err(|e| e.remedy("Reset the presenter first"))?;
         if let Some(guidance) = &guidance {
             fits(guidance.size(), size, "guidance")?;
         }
@@ -259,32 +279,19 @@ impl Presenter {
             };
             stream.pacer = Some(self.options.pacer(interval)?);
         }
-        let Some(pacer) = &mut stream.pacer else { return Ok(false) };
-        if pacer.waiting(now) >= self.options.capacity as u64 {
+        let waiting = stream.pacer.as_mut().map_or(0, |pacer| pacer.waiting(now));
+        if waiting + stream.arriving.len() as u64 >= self.options.capacity as u64 {
             return Ok(false);
         }
-        let (late, slipped) = (pacer.late(), pacer.slipped_ns());
-        pacer.push(now);
-        let figures = &mut stream.statistics;
-        figures.anchors += 1;
-        figures.late += pacer.late() - late;
-        figures.slipped_ns = figures.slipped_ns.saturating_add(pacer.slipped_ns() - slipped);
-        stream.size = Some(size);
-        let follows = |slot: &Slot| slot.anchor.number().checked_add(1) == Some(anchor.number());
-        let cut = anchor.is_cut() || !stream.slots.back().is_some_and(follows);
-        // What lies before the frame that is due, and before the last pair, is not shown any more.
-        let due = pacer.due(now).map_or(0, |due| due.position / u64::from(self.options.multiplier));
-        let keep = due.min((pacer.anchors() - 1).saturating_sub(1));
-        while stream.first < keep && stream.slots.pop_front().is_some() {
-            stream.first += 1;
-        }
-        stream.slots.push_back(Slot { anchor, guidance, cut });
+        stream.arriving.push_back((anchor, guidance));
+        stream.arrive(now, self.options.multiplier);
         Ok(true)
     }
 
     /// Which frame is due at `now`; none before the first anchor came.
     pub fn query(&self, now: u64) -> Option<Shown> {
         let mut stream = self.stream.lock();
+        stream.arrive(now, self.options.multiplier);
         let due = stream.due(now)?;
         self.resolve(&stream, due, self.phases).map(|(shown, _)| shown)
     }
@@ -293,6 +300,11 @@ impl Presenter {
     pub fn size(&self) -> Option<(u32, u32)> {
         let stream = self.stream.lock();
         stream.wanted.or(stream.size)
+    }
+
+    /// `(width, height)` of the frames where it is not that of the anchors.
+    pub fn wanted_size(&self) -> Option<(u32, u32)> {
+        self.stream.lock().wanted
     }
 
     /// Changes the size of the frames, as a window's changes; `None`: that of the anchors. The stream goes on, and the next frame has it.
@@ -350,13 +362,31 @@ impl Presenter {
     /// # Errors
     /// `InvalidArgument` when frames have not `size`, or latents are needed and the anchors have none; `OutOfMemory`.
     pub fn draw(&self, now: u64, size: (u32, u32), write: impl FnOnce(&Picture)) -> Result<Option<Shown>> {
+        self.draw_of(Draws::Frames, now, size, |picture, _| write(picture))
+    }
+
+    /// The same of anchors only, or of all frames; also hands over whether the picture is the very one of the call before.
+    pub(crate) fn draw_of(
+        &self,
+        draws: Draws,
+        now: u64,
+        size: (u32, u32),
+        write: impl FnOnce(&Picture, bool),
+    ) -> Result<Option<Shown>> {
         let mut drawer = self.drawer.lock();
-        let phases = drawer.phases();
+        let phases = drawer.phases().filter(|_| draws == Draws::Frames);
         let Some(mut taken) = self.take(now, phases) else { return Ok(None) };
+        if let (Draws::Anchors, Plan::Copy { current, index, picture, .. }) = (draws, &taken.plan)
+            && picture + 1 == current.anchor.count()
+        {
+            // All frames that show an anchor are one picture.
+            taken.key.1 = DueFrame::Anchor(*index);
+        }
+        taken.shown.unprepared = draws == Draws::Anchors;
         taken.shown.repeated = drawer.drawn == Some(taken.key);
         let mut figures = PresenterStatistics::default();
         let picture = drawer.make(&taken, &self.options, size, &mut figures)?;
-        write(picture);
+        write(picture, taken.shown.repeated);
         drawer.drawn = Some(taken.key);
         let Taken { mut shown, plan, .. } = taken;
         if !matches!(plan, Plan::Copy { .. }) && drawer.outcome != Outcome::Generated {
@@ -370,6 +400,7 @@ impl Presenter {
     /// The frame that is due at `now`, to be made by whoever does `phases`; none before the first anchor came.
     pub(super) fn take(&self, now: u64, phases: Option<Phases>) -> Option<Taken> {
         let mut stream = self.stream.lock();
+        stream.arrive(now, self.options.multiplier);
         let due = stream.due(now)?;
         let (shown, plan) = self.resolve(&stream, due, phases)?;
         let frame = if self.options.extrapolate { due.frame } else { stands(due.frame) };
@@ -380,6 +411,12 @@ impl Presenter {
     /// Counts a frame that was made.
     pub(super) fn count(&self, shown: &Shown, times: &PresenterStatistics) {
         self.stream.lock().statistics.count(shown, times);
+    }
+
+    /// Counts objects that were made while a frame was.
+    #[cfg(windows)]
+    pub(crate) fn count_objects(&self, made: u64) {
+        self.stream.lock().statistics.objects_made += made;
     }
 
     /// Counts frames again that were taken for generated, and are anchors after all: a cut was found once they were made.
@@ -407,6 +444,7 @@ impl Presenter {
         let mut stream = self.stream.lock();
         stream.pacer = None;
         stream.slots.clear();
+        stream.arriving.clear();
         stream.first = 0;
         stream.size = None;
         stream.overlay = None;
@@ -426,21 +464,19 @@ impl Presenter {
         }
     }
 
+    /// Anchors that were pushed and have not arrived.
+    pub fn arriving(&self) -> usize {
+        self.stream.lock().arriving.len()
+    }
+
     /// Anchors that are there and not due at `now`.
     pub fn waiting(&self, now: u64) -> u64 {
         self.stream.lock().pacer.as_mut().map_or(0, |pacer| pacer.waiting(now))
     }
 
     /// Whether an anchor with so many pictures brings all frames of its interval.
-    fn brings_all(&self, pictures: usize) -> bool {
+    pub(super) fn brings_all(&self, pictures: usize) -> bool {
         self.options.decoded && pictures > 1 && pictures == self.options.multiplier as usize
-    }
-
-    /// Whether frames between anchors are pictures that these bring, and not generated.
-    #[cfg(windows)]
-    pub(super) fn shows_decoded(&self) -> bool {
-        let stream = self.stream.lock();
-        stream.slots.back().is_some_and(|slot| self.brings_all(slot.anchor.count()))
     }
 
     /// What to show and how it comes about.
@@ -459,6 +495,7 @@ impl Presenter {
             t,
             cut,
             repeated: false,
+            unprepared: false,
         };
         let copy = |index: u64, picture: usize| {
             let previous = index.checked_sub(1).and_then(slot).cloned();
@@ -508,6 +545,31 @@ impl Presenter {
                 let plan = Plan::Beyond { previous: previous.cloned(), last: last.clone(), index, t };
                 Some((shown(source, number, number, t, false), plan))
             }
+        }
+    }
+}
+
+impl Stream {
+    /// Takes in the anchors that have arrived by now, in their order.
+    fn arrive(&mut self, now: u64, multiplier: u32) {
+        while self.arriving.front().is_some_and(|(anchor, _)| anchor.has_arrived()) {
+            let (Some((anchor, guidance)), Some(pacer)) = (self.arriving.pop_front(), &mut self.pacer) else { return };
+            let (late, slipped) = (pacer.late(), pacer.slipped_ns());
+            pacer.push(now);
+            let figures = &mut self.statistics;
+            figures.anchors += 1;
+            figures.late += pacer.late() - late;
+            figures.slipped_ns = figures.slipped_ns.saturating_add(pacer.slipped_ns() - slipped);
+            self.size = Some(anchor.size());
+            let follows = |slot: &Slot| slot.anchor.number().checked_add(1) == Some(anchor.number());
+            let cut = anchor.is_cut() || !self.slots.back().is_some_and(follows);
+            // What lies before the frame that is due, and before the last pair, is not shown any more.
+            let due = pacer.due(now).map_or(0, |due| due.position / u64::from(multiplier));
+            let keep = due.min((pacer.anchors() - 1).saturating_sub(1));
+            while self.first < keep && self.slots.pop_front().is_some() {
+                self.first += 1;
+            }
+            self.slots.push_back(Slot { anchor, guidance, cut });
         }
     }
 }

@@ -31,6 +31,10 @@ pub struct PresenterStatistics {
     pub made_to_anchor: u32,
     /// How often that has changed.
     pub budget_changes: u64,
+    /// Frames in whose place an anchor was shown, as they were not prepared.
+    pub unprepared: u64,
+    /// Objects of Direct3D and contexts of AMD's that were made while frames were recorded or submitted.
+    pub objects_made: u64,
     /// Time spent on motion and depth.
     pub guidance: Duration,
     /// Time spent on generating.
@@ -51,6 +55,7 @@ impl PresenterStatistics {
         *of += 1;
         self.repeated += u64::from(shown.repeated);
         self.cuts += u64::from(shown.cut);
+        self.unprepared += u64::from(shown.unprepared);
         self.guidance += times.guidance;
         self.generate += times.generate;
         self.resize += times.resize;

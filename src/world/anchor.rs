@@ -219,6 +219,15 @@ impl KeptAnchor {
         self.on_device.as_ref()?.latent()
     }
 
+    /// Whether the device is done with it, by its fence; always where the processor has it.
+    pub fn has_arrived(&self) -> bool {
+        #[cfg(windows)]
+        if let Some(on_device) = &self.on_device {
+            return on_device.has_arrived();
+        }
+        true
+    }
+
     #[cfg(windows)]
     fn read_from_device(&self, i: usize) -> Result<Picture> {
         self.on_device.as_ref().ok_or_else(nowhere)?.read_picture(i)

@@ -14,7 +14,8 @@ enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESEN
 /* The structs that the library reads. */
 #define READ_STRUCTS(X)                                                                                               \
     X(cairn_cpu_options) X(cairn_world_options) X(cairn_rollout_options) X(cairn_picture) X(cairn_target)             \
-    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)     \
+    X(cairn_controls) X(cairn_guidance_data) X(cairn_presenter_options) X(cairn_d3d12_options)                        \
+    X(cairn_d3d12_preparation) X(cairn_d3d12_recording)                                                               \
     X(cairn_budget)                                                                                                   \
     X(cairn_swapchain_options) X(cairn_swapchain_frame) X(cairn_swapchain_pacing)
 #define NUMBERED(name) NUMBER_OF_##name,
@@ -182,7 +183,8 @@ struct row {
     C3(cairn_device_get_d3d12, SHARED(DEVICE), RESULT(void *), RESULT(void *))                                        \
     C4(cairn_rollout_append_d3d12, ALONE(ROLLOUT), GIVEN, NUMBER(0), FILLED_OR_NULL(cairn_step_info))                 \
     C5(cairn_anchor_get_d3d12, SHARED(ANCHOR), CHOICE(0, 0), RESULT(void *), RESULT(void *), RESULT(uint64_t))        \
-    C8(cairn_presenter_record_d3d12, ALONE(PRESENTER), SHARED(DEVICE), NUMBER(100000000), GIVEN, GIVEN, NUMBER(0), NUMBER(0), \
+    C3(cairn_presenter_prepare_d3d12, SHARED(PRESENTER), SHARED(DEVICE), READ(cairn_d3d12_preparation))               \
+    C5(cairn_presenter_record_d3d12, ALONE(PRESENTER), SHARED(DEVICE), NUMBER(100000000), READ(cairn_d3d12_recording), \
        FILLED_OR_NULL(cairn_frame))                                                                                   \
     C9(cairn_presenter_submit_d3d12, ALONE(PRESENTER), SHARED(DEVICE), NUMBER(100000000), GIVEN, NUMBER(0), NUMBER(0), \
        FILLED_OR_NULL(cairn_frame), RESULT(void *), RESULT(uint64_t))                                                 \
@@ -327,6 +329,11 @@ static const struct field fields[] = {
     FIELD(cairn_budget, world_count, CHOICE_FIELD, CAIRN_MAX_BUDGET_WORLDS),
     FIELD(cairn_budget, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_d3d12_options, flags, FLAGS_FIELD, 1),
+    FIELD(cairn_d3d12_preparation, anchor_width, CHOICE_FIELD, 16384),
+    FIELD(cairn_d3d12_preparation, anchor_height, CHOICE_FIELD, 16384),
+    FIELD(cairn_d3d12_preparation, lists, CHOICE_FIELD, CAIRN_MAX_LISTS),
+    FIELD(cairn_d3d12_preparation, flags, FLAGS_FIELD, 1),
+    FIELD(cairn_d3d12_recording, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_swapchain_options, flags, FLAGS_FIELD, 255),
     FIELD(cairn_swapchain_options, provider, CHOICE_FIELD, 4),
     FIELD(cairn_swapchain_options, max_render_width, CHOICE_FIELD, 16384),

@@ -48,6 +48,12 @@ static void good_struct(int number, void *to)
             .presenter = objects[PRESENTER]};
     } else if (number == NUMBER_OF_cairn_d3d12_options) {
         *(cairn_d3d12_options *)to = (cairn_d3d12_options){.struct_size = sizeof(cairn_d3d12_options), .captured_passes = 16};
+    } else if (number == NUMBER_OF_cairn_d3d12_preparation) {
+        *(cairn_d3d12_preparation *)to = (cairn_d3d12_preparation){.struct_size = sizeof(cairn_d3d12_preparation),
+            .anchor_width = WIDTH, .anchor_height = HEIGHT};
+    } else if (number == NUMBER_OF_cairn_d3d12_recording) {
+        *(cairn_d3d12_recording *)to = (cairn_d3d12_recording){.struct_size = sizeof(cairn_d3d12_recording), .list = to,
+            .target = to, .fence = to, .fence_value = 1};
     } else if (number == NUMBER_OF_cairn_swapchain_options) {
         *(cairn_swapchain_options *)to = (cairn_swapchain_options){.struct_size = sizeof(cairn_swapchain_options),
             .max_render_width = WIDTH, .max_render_height = HEIGHT};

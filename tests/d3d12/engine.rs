@@ -27,6 +27,12 @@ pub(crate) fn queue(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE) -> ID3
     unsafe { device.CreateCommandQueue(&wanted) }.expect("a queue")
 }
 
+/// A fence of value 0.
+pub(crate) fn fence(device: &ID3D12Device) -> ID3D12Fence {
+    // SAFETY: a live device.
+    unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence")
+}
+
 /// References to an object, ours among them.
 pub(crate) fn references(object: &impl Interface) -> u32 {
     let unknown = std::mem::ManuallyDrop::new(object.cast::<IUnknown>().expect("IUnknown"));

@@ -76,10 +76,11 @@ fn committed(
     made.expect("a resource")
 }
 
-/// An open list with its allocator, which must live until it has run.
+/// An open list with its allocator, which must live until it has run, and a fence that has the value 1 then.
 pub(crate) struct Recording {
     list: ID3D12GraphicsCommandList,
     _allocator: ID3D12CommandAllocator,
+    fence: ID3D12Fence,
 }
 
 impl Recording {
@@ -88,7 +89,19 @@ impl Recording {
         let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }.expect("an allocator");
         // SAFETY: a live device and allocator.
         let list = unsafe { device.CreateCommandList(0, kind, &allocator, None) }.expect("a list");
-        Self { list, _allocator: allocator }
+        // SAFETY: a live device.
+        let fence = unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+        Self { list, _allocator: allocator, fence }
+    }
+
+    pub(crate) fn fence(&self) -> &ID3D12Fence {
+        &self.fence
+    }
+
+    /// Says that the list has run, or never will.
+    pub(crate) fn drop_list(&self) {
+        // SAFETY: a live fence.
+        unsafe { self.fence.Signal(1) }.expect("a signal");
     }
 
     /// For a queue.
@@ -126,13 +139,15 @@ impl Recording {
         unsafe { self.list.ResourceBarrier(&[barrier]) };
     }
 
-    /// Closes the list and gives it to a queue.
+    /// Closes the list and gives it to a queue, which signals the fence after it.
     pub(crate) fn submit(&self, queue: &ID3D12CommandQueue) {
         // SAFETY: an open list.
         unsafe { self.list.Close() }.expect("a closed list");
         let list: ID3D12CommandList = self.list.cast().expect("a command list");
         // SAFETY: a closed list of the queue's device, which lives until it has run.
         unsafe { queue.ExecuteCommandLists(&[Some(list)]) };
+        // SAFETY: a live queue and fence.
+        unsafe { queue.Signal(&self.fence, 1) }.expect("it takes a signal");
     }
 }
 

@@ -397,6 +397,30 @@ namespace Cairn
             get { return (int)from.budget_changes; }
         }
 
+        /// <summary>Anchors that were pushed and that their device still works on.</summary>
+        public int AnchorsUnderWay
+        {
+            get { return (int)from.anchors_under_way; }
+        }
+
+        /// <summary>Frames for Direct3D 12 in whose place an anchor was shown, as they were not prepared.</summary>
+        public long Unprepared
+        {
+            get { return (long)from.unprepared; }
+        }
+
+        /// <summary>Objects of Direct3D and contexts of AMD's that were made while frames were recorded.</summary>
+        public long ObjectsMade
+        {
+            get { return (long)from.objects_made; }
+        }
+
+        /// <summary>Recorded frames that a host's command lists may still read.</summary>
+        public int ListsPending
+        {
+            get { return (int)from.lists_pending; }
+        }
+
         /// <summary>The last frame's generator, such as "cpu"; empty for none.</summary>
         public string Generator { get; }
 

@@ -115,6 +115,7 @@ FRAME_EXTRAPOLATED = 4
 FRAME_HELD = 5
 FRAME_CUT = 1
 FRAME_REPEATED = 2
+FRAME_UNPREPARED = 4
 
 D3D12_DETERMINISTIC = 1
 
@@ -482,7 +483,7 @@ class Frame(Sized):
 class PresenterStatistics(Sized):
     _fields_ = [
         ("struct_size", c_uint32),
-        ("reserved", c_uint32),
+        ("anchors_under_way", c_uint32),
         *_each(
             c_uint64,
             "anchors late_anchors slipped_ns shown_anchors shown_decoded shown_generated shown_extrapolated "
@@ -501,6 +502,10 @@ class PresenterStatistics(Sized):
         ("budget_changes", c_uint32),
         ("upscaler", c_char * 32),
         ("upscaling", c_char * 160),
+        ("unprepared", c_uint64),
+        ("objects_made", c_uint64),
+        ("lists_pending", c_uint32),
+        ("reserved", c_uint32),
     ]
 
 

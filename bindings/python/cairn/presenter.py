@@ -168,7 +168,9 @@ class PresenterStatistics:
     that might be better is not. `waiting` anchors wait for their time, and `under_way` frames for Direct3D 12 have not run;
     `device_frames` have, in `device_frames_ns` on the device, and so have `device_lists` that bring what frames are made of. Of the
     frames of an anchor `made_to_anchor` are made where `set_budget` was called; `budget_changes` is how often that changed. `upscaler`
-    brings frames to their size, such as "spatial", and is empty where they have the anchors'; `upscaling` says why AMD's does not."""
+    brings frames to their size, such as "spatial", and is empty where they have the anchors'; `upscaling` says why AMD's does not.
+    `anchors_under_way` were pushed and their device still works on them. Of frames for Direct3D 12 `unprepared` are anchors as they were not
+    prepared, `objects_made` is what was made while they were recorded, and `lists_pending` may still be read by a host's lists."""
 
     anchors: int
     late_anchors: int
@@ -198,6 +200,10 @@ class PresenterStatistics:
     budget_changes: int
     upscaler: str
     upscaling: str
+    anchors_under_way: int
+    unprepared: int
+    objects_made: int
+    lists_pending: int
 
 
 class Presenter(Object):

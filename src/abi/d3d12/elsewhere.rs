@@ -8,11 +8,11 @@ use super::super::requirements::{
 };
 use super::super::results::{Failure, Outcome};
 use super::{
-    DeviceFigures, Guard, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, RolloutFigures, To,
-    cairn_d3d12_options,
+    DeviceFigures, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutFigures, To,
+    cairn_d3d12_options, cairn_d3d12_preparation,
 };
 use crate::Picture;
-use crate::present::presenter::{Presenter, Shown};
+use crate::present::presenter::Presenter;
 use crate::runtime::Device;
 use crate::world::{KeptAnchor, Rollout};
 
@@ -55,6 +55,36 @@ pub(in crate::abi) fn texture(_: &KeptAnchor, _: u32) -> Outcome<Guarded> {
 /// Whether frames can be made by shaders.
 pub(in crate::abi) const HAS_SHADERS: bool = false;
 
+/// AMD's libraries: none.
+#[derive(Default)]
+pub(in crate::abi) struct Amd;
+
+/// All that frames need: there is no such thing.
+pub(in crate::abi) enum Prepared {}
+
+impl Prepared {
+    pub(in crate::abi) fn new(
+        _: &Asked<'_>,
+        _: &Device,
+        _: &cairn_d3d12_preparation,
+        _: &mut Amd,
+    ) -> Outcome<Option<Self>> {
+        Err(Failure::no_d3d12())
+    }
+}
+
+/// What was prepared before: nothing.
+pub(in crate::abi) enum Replaced {}
+
+/// What lists may still read: nothing.
+pub(in crate::abi) struct RetiredFrames;
+
+impl Replaced {
+    pub(in crate::abi) fn retire(self) -> RetiredFrames {
+        match self {}
+    }
+}
+
 /// What frames are recorded with: nothing.
 #[derive(Default)]
 pub(in crate::abi) struct Recording;
@@ -62,15 +92,15 @@ pub(in crate::abi) struct Recording;
 impl Recording {
     /// # Safety
     /// Nothing is asked for.
-    pub(in crate::abi) unsafe fn record(
-        &mut self,
-        _: &Asked<'_>,
-        _: &Device,
-        _: u64,
-        _: &To,
-    ) -> Outcome<Option<(Shown, Option<Guard>)>> {
+    pub(in crate::abi) unsafe fn record(&mut self, _: &Asked<'_>, _: &Device, _: u64, _: &To) -> Outcome<Recorded> {
         Err(Failure::no_d3d12())
     }
+
+    pub(in crate::abi) fn replace(&mut self, _: Option<Prepared>) -> Option<Replaced> {
+        None
+    }
+
+    pub(in crate::abi) fn retire(&mut self, _: RetiredFrames) {}
 
     pub(in crate::abi) fn release(&mut self) -> Outcome<()> {
         Err(Failure::no_d3d12())

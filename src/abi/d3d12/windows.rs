@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use windows::Win32::Graphics::Direct3D12 as direct3d;
+use windows::Win32::Graphics::Dxgi::Common as Dxgi;
 use windows::core::{IUnknown, Interface};
 
 use super::super::device::CAIRN_DEVICE_D3D12;
@@ -13,18 +14,20 @@ use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
 use super::{
-    CAIRN_D3D12_DETERMINISTIC, DeviceFigures, DeviceTimes, Guard, Guarded, ID3D12CommandQueue, ID3D12Device,
-    ID3D12Resource, RolloutFigures, To, cairn_d3d12_options,
+    CAIRN_D3D12_DETERMINISTIC, CAIRN_PREPARE_SUBMIT_ONLY, DeviceFigures, DeviceTimes, Guard, Guarded,
+    ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutFigures, To, cairn_d3d12_options,
+    cairn_d3d12_preparation,
 };
 use crate::ffx::{self, Needed};
 use crate::framegen::shader::ShaderGenerator;
+use crate::gpu::compute::pictures::Format;
 use crate::gpu::compute::{Frames, Spent};
-use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, read_texture};
-use crate::present::device::{DeviceDrawer, ScaledBy};
-use crate::present::presenter::{Presenter, Shown};
+use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, counted, read_texture};
+use crate::present::device::{DeviceDrawer, FrameResult, LISTS, Preparation, RetiredFrames, ScaledBy, check_recording};
+use crate::present::presenter::{Draws, Presenter};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::{KeptAnchor, Rollout};
-use crate::{Error, ErrorKind, Picture};
+use crate::{ErrorKind, Picture};
 
 /// A device of an engine's objects.
 ///
@@ -118,26 +121,264 @@ const ONLY_HALF: &str = "fsr: it makes frames half way between two anchors, and 
 /// Why AMD's upscaler is not used, where it could be.
 const ONLY_LARGER: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
 
-/// What frames are recorded with, once one is.
+/// What frames are recorded with.
 #[derive(Default)]
 pub(in crate::abi) struct Recording {
-    uploads: Option<Uploads>,
-    /// Lists of our own for what is uploaded.
-    lists: Option<Frames>,
-    drawer: Option<DeviceDrawer>,
-    /// AMD's libraries, once they were looked for, and why the drawer has no provider of theirs.
-    amd: Option<crate::Result<ffx::Library>>,
-    without_fsr: String,
-    without_upscaler: String,
-    /// Why frames of anchors of a size are not made by shaders, for lists of a queue.
-    failed: Option<(Gpu, (u32, u32), Error)>,
-    /// Why the last frame was made by the processor; empty where the drawer made it.
+    prepared: Option<Prepared>,
+    /// Copies anchors that are shown in place of frames that are not prepared.
+    anchors: Option<Upload>,
+    /// What lists of the engine's may still read of what was prepared before.
+    retired: RetiredFrames,
+    retired_uploads: Vec<Uploads>,
+    /// Time on the device of what was prepared before.
+    spent: [Spent; 2],
+    /// Why the last frame was made by the processor; empty where shaders made it.
     used: Option<String>,
 }
 
+/// AMD's libraries, once they were found.
+#[derive(Default)]
+pub(in crate::abi) struct Amd(Option<ffx::Library>);
+
+/// All that frames of one size need.
+pub(in crate::abi) struct Prepared {
+    gpu: Gpu,
+    made_by: MadeBy,
+    without: Without,
+}
+
+/// Why nothing of AMD's is used; empty where it is.
+#[derive(Default)]
+struct Without {
+    fsr: String,
+    upscaler: String,
+}
+
+/// Who makes frames.
+enum MadeBy {
+    Shaders(Box<DeviceDrawer>),
+    Processor {
+        upload: Upload,
+        size: (u32, u32),
+        pixel_bytes: u32,
+        /// Why no shaders do.
+        why: String,
+    },
+}
+
+/// What copies pictures of the processor's.
+struct Upload {
+    uploads: Uploads,
+    /// Lists of our own, for frames that are submitted.
+    lists: Frames,
+}
+
+impl Upload {
+    fn new(gpu: &Gpu) -> Outcome<Self> {
+        Ok(Self { uploads: Uploads::new(gpu, LISTS)?, lists: Frames::new(gpu, gpu.frames(), 1)? })
+    }
+
+    /// The frame that is due at `now`, or the nearest anchor, made by the processor.
+    fn record(
+        &mut self,
+        asked: &Asked<'_>,
+        draws: Draws,
+        now: u64,
+        list: Option<&(direct3d::ID3D12GraphicsCommandList, Moment)>,
+        target: Target,
+    ) -> Outcome<Recorded> {
+        let Self { uploads, lists } = self;
+        let Some(size) = asked.presenter.size() else { return Ok(Recorded::NotReady) };
+        let own = match list {
+            Some((list, until)) => {
+                check_recording(uploads.gpu(), list, until)?;
+                None
+            }
+            None => Some(lists.begin()?),
+        };
+        let recorded_in = list.map(|(list, _)| list).or_else(|| own.as_ref().map(|frame| frame.list()));
+        let Some(recorded_in) = recorded_in.cloned() else { return Ok(Recorded::NotReady) };
+        let Some(place) = uploads.place(recorded_in, target, size, asked.colours)? else {
+            return Ok(Recorded::QueueFull);
+        };
+        let (mut place, mut recorded) = (Some(place), Ok(()));
+        let shown = asked.presenter.draw_of(draws, now, size, |picture, is_repeated| {
+            recorded = place.take().map_or(Ok(()), |place| place.fill(picture, is_repeated));
+        })?;
+        drop(place);
+        recorded?;
+        let Some(shown) = shown else { return Ok(Recorded::NotReady) };
+        let at = own.map(|frame| frame.submit(uploads.gpu().frames())).transpose()?;
+        list.map(|(_, until)| until).or(at.as_ref()).into_iter().for_each(|until| uploads.read_until(until));
+        Ok(Recorded::Frame(shown, at.as_ref().map(guard)))
+    }
+}
+
+impl Prepared {
+    /// Makes it. None where no anchor has come and nobody says how large anchors are.
+    pub(in crate::abi) fn new(
+        asked: &Asked<'_>,
+        device: &Device,
+        wanted: &cairn_d3d12_preparation,
+        amd: &mut Amd,
+    ) -> Outcome<Option<Self>> {
+        let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
+        let presenter = asked.presenter;
+        let given = |size: (u32, u32)| (size != (0, 0)).then_some(size);
+        let Some(anchors) = given((wanted.anchor_width, wanted.anchor_height)).or_else(|| presenter.anchor_size())
+        else {
+            return Ok(None);
+        };
+        let size = given((wanted.width, wanted.height)).or_else(|| presenter.wanted_size()).unwrap_or(anchors);
+        let pixel_bytes = match Dxgi::DXGI_FORMAT(wanted.format.cast_signed()) {
+            Dxgi::DXGI_FORMAT_UNKNOWN => 8,
+            format => Format::of(format).map(|format| format.bytes).ok_or_else(|| {
+                let why = format!("frames are not written in DXGI_FORMAT {}", format.0);
+                Failure::argument("preparation.format", why).remedy("Use RGBA8, BGRA8, RGB10A2 or RGBA16F")
+            })?,
+        };
+        let lists = match wanted.lists {
+            _ if wanted.flags & CAIRN_PREPARE_SUBMIT_ONLY != 0 => 0,
+            0 => LISTS,
+            lists => lists as usize,
+        };
+        let preparation = Preparation {
+            size,
+            pixel_bytes,
+            lists,
+            pictures: wanted.anchor_pictures.max(1) as usize,
+            latent: [wanted.latent_channels, wanted.latent_height, wanted.latent_width],
+        };
+        if let Some(load) = wanted.load
+            && gpu.pipelines().asks()
+        {
+            load_pipelines(gpu, load, wanted.user);
+        }
+        let mut without = Without::default();
+        let is_required = [asked.fsr, asked.shader, asked.upscaler].contains(&CAIRN_PREFER_REQUIRE);
+        let drawer = match asked.shader {
+            CAIRN_PREFER_NEVER => Err("shader: it is not to be used, and fsr cannot be without it".to_owned()),
+            _ => match without.drawer(gpu, anchors, asked, &preparation, amd) {
+                Ok(drawer) => Ok(drawer),
+                Err(why) if is_required || [ErrorKind::DeviceRemoved, ErrorKind::OutOfMemory].contains(&why.kind()) => {
+                    return Err(why.into());
+                }
+                Err(why) => Err(format!("shader: {why}")),
+            },
+        };
+        let made_by = match drawer {
+            Ok(drawer) => MadeBy::Shaders(Box::new(drawer)),
+            Err(why) => {
+                let mut upload = Upload::new(gpu)?;
+                // Frames that are submitted need memory as well.
+                upload.uploads.prepare(lists.max(LISTS), size, pixel_bytes)?;
+                MadeBy::Processor { upload, size, pixel_bytes, why }
+            }
+        };
+        if let Some(store) = wanted.store
+            && let Some(bytes) = gpu.pipelines().serialised(gpu)
+        {
+            // SAFETY: a function of the host's; the bytes live during the call.
+            unsafe { store(bytes.as_ptr().cast(), bytes.len() as u64, wanted.user) };
+        }
+        Ok(Some(Self { gpu: gpu.clone(), made_by, without }))
+    }
+}
+
+impl Without {
+    /// What makes frames by shaders; why that cannot be.
+    fn drawer(
+        &mut self,
+        gpu: &Gpu,
+        anchors: (u32, u32),
+        asked: &Asked<'_>,
+        wanted: &Preparation,
+        amd: &mut Amd,
+    ) -> crate::Result<DeviceDrawer> {
+        let drawer = DeviceDrawer::new(gpu, anchors, asked.colours)?;
+        let drawer = self.with_fsr(drawer, asked.fsr, amd)?;
+        let mut drawer = self.with_upscaler(drawer, asked.upscaler, amd)?;
+        drawer.prepare(asked.presenter, wanted)?;
+        Ok(drawer)
+    }
+
+    /// The drawer with a provider of AMD's, where that is wanted and can be.
+    fn with_fsr(&mut self, mut drawer: DeviceDrawer, preference: u32, amd: &mut Amd) -> crate::Result<DeviceDrawer> {
+        self.fsr = "fsr: it is not to be used".to_owned();
+        if preference == CAIRN_PREFER_NEVER {
+            return Ok(drawer);
+        }
+        let is_required = preference == CAIRN_PREFER_REQUIRE;
+        let api = amd.api(ffx::Effect::FrameGeneration);
+        match api.and_then(|api| drawer.use_fsr(&api, ffx::Choice::Any, is_required)) {
+            Ok(()) => self.fsr.clear(),
+            Err(why) if is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
+            Err(why) => self.fsr = format!("fsr: {why}"),
+        }
+        Ok(drawer)
+    }
+
+    /// The same with AMD's upscaler, which is tried where frames are larger than anchors.
+    fn with_upscaler(
+        &mut self,
+        mut drawer: DeviceDrawer,
+        preference: u32,
+        amd: &mut Amd,
+    ) -> crate::Result<DeviceDrawer> {
+        self.upscaler = "fsr: it is not to be used".to_owned();
+        if preference == CAIRN_PREFER_NEVER {
+            return Ok(drawer);
+        }
+        let is_required = preference == CAIRN_PREFER_REQUIRE;
+        match amd.api(ffx::Effect::Upscaling) {
+            Ok(api) => {
+                drawer.use_fsr_upscaler(&api, ffx::Choice::Any, is_required);
+                self.upscaler.clear();
+            }
+            Err(why) if is_required => return Err(why),
+            Err(why) => self.upscaler = format!("fsr: {why}"),
+        }
+        Ok(drawer)
+    }
+}
+
+impl Amd {
+    /// AMD's functions for an effect.
+    fn api(&mut self, effect: ffx::Effect) -> crate::Result<ffx::Api> {
+        let library = match &mut self.0 {
+            Some(library) => library,
+            none => none.insert(ffx::Library::load(&ffx::LoadOptions::from_environment())?),
+        };
+        library.api(effect).copied()
+    }
+}
+
+/// Has the host give pipelines that a device had in an earlier run. What is wrong with them is no failure: they are made anew.
+fn load_pipelines(gpu: &Gpu, load: unsafe extern "C" fn(*mut c_void, u64, *mut c_void) -> u64, user: *mut c_void) {
+    /// More than all pipelines could take.
+    const MOST: u64 = 1 << 30;
+    // SAFETY: a function of the host's, asked for the size as its documentation says.
+    let size = unsafe { load(std::ptr::null_mut(), 0, user) };
+    if size == 0 {
+        return;
+    }
+    let mut bytes = Vec::new();
+    let has_room = size <= MOST && bytes.try_reserve_exact(size as usize).is_ok();
+    if !has_room {
+        log::warn!("{size} bytes of pipelines are not loaded: they are too many");
+        return;
+    }
+    bytes.resize(size as usize, 0);
+    // SAFETY: as above, with so many bytes that may be written.
+    let given = unsafe { load(bytes.as_mut_ptr().cast(), size, user) };
+    if given != size || !gpu.pipelines().load(gpu, &bytes) {
+        log::info!("pipelines are made anew: those that were loaded are damaged, or of another driver or version");
+    }
+}
+
 impl Recording {
-    /// Records the frame that is due at `now`: by shaders where they are preferred and can, else by the processor. Without a list of
-    /// an engine's the queue is given one of ours; then also what guards the target.
+    /// Records the frame that is due at `now` as it was prepared, or else the nearest anchor. Without a list of an engine's the queue is
+    /// given one of ours; then also what guards the target.
     ///
     /// # Safety
     /// What `to` points to are objects of COM and live during the call.
@@ -147,200 +388,199 @@ impl Recording {
         device: &Device,
         now: u64,
         to: &To,
-    ) -> Outcome<Option<(Shown, Option<Guard>)>> {
-        let presenter = asked.presenter;
-        let Some((size, anchors)) = presenter.size().zip(presenter.anchor_size()) else { return Ok(None) };
+    ) -> Outcome<Recorded> {
         let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
-        let list: Option<direct3d::ID3D12GraphicsCommandList> = match to.list.is_null() {
-            true => None,
-            // SAFETY: the caller's promise.
-            false => Some(unsafe { object(to.list.cast(), "list") }?),
+        let list = match &to.list {
+            None => None,
+            Some((list, Guard { fence, value })) => {
+                // SAFETY: the caller's promise.
+                let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(list.cast(), "recording.list") }?;
+                // SAFETY: the caller's promise.
+                let fence: direct3d::ID3D12Fence = unsafe { object(fence.cast(), "recording.fence") }?;
+                Some((list, Moment::of_engine(gpu, &fence, *value)?))
+            }
         };
         // SAFETY: the caller's promise.
         let texture: direct3d::ID3D12Resource = unsafe { object(to.target.cast(), "target") }?;
         let [before, after] = [to.before, to.after].map(|state| direct3d::D3D12_RESOURCE_STATES(state.cast_signed()));
         let target = Target { texture, before, after };
-        let is_required = [asked.fsr, asked.shader, asked.upscaler].contains(&CAIRN_PREFER_REQUIRE);
-        let why = if asked.shader == CAIRN_PREFER_NEVER {
-            "shader: it is not to be used, and fsr cannot be without it".to_owned()
-        } else {
-            match self.drawer(gpu, asked, size, anchors) {
-                Ok(drawer) => {
-                    let made = match &list {
-                        Some(list) => presenter.record(now, drawer, list, &target)?.map(|shown| (shown, None)),
-                        None => presenter.submit(now, drawer, &target)?.map(|(shown, at)| (shown, Some(guard(&at)))),
-                    };
-                    self.used = Some(String::new());
-                    return Ok(made);
-                }
-                Err(why) if is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why.into()),
-                Err(why) => format!("shader: {why}"),
-            }
-        };
-        let made = self.upload(asked, gpu, now, list, target, size)?;
-        self.used = Some(why);
-        Ok(made)
+        self.retired.pending();
+        self.retired_uploads.retain(|uploads| uploads.pending() > 0);
+        let (made, objects) = counted(|| self.record_with(asked, gpu, now, list.as_ref(), target));
+        asked.presenter.count_objects(objects);
+        made
     }
 
-    /// The frame that is due at `now`, made by the processor.
-    fn upload(
+    fn record_with(
         &mut self,
         asked: &Asked<'_>,
         gpu: &Gpu,
         now: u64,
-        list: Option<direct3d::ID3D12GraphicsCommandList>,
+        list: Option<&(direct3d::ID3D12GraphicsCommandList, Moment)>,
         target: Target,
-        size: (u32, u32),
-    ) -> Outcome<Option<(Shown, Option<Guard>)>> {
-        // Lists of another queue than before need rings of their own.
-        let same = |uploads: &Uploads| uploads.gpu().frames().d3d12() == gpu.frames().d3d12();
-        if !self.uploads.as_ref().is_some_and(same) {
-            (self.uploads, self.lists) = (None, None);
-        }
-        let uploads = self.uploads.get_or_insert_with(|| Uploads::new(gpu));
-        let own = match list {
-            Some(_) => None,
-            None => {
-                let lists = match &mut self.lists {
-                    Some(lists) => lists,
-                    none => none.insert(Frames::new(gpu, gpu.frames(), 1)?),
+    ) -> Outcome<Recorded> {
+        let presenter = asked.presenter;
+        let is_prepared = |prepared: &&mut Prepared| prepared.gpu.frames().d3d12() == gpu.frames().d3d12();
+        match self.prepared.as_mut().filter(is_prepared).map(|prepared| &mut prepared.made_by) {
+            Some(MadeBy::Shaders(drawer)) => {
+                let made = match list {
+                    Some((list, until)) => recorded(presenter.record(now, drawer, list, &target, until)?, |shown| {
+                        Recorded::Frame(shown, None)
+                    }),
+                    None => recorded(presenter.submit(now, drawer, &target)?, |(shown, at)| {
+                        Recorded::Frame(shown, Some(guard(&at)))
+                    }),
                 };
-                Some(lists.begin()?)
-            }
-        };
-        let Some(list) = list.or_else(|| own.as_ref().map(|frame| frame.list().clone())) else { return Ok(None) };
-        let (mut place, mut recorded) = (Some(uploads.place(list, target, size, asked.colours)?), Ok(()));
-        let shown = asked.presenter.draw(now, size, |picture| {
-            recorded = place.take().map_or(Ok(()), |place| place.fill(picture));
-        })?;
-        recorded?;
-        let Some(shown) = shown else { return Ok(None) };
-        let at = own.map(|frame| frame.submit(gpu.frames())).transpose()?;
-        Ok(Some((shown, at.as_ref().map(guard))))
-    }
-
-    /// What makes frames by shaders; why that cannot be.
-    fn drawer(
-        &mut self,
-        gpu: &Gpu,
-        asked: &Asked<'_>,
-        size: (u32, u32),
-        anchors: (u32, u32),
-    ) -> crate::Result<&mut DeviceDrawer> {
-        if let Some((of, at, why)) = &self.failed
-            && of.frames().d3d12() == gpu.frames().d3d12()
-            && *at == anchors
-        {
-            return Err(why.clone());
-        }
-        if !self.drawer.as_ref().is_some_and(|drawer| drawer.fits(gpu, anchors)) {
-            // First, as there may not be room for both.
-            self.drawer = None;
-            let made = DeviceDrawer::new(gpu, anchors, asked.colours);
-            let made = made.and_then(|drawer| self.with_fsr(drawer, asked.fsr));
-            match made.and_then(|drawer| self.with_upscaler(drawer, asked.upscaler)) {
-                Ok(made) => self.drawer = Some(made),
-                Err(why) => {
-                    // Memory may be there the next time.
-                    if matches!(why.kind(), ErrorKind::Unsupported | ErrorKind::Device) {
-                        self.failed = Some((gpu.clone(), anchors, why.clone()));
-                    }
-                    return Err(why);
+                if let Some(made) = made {
+                    self.used = Some(String::new());
+                    return Ok(made);
                 }
             }
-        }
-        let drawer = self.drawer.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))?;
-        drawer.fit(asked.presenter, size)?;
-        Ok(drawer)
-    }
-
-    /// The drawer with a provider of AMD's, where that is wanted and can be.
-    fn with_fsr(&mut self, mut drawer: DeviceDrawer, preference: u32) -> crate::Result<DeviceDrawer> {
-        self.without_fsr = "fsr: it is not to be used".to_owned();
-        if preference == CAIRN_PREFER_NEVER {
-            return Ok(drawer);
-        }
-        let is_required = preference == CAIRN_PREFER_REQUIRE;
-        let api = self.amd(ffx::Effect::FrameGeneration);
-        match api.and_then(|api| drawer.use_fsr(&api, ffx::Choice::Any, is_required)) {
-            Ok(()) => self.without_fsr.clear(),
-            Err(why) if is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
-            Err(why) => self.without_fsr = format!("fsr: {why}"),
-        }
-        Ok(drawer)
-    }
-
-    /// The same with AMD's upscaler, which is tried where frames are larger than anchors.
-    fn with_upscaler(&mut self, mut drawer: DeviceDrawer, preference: u32) -> crate::Result<DeviceDrawer> {
-        self.without_upscaler = "fsr: it is not to be used".to_owned();
-        if preference == CAIRN_PREFER_NEVER {
-            return Ok(drawer);
-        }
-        let is_required = preference == CAIRN_PREFER_REQUIRE;
-        match self.amd(ffx::Effect::Upscaling) {
-            Ok(api) => {
-                drawer.use_fsr_upscaler(&api, ffx::Choice::Any, is_required);
-                self.without_upscaler.clear();
+            Some(MadeBy::Processor { upload, size, pixel_bytes, why })
+                if presenter.size() == Some(*size)
+                    && target.pixel_bytes().is_some_and(|bytes| bytes <= *pixel_bytes) =>
+            {
+                let made = upload.record(asked, Draws::Frames, now, list, target)?;
+                self.used = Some(why.clone());
+                return Ok(made);
             }
-            Err(why) if is_required => return Err(why),
-            Err(why) => self.without_upscaler = format!("fsr: {why}"),
+            _ => {}
         }
-        Ok(drawer)
+        // Lists of another queue than before need memory of their own.
+        if let Some(other) =
+            self.anchors.take_if(|upload| upload.uploads.gpu().frames().d3d12() != gpu.frames().d3d12())
+        {
+            self.retired_uploads.push(other.uploads);
+        }
+        let upload = match &mut self.anchors {
+            Some(upload) => upload,
+            none => none.insert(Upload::new(gpu)?),
+        };
+        let made = upload.record(asked, Draws::Anchors, now, list, target)?;
+        self.used = Some(NOT_PREPARED.to_owned());
+        Ok(made)
     }
 
-    /// AMD's functions for an effect.
-    fn amd(&mut self, effect: ffx::Effect) -> crate::Result<ffx::Api> {
-        let amd = self.amd.get_or_insert_with(|| ffx::Library::load(&ffx::LoadOptions::from_environment()));
-        amd.as_ref().map_err(Error::clone).and_then(|library| library.api(effect)).copied()
+    /// Uses what was prepared from now on; what it takes the place of, for the caller to drop where no frame waits for that.
+    pub(in crate::abi) fn replace(&mut self, prepared: Option<Prepared>) -> Option<Replaced> {
+        let before = std::mem::replace(&mut self.prepared, prepared)?;
+        match before.made_by {
+            MadeBy::Shaders(mut drawer) => {
+                let [frames, anchors] = [drawer.spent(), drawer.spent_on_anchors()];
+                self.spent = [self.spent[0].and(frames), self.spent[1].and(anchors)];
+                Some(Replaced(drawer))
+            }
+            MadeBy::Processor { upload, .. } => {
+                self.retired_uploads.push(upload.uploads);
+                None
+            }
+        }
+    }
+
+    /// Keeps of what was replaced what lists of the engine's may still read.
+    pub(in crate::abi) fn retire(&mut self, frames: RetiredFrames) {
+        self.retired.append(frames);
     }
 
     /// What brings frames to their size, and why AMD's upscaler does not; none where the processor makes them.
     pub(in crate::abi) fn scaled_by(&mut self) -> Option<(String, String)> {
-        let drawer = self.drawer.as_ref().filter(|_| self.used.as_ref().is_some_and(String::is_empty))?;
+        let prepared = self.prepared.as_ref().filter(|_| self.used.as_ref().is_some_and(String::is_empty))?;
+        let MadeBy::Shaders(drawer) = &prepared.made_by else { return None };
         Some(match (drawer.scaled_by(), drawer.upscaler_failed()) {
             (ScaledBy::Nothing, _) => (String::new(), String::new()),
             (ScaledBy::Amd(version), _) => (format!("fsr {}", version.name), String::new()),
             (ScaledBy::Space, Some(failed)) => ("spatial".to_owned(), format!("fsr: {failed}")),
-            (ScaledBy::Space, None) if self.without_upscaler.is_empty() => {
+            (ScaledBy::Space, None) if prepared.without.upscaler.is_empty() => {
                 ("spatial".to_owned(), ONLY_LARGER.to_owned())
             }
-            (ScaledBy::Space, None) => ("spatial".to_owned(), self.without_upscaler.clone()),
+            (ScaledBy::Space, None) => ("spatial".to_owned(), prepared.without.upscaler.clone()),
         })
     }
 
-    /// Waits until all frames have run, and lets go of their targets.
+    /// Waits until all frames have run, and releases their targets and what lists that were dropped would have read.
     pub(in crate::abi) fn release(&mut self) -> Outcome<()> {
-        Ok(self.drawer.as_mut().map_or(Ok(()), DeviceDrawer::finish)?)
+        let Self { prepared, anchors, retired_uploads, retired, .. } = self;
+        let mut uploads: Vec<&mut Uploads> = retired_uploads.iter_mut().collect();
+        uploads.extend(anchors.as_mut().map(|upload| &mut upload.uploads));
+        match prepared.as_mut().map(|prepared| &mut prepared.made_by) {
+            Some(MadeBy::Shaders(drawer)) => drawer.finish()?,
+            Some(MadeBy::Processor { upload, .. }) => uploads.push(&mut upload.uploads),
+            None => {}
+        }
+        uploads.into_iter().try_for_each(Uploads::release)?;
+        retired_uploads.clear();
+        retired.release();
+        Ok(())
     }
 
     /// What frames have taken on the device.
     pub(in crate::abi) fn figures(&mut self) -> DeviceFigures {
-        let uploaded = self.lists.as_ref().map_or(0, Frames::under_way);
-        let Some(drawer) = &mut self.drawer else {
-            return DeviceFigures { under_way: uploaded as u32, ..DeviceFigures::default() };
-        };
-        DeviceFigures {
-            under_way: (drawer.under_way() + uploaded) as u32,
-            frames: times(drawer.spent()),
-            lists: times(drawer.spent_on_anchors()),
+        let Self { prepared, anchors, retired, retired_uploads, spent, .. } = self;
+        let mut figures = DeviceFigures::default();
+        let mut uploads: Vec<&Upload> = anchors.iter().collect();
+        let mut pending = retired.pending() + retired_uploads.iter().map(Uploads::pending).sum::<usize>();
+        let mut took = *spent;
+        match prepared.as_mut().map(|prepared| &mut prepared.made_by) {
+            Some(MadeBy::Shaders(drawer)) => {
+                figures.under_way = drawer.under_way() as u32;
+                pending += drawer.pending();
+                took = [took[0].and(drawer.spent()), took[1].and(drawer.spent_on_anchors())];
+            }
+            Some(MadeBy::Processor { upload, .. }) => uploads.push(upload),
+            None => {}
         }
+        for Upload { uploads, lists } in uploads {
+            figures.under_way += lists.under_way() as u32;
+            // Those in lists of ours are under way.
+            pending += uploads.pending().saturating_sub(lists.under_way());
+        }
+        let [frames, lists] = took.map(times);
+        DeviceFigures { lists_pending: pending as u32, frames, lists, ..figures }
     }
 
     /// Who made the last frame, none for the processor, and why no other generator made it; none before the first.
     pub(in crate::abi) fn used(&mut self, presenter: &Presenter) -> Option<(Option<String>, String)> {
-        if let Some(drawer) = &mut self.drawer {
+        let prepared = self.prepared.as_mut();
+        if let Some(MadeBy::Shaders(drawer)) = prepared.map(|prepared| &mut prepared.made_by) {
             presenter.look(drawer);
         }
         let why = self.used.as_ref()?;
-        let Some(drawer) = self.drawer.as_ref().filter(|_| why.is_empty()) else { return Some((None, why.clone())) };
+        let Some(prepared) = self.prepared.as_ref().filter(|_| why.is_empty()) else {
+            return Some((None, why.clone()));
+        };
+        let MadeBy::Shaders(drawer) = &prepared.made_by else { return Some((None, why.clone())) };
         Some(match (drawer.made_by_fsr(), drawer.fsr_failed()) {
             (Some(version), _) => (Some(format!("fsr {}", version.name)), String::new()),
             (None, Some(failed)) => (Some("shader".to_owned()), format!("fsr: {failed}")),
-            (None, None) if self.without_fsr.is_empty() => (Some("shader".to_owned()), ONLY_HALF.to_owned()),
-            (None, None) => (Some("shader".to_owned()), self.without_fsr.clone()),
+            (None, None) if prepared.without.fsr.is_empty() => (Some("shader".to_owned()), ONLY_HALF.to_owned()),
+            (None, None) => (Some("shader".to_owned()), prepared.without.fsr.clone()),
         })
     }
 }
+
+/// What was prepared before: dropping it waits for its frames.
+pub(in crate::abi) struct Replaced(Box<DeviceDrawer>);
+
+impl Replaced {
+    /// Drops it, but for the frames that lists of the engine's may still read.
+    pub(in crate::abi) fn retire(self) -> RetiredFrames {
+        self.0.retire()
+    }
+}
+
+/// What became of a frame, where it was prepared.
+fn recorded<T>(result: FrameResult<T>, made: impl FnOnce(T) -> Recorded) -> Option<Recorded> {
+    match result {
+        FrameResult::Made(frame) => Some(made(frame)),
+        FrameResult::NoAnchor => Some(Recorded::NotReady),
+        FrameResult::QueueFull => Some(Recorded::QueueFull),
+        FrameResult::NotPrepared => None,
+    }
+}
+
+/// Why an anchor is shown in place of a frame.
+const NOT_PREPARED: &str =
+    "not prepared: cairn_presenter_prepare_d3d12 was not called for this device, and these sizes and formats";
 
 fn times(spent: Spent) -> DeviceTimes {
     let Spent { frames: count, total, longest, last } = spent;

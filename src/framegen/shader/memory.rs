@@ -3,6 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 
 use super::layout::Layout;
+use crate::gpu::compute::pictures::pitch;
 use crate::gpu::compute::{Resting, View, Words};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, Result};
@@ -19,11 +20,6 @@ pub(super) struct Memory {
     places: ID3D12Resource,
     picture: ID3D12Resource,
     sizes: [u64; 4],
-}
-
-/// Bytes of a row of the finished picture of so many pixels, as copies want it.
-pub(super) fn pitch(width: u32, bytes: u32) -> u32 {
-    (width * bytes).next_multiple_of(256)
 }
 
 impl Memory {

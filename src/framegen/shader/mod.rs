@@ -11,12 +11,11 @@ mod layout;
 mod memory;
 mod steps;
 
-use windows::Win32::Graphics::Direct3D12::{D3D12_PLACED_SUBRESOURCE_FOOTPRINT, D3D12_SUBRESOURCE_FOOTPRINT};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use crate::gpu::Gpu;
 use crate::gpu::compute::pictures::{self, Format};
-use crate::gpu::compute::{Frame, Resting, Table, Transfer, View};
+use crate::gpu::compute::{Frame, Output, Resting, Table, Transfer, View};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
 use layout::{Constants, Layout};
@@ -156,21 +155,22 @@ impl ShaderGenerator {
     /// # Errors
     /// `InvalidArgument` when `t` is not inside (0, 1), or for a texture of another size, format or device; as for any frame.
     /// Nothing is recorded then.
-    pub fn generate(
+    pub fn generate<'t>(
         &mut self,
         frame: &mut Frame<'_>,
         pair: &TexturePair<'_>,
         t: f32,
-        target: &Resting<'_>,
+        target: impl Into<Output<'t>>,
     ) -> Result<()> {
+        let target = target.into();
         let at = self.phase(t)?;
         let seen = self.look_at_pair(pair)?;
-        let written = self.target(frame, target)?;
+        let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         frame.fits(DESCRIPTORS)?;
         let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
         let shown = frame.bind(&seen.inputs, &self.memory.views(false))?;
         // It may be one of the inputs, and must rest in one state then.
-        frame.takes(target)?;
+        target.takes(frame)?;
         self.explore(frame, &table, &seen);
         self.show(frame, &shown, &seen, at, written, target)
     }
@@ -193,13 +193,14 @@ impl ShaderGenerator {
     ///
     /// # Errors
     /// `InvalidArgument` for a pair of which another is prepared, or none; as for [`generate`](Self::generate).
-    pub fn interpolate(
+    pub fn interpolate<'t>(
         &mut self,
         frame: &mut Frame<'_>,
         pair: &TexturePair<'_>,
         t: f32,
-        target: &Resting<'_>,
+        target: impl Into<Output<'t>>,
     ) -> Result<()> {
+        let target = target.into();
         let at = self.phase(t)?;
         let seen = self.look_at_pair(pair)?;
         if self.prepared != Some(seen.prepared()) {
@@ -207,9 +208,9 @@ impl ShaderGenerator {
                 .field("pair")
                 .remedy("Record prepare for it first"));
         }
-        let written = self.target(frame, target)?;
+        let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
-        frame.takes(target)?;
+        target.takes(frame)?;
         self.show(frame, &table, &seen, at, written, target)
     }
 
@@ -218,15 +219,16 @@ impl ShaderGenerator {
     ///
     /// # Errors
     /// `InvalidArgument` when `t` is not above 0 and finite, and as for [`generate`](Self::generate).
-    pub fn extrapolate(
+    pub fn extrapolate<'t>(
         &mut self,
         frame: &mut Frame<'_>,
         current: &Resting<'_>,
         guidance: &GuidanceTextures<'_>,
         is_after_cut: bool,
         t: f32,
-        target: &Resting<'_>,
+        target: impl Into<Output<'t>>,
     ) -> Result<()> {
+        let target = target.into();
         if !(t > 0.0 && t.is_finite()) {
             return Err(Error::new(ErrorKind::InvalidArgument, format!("{t} intervals after an anchor"))
                 .field("t")
@@ -234,7 +236,7 @@ impl ShaderGenerator {
         }
         let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
         let seen = self.look(current, guidance)?;
-        let written = self.target(frame, target)?;
+        let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         let beyond = Constants {
             is_stated: is_after_cut.into(),
             landing_phase: WHOLE + phase,
@@ -244,7 +246,7 @@ impl ShaderGenerator {
         };
         let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
         // It may be one of the inputs, and must rest in one state then.
-        frame.takes(target)?;
+        target.takes(frame)?;
         self.prepared = None;
         let kernels = &self.kernels;
         let mut steps = self.steps(frame, &table);
@@ -264,13 +266,19 @@ impl ShaderGenerator {
     ///
     /// # Errors
     /// `InvalidArgument` for a texture of another size, format or device; as for any frame. Nothing is recorded then.
-    pub fn show_anchor(&mut self, frame: &mut Frame<'_>, picture: &Resting<'_>, target: &Resting<'_>) -> Result<()> {
+    pub fn show_anchor<'t>(
+        &mut self,
+        frame: &mut Frame<'_>,
+        picture: &Resting<'_>,
+        target: impl Into<Output<'t>>,
+    ) -> Result<()> {
+        let target = target.into();
         let anchor = pictures::anchor(&self.gpu, picture, self.layout.constants.size, self.transfer, "picture")?;
-        let written = self.target(frame, target)?;
+        let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         let inputs = [View::Texture(*picture, anchor.viewed); INPUTS];
         let table = frame.bind(&inputs, &self.memory.views(false))?;
         // It may be the anchor, and must rest in one state then.
-        frame.takes(target)?;
+        target.takes(frame)?;
         self.prepared = None;
         // As the later one of two with a cut between them, of which nothing else is read.
         let seen = Seen { constants: self.layout.constants, inputs, anchor };
@@ -303,8 +311,9 @@ impl ShaderGenerator {
     ///
     /// # Errors
     /// As for [`show_anchor`](Self::show_anchor).
-    pub fn again(&mut self, frame: &mut Frame<'_>, target: &Resting<'_>) -> Result<bool> {
-        let written = self.target(frame, target)?;
+    pub fn again<'t>(&mut self, frame: &mut Frame<'_>, target: impl Into<Output<'t>>) -> Result<bool> {
+        let target = target.into();
+        let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         if self.last != Some(written) {
             return Ok(false);
         }
@@ -370,12 +379,6 @@ impl ShaderGenerator {
         Ok(Seen { constants, inputs: [picture, picture, motion, depth, depth, hud], anchor })
     }
 
-    /// Looks at what a frame is written to.
-    fn target(&self, frame: &Frame<'_>, target: &Resting<'_>) -> Result<Format> {
-        frame.takes(target)?;
-        pictures::target(&self.gpu, target, self.layout.constants.size)
-    }
-
     /// Records what does not depend on the phase: cuts, bars, the way of the camera, motion, and what is in the previous anchor.
     fn explore(&mut self, frame: &mut Frame<'_>, table: &Table, seen: &Seen<'_>) {
         self.prepared = Some(seen.prepared());
@@ -403,7 +406,7 @@ impl ShaderGenerator {
         seen: &Seen<'_>,
         Phase { phase, cut_shows_current }: Phase,
         written: Format,
-        target: &Resting<'_>,
+        target: Output<'_>,
     ) -> Result<()> {
         let between = Constants {
             phase,
@@ -428,7 +431,7 @@ impl ShaderGenerator {
         let transfer = self.target_transfer.unwrap_or(self.transfer);
         Constants {
             written: written.written,
-            pitch: memory::pitch(seen.constants.size[0], written.bytes),
+            pitch: pictures::pitch(seen.constants.size[0], written.bytes),
             writes_light: (transfer == Transfer::Light && written.holds_light()).into(),
             ..seen.constants
         }
@@ -439,18 +442,9 @@ impl ShaderGenerator {
     }
 
     /// Copies the finished picture into its target.
-    fn copy(&mut self, frame: &mut Frame<'_>, written: &Format, target: &Resting<'_>) -> Result<()> {
-        let [width, height] = self.layout.constants.size;
-        let rows = D3D12_SUBRESOURCE_FOOTPRINT {
-            Format: written.viewed,
-            Width: width,
-            Height: height,
-            Depth: 1,
-            RowPitch: memory::pitch(width, written.bytes),
-        };
-        let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows };
+    fn copy(&mut self, frame: &mut Frame<'_>, written: &Format, target: Output<'_>) -> Result<()> {
         self.last = None;
-        frame.copy_rows(&self.memory.picture(), rows, target)?;
+        target.copy(frame, &self.memory.picture(), written.rows(self.layout.constants.size))?;
         self.last = Some(*written);
         Ok(())
     }

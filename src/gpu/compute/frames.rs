@@ -6,7 +6,7 @@ use windows::core::Interface;
 use super::Frame;
 use super::frame::Tracked;
 use super::timing::Timing;
-use crate::gpu::{Gpu, Moment, Queue, Spent, failed_on};
+use crate::gpu::{Gpu, Moment, Queue, Spent, count_object, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// How many frames may be recorded before the first of them has run.
@@ -73,6 +73,7 @@ impl Frames {
             NodeMask: 0,
         };
         let device = gpu.device();
+        count_object();
         // SAFETY: a live device and a description that lives during the call.
         let heap = unsafe { device.CreateDescriptorHeap(&wanted) }
             .map_err(|e| failed_on(device, "ID3D12Device::CreateDescriptorHeap", &e))?;
@@ -212,6 +213,8 @@ impl std::fmt::Debug for Frames {
 impl Slot {
     fn new(gpu: &Gpu, kind: D3D12_COMMAND_LIST_TYPE, first: u32) -> Result<Self> {
         let device = gpu.device();
+        // An allocator and a list.
+        (0..2).for_each(|_| count_object());
         // SAFETY: a live device.
         let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
             .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandAllocator", &e))?;

@@ -6,7 +6,7 @@ use crate::Result;
 use crate::gpu::{Gpu, shader};
 
 /// What a shader takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Shape {
     /// Words of constants, in `b0`.
     pub(crate) constants: u32,
@@ -16,7 +16,7 @@ pub(crate) struct Shape {
     pub(crate) outputs: u32,
 }
 
-/// A compute shader with its pipeline. Made once; running it makes nothing.
+/// A compute shader with its pipeline. Made once for a device; running it makes nothing.
 pub(crate) struct Kernel {
     pub(super) root: ID3D12RootSignature,
     pub(super) pipeline: ID3D12PipelineState,
@@ -31,10 +31,9 @@ impl Kernel {
     ///
     /// # Errors
     /// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver cannot take it.
-    pub(crate) fn new(gpu: &Gpu, code: &[u8], shape: Shape) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu, code: &'static [u8], shape: Shape) -> Result<Self> {
         assert!(shape.constants + 1 < ROOT_WORDS, "the constants and a table fit into a root signature");
-        let root = root_signature(gpu, shape)?;
-        let pipeline = shader::pipeline_state(gpu, &root, code)?;
+        let (root, pipeline) = gpu.pipelines().of(gpu, code, shape, || root_signature(gpu, shape))?;
         Ok(Self { root, pipeline, shape })
     }
 }

@@ -18,6 +18,6 @@ pub use frame::Frame;
 pub(crate) use frame::Table;
 pub use frames::{FRAMES_IN_FLIGHT, Frames};
 pub(crate) use kernel::{Kernel, Shape};
-pub use pictures::Transfer;
+pub use pictures::{Output, Transfer};
 pub use view::Resting;
 pub(crate) use view::{Texture, View, Words, texture, untyped};

@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use super::{Resting, View};
+use super::{Frame, Resting, View};
 use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
@@ -43,7 +43,7 @@ impl Format {
     }
 
     /// That of a texture, if frames can be made in it.
-    fn of(format: DXGI_FORMAT) -> Option<Self> {
+    pub(crate) fn of(format: DXGI_FORMAT) -> Option<Self> {
         let (viewed, written, is_float, bytes) = match format {
             DXGI_FORMAT_R8G8B8A8_UNORM | DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_R8G8B8A8_TYPELESS => {
                 (DXGI_FORMAT_R8G8B8A8_UNORM, 0, false, 4)
@@ -61,6 +61,87 @@ impl Format {
         };
         Some(Self { viewed, written, is_light: false, is_float, bytes })
     }
+}
+
+/// Where a finished picture is copied to.
+#[derive(Clone, Copy)]
+pub struct Output<'a>(To<'a>);
+
+#[derive(Clone, Copy)]
+enum To<'a> {
+    /// Over all of a texture.
+    Texture(Resting<'a>),
+    /// To the start of a buffer, held so, row after row as a copy into a texture wants them.
+    Rows(Resting<'a>, Format),
+}
+
+impl<'a> From<&Resting<'a>> for Output<'a> {
+    /// All of a texture.
+    fn from(texture: &Resting<'a>) -> Self {
+        Self(To::Texture(*texture))
+    }
+}
+
+impl<'a> Output<'a> {
+    /// The rows of a picture that is held as `format` says, each at a multiple of 256 bytes, in a buffer with room for them.
+    pub(crate) fn rows(buffer: Resting<'a>, format: Format) -> Self {
+        Self(To::Rows(buffer, format))
+    }
+
+    /// How it is to hold a picture of that size.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a texture of another size, format or device, and in a state that does not fit.
+    pub(crate) fn format(&self, gpu: &Gpu, frame: &Frame<'_>, size: [u32; 2]) -> Result<Format> {
+        self.takes(frame)?;
+        match &self.0 {
+            To::Texture(texture) => target(gpu, texture, size),
+            To::Rows(_, format) => Ok(*format),
+        }
+    }
+
+    /// Refuses a state that does not fit.
+    pub(crate) fn takes(&self, frame: &Frame<'_>) -> Result<()> {
+        let (To::Texture(given) | To::Rows(given, _)) = &self.0;
+        frame.takes(given)
+    }
+
+    /// Records the copy of a picture that lies in a buffer as `rows` says.
+    ///
+    /// # Errors
+    /// As for any frame. Nothing is recorded then.
+    pub(crate) fn copy(
+        &self,
+        frame: &mut Frame<'_>,
+        from: &Resting<'_>,
+        rows: D3D12_SUBRESOURCE_FOOTPRINT,
+    ) -> Result<()> {
+        match &self.0 {
+            To::Texture(texture) => {
+                let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows };
+                frame.copy_rows(from, rows, texture)
+            }
+            To::Rows(buffer, _) => frame.copy_bytes(from, u64::from(rows.RowPitch) * u64::from(rows.Height), buffer, 0),
+        }
+    }
+}
+
+impl Format {
+    /// The rows of a picture of that size, as a copy wants them in a buffer.
+    pub(crate) fn rows(&self, [width, height]: [u32; 2]) -> D3D12_SUBRESOURCE_FOOTPRINT {
+        D3D12_SUBRESOURCE_FOOTPRINT {
+            Format: self.viewed,
+            Width: width,
+            Height: height,
+            Depth: 1,
+            RowPitch: pitch(width, self.bytes),
+        }
+    }
+}
+
+/// Bytes from one row to the next of a picture in a buffer, as copies want it.
+pub(crate) fn pitch(width: u32, pixel: u32) -> u32 {
+    (width * pixel).next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT)
 }
 
 /// An anchor's picture to read from.

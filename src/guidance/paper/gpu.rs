@@ -64,6 +64,11 @@ impl GpuExtractor {
         Ok(Self { gpu: gpu.clone(), grid, lift, cells, shape, half })
     }
 
+    /// From now on latents are of halves, or of floats.
+    pub fn reads_halves(&mut self, half: bool) {
+        self.half = half;
+    }
+
     /// Records the step from `z0` (previous) to `z1` (current) into `motion`, R16G16 or R32G32 (FLOAT), and `depth`, R32 or R16
     /// (FLOAT): textures of the render size, of two dimensions with one level, layer and sample, which shaders may write.
     ///

@@ -7,8 +7,8 @@ use super::super::area::Area;
 use super::super::upscale::{Filter, Table};
 use super::resting;
 use super::supply::Supply;
-use crate::gpu::compute::pictures::Format;
-use crate::gpu::compute::{Frame, Kernel, Resting, Shape, View, Words};
+use crate::gpu::compute::pictures::{Format, pitch};
+use crate::gpu::compute::{Frame, Kernel, Output, Resting, Shape, View, Words};
 use crate::gpu::{Gpu, Heap, Shared, buffer, written_texture};
 use crate::texels::NITS_OF_SCRGB;
 use crate::{Colours, Error, ErrorKind, Result};
@@ -101,7 +101,7 @@ impl Canvas {
         frame: &mut Frame<'_>,
         format: Format,
         colours: Colours,
-        target: &Resting<'_>,
+        target: Output<'_>,
     ) -> Result<()> {
         let Self { made: Some(made), rows, columns, picture, from, .. } = self else { return Err(not_ready()) };
         made.last = None;
@@ -150,7 +150,7 @@ impl Canvas {
         frame: &mut Frame<'_>,
         format: Format,
         colours: Colours,
-        target: &Resting<'_>,
+        target: Output<'_>,
     ) -> Result<bool> {
         match &self.made {
             Some(made) if made.last == Some((format, colours)) => made.copy(frame, target).map(|()| true),
@@ -206,30 +206,14 @@ impl Made {
     }
 
     /// Copies what is finished over all of a target.
-    fn copy(&self, frame: &mut Frame<'_>, target: &Resting<'_>) -> Result<()> {
+    fn copy(&self, frame: &mut Frame<'_>, target: Output<'_>) -> Result<()> {
         let (format, _) = self.last.ok_or_else(not_ready)?;
-        let rows = D3D12_SUBRESOURCE_FOOTPRINT {
-            Format: format.viewed,
-            Width: self.size.0,
-            Height: self.size.1,
-            Depth: 1,
-            RowPitch: pitch(self.size.0, format.bytes),
-        };
-        frame.copy_rows(
-            &resting(&self.finished),
-            D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows },
-            target,
-        )
+        target.copy(frame, &resting(&self.finished), format.rows([self.size.0, self.size.1]))
     }
 }
 
 fn view(resource: &ID3D12Resource, bytes: u64) -> View<'_> {
     View::Buffer(resting(resource), Words { first: 0, count: (bytes / 4) as u32 })
-}
-
-/// Bytes of a row of a finished frame, as copies want it.
-fn pitch(width: u32, bytes: u32) -> u32 {
-    (width * bytes).next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT)
 }
 
 /// Cannot come about: it was made ready for the size before.

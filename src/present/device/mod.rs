@@ -1,12 +1,14 @@
 //! Frames of a presenter that a Direct3D device makes. Windows only.
 //!
-//! What a frame is made of is brought there by command lists of our own, once to an anchor; the frame itself is recorded into
-//! an engine's list, or into one of ours. Nothing comes back but a few words on what happened, which are looked at when the next frame
-//! is recorded.
+//! All work on a frame is in command lists of our own, on the device's queue for frames. A frame that an engine records into a list of
+//! its own is made in memory of the presenter's first, and the engine's list only copies it from there: it may be submitted late, in
+//! another order than it was recorded in, or never. Nothing comes back but a few words on what happened, which are read when the next
+//! frame is made.
 
 mod canvas;
 mod enlarger;
 mod pictures;
+mod recorded;
 mod reports;
 mod scaling;
 mod supply;
@@ -23,30 +25,26 @@ use crate::framegen::Phases;
 use crate::framegen::fsr::{FsrGenerator, PairFacts, Place};
 use crate::framegen::shader::{self, GuidanceTextures, ShaderGenerator, TexturePair};
 use crate::gpu::compute::pictures::{Format, target as format_of};
-use crate::gpu::compute::{Frame, Frames, Resting, Spent, Transfer};
-use crate::gpu::{Gpu, Moment, Promises, Target, check_list};
+use crate::gpu::compute::{Frame, Frames, Output, Resting, Spent, Transfer};
+use crate::gpu::{Gpu, Moment, Target, check_list};
 use crate::guidance::{Projection, paper};
 use crate::{Colours, Error, ErrorKind, Result};
 use canvas::Canvas;
-use enlarger::Enlarger;
 pub use pictures::PictureUpscaler;
+use recorded::RecordedFrames;
+pub use recorded::RetiredFrames;
 use reports::Reports;
 pub use scaling::ScaledBy;
 use scaling::Upscaling;
 use supply::{Supplied, Supply};
 
 /// What a presenter's frames are made with on a Direct3D device, by the `shader` generator, or those half way
-/// between two anchors by `fsr`, from anchors of one size. Makes everything with it; a frame makes nothing, but for the first one of
-/// another size than that before, and an anchor only what has another size than those before.
+/// between two anchors by `fsr`, from anchors of one size. Everything is made with it and by [`prepare`](Self::prepare); a frame makes nothing.
 ///
-/// Belongs to one presenter. Lists must be given to the device's queue for frames in the order that they are recorded in, each before
-/// the next one is recorded, or never: of one that is dropped nothing is used later. Until it is known that a list has run, a frame that is
-/// shown again is made again.
+/// Belongs to one presenter.
 ///
 /// Threads: one at a time; may move between them.
 pub struct DeviceDrawer {
-    // Signals what was promised before anybody below waits for it.
-    promises: Promises,
     gpu: Gpu,
     size: (u32, u32),
     colours: Colours,
@@ -55,28 +53,101 @@ pub struct DeviceDrawer {
     canvas: Option<Canvas>,
     /// The size that frames are generated in: the anchors', or larger where these are made so first.
     work: (u32, u32),
-    /// Who makes them larger, where that is wanted.
+    /// AMD's upscaler, where it is wanted.
     upscaling: Option<Upscaling>,
-    enlarger: Option<Enlarger>,
-    fsr: Option<FsrGenerator>,
-    /// What it is made of.
-    amd: Option<(Api, Choice)>,
-    /// Where nobody else is to make the frames that it does.
-    requires_fsr: bool,
-    /// Why it makes none any more.
-    fsr_failed: Option<Error>,
-    /// Whether it made the frame that was generated last, or none was.
-    made_by_fsr: bool,
+    /// AMD's generator, where it is wanted.
+    fsr: Option<Fsr>,
     frames: Frames,
     supply: Supply,
     reports: Reports,
-    /// Resets, the later anchor, and what lay over the anchors, of the pair that the generator knows.
-    prepared: Option<(u64, u64, u64)>,
+    /// What lists of an engine's copy frames from.
+    recorded: RecordedFrames,
+    /// What they may still copy from of what was prepared before.
+    retired: RetiredFrames,
+    /// What it is prepared for.
+    prepared: Option<Prepared>,
+    /// The pair whose common work the generator holds.
+    pair: Option<PairKey>,
     drawn: Option<Drawn>,
-    /// Where the picture of that was recorded to be made in an engine's list, which may never have run: a place of the ring.
-    doubtful: Option<usize>,
+    /// Frames that were shown again from memory, without work of the device.
+    copied: u64,
     /// Frames whose time the presenter knows, and all time that it knows of.
     noted: (u64, Duration),
+}
+
+/// Sizes and formats that frames are prepared for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Preparation {
+    /// `(width, height)` of the frames.
+    pub size: (u32, u32),
+    /// Bytes of a pixel of the targets, at most: 4, or 8 for half floats.
+    pub pixel_bytes: u32,
+    /// Frames recorded into an engine's lists that may not have run; 0 where frames are only submitted.
+    pub lists: usize,
+    /// Pictures that an anchor brings.
+    pub pictures: usize,
+    /// `[channels, height, width]` of anchors' latents, where motion comes from these; else all 0.
+    pub latent: [u32; 3],
+}
+
+/// Lists that may not have run, unless a host says another number.
+pub const LISTS: usize = 4;
+
+impl Preparation {
+    /// For frames of `size` in any format.
+    pub fn new(size: (u32, u32)) -> Self {
+        Self { size, pixel_bytes: 8, lists: LISTS, pictures: 1, latent: [0; 3] }
+    }
+}
+
+/// What a drawer is prepared for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Prepared {
+    size: (u32, u32),
+    pixel_bytes: u32,
+    keeps_shape: bool,
+}
+
+/// Names a pair of anchors with what lies over them.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct PairKey {
+    epoch: u64,
+    /// The later anchor.
+    anchor: u64,
+    overlay: u64,
+}
+
+/// A generator of AMD's.
+struct Fsr {
+    api: Api,
+    choice: Choice,
+    /// Where nobody else is to make the frames that it does.
+    is_required: bool,
+    generator: Option<FsrGenerator>,
+    /// Why it makes none any more.
+    failed: Option<Error>,
+    /// Whether it made the frame that was generated last, or none was.
+    made_last: bool,
+}
+
+/// What became of a frame that was asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FrameResult<T> {
+    /// It is made.
+    Made(T),
+    /// No anchor has come yet.
+    NoAnchor,
+    /// [`DeviceDrawer::prepare`] was not called for frames of this size and format. Nothing was made.
+    NotPrepared,
+    /// As many recorded frames as there is memory for may not have run. Nothing was recorded.
+    QueueFull,
+}
+
+impl<T> FrameResult<T> {
+    /// The frame; none where there is none.
+    pub fn made(self) -> Option<T> {
+        if let Self::Made(made) = self { Some(made) } else { None }
+    }
 }
 
 impl DeviceDrawer {
@@ -87,7 +158,6 @@ impl DeviceDrawer {
     pub fn new(gpu: &Gpu, size: (u32, u32), colours: Colours) -> Result<Self> {
         let transfer = if colours == Colours::Linear { Transfer::Light } else { Transfer::Shown };
         Ok(Self {
-            promises: Promises::new(gpu)?,
             gpu: gpu.clone(),
             size,
             colours,
@@ -95,18 +165,16 @@ impl DeviceDrawer {
             canvas: None,
             work: size,
             upscaling: None,
-            enlarger: None,
-            amd: None,
-            frames: Frames::new(gpu, gpu.frames(), shader::DESCRIPTORS + canvas::DESCRIPTORS)?,
             fsr: None,
-            requires_fsr: false,
-            fsr_failed: None,
-            made_by_fsr: true,
+            frames: Frames::new(gpu, gpu.frames(), shader::DESCRIPTORS + canvas::DESCRIPTORS)?,
             supply: Supply::new(gpu, size)?,
             reports: Reports::new(gpu)?,
+            recorded: RecordedFrames::none(),
+            retired: RetiredFrames::default(),
             prepared: None,
+            pair: None,
             drawn: None,
-            doubtful: None,
+            copied: 0,
             noted: (0, Duration::ZERO),
         })
     }
@@ -120,19 +188,25 @@ impl DeviceDrawer {
     /// # Errors
     /// As for [`TextureGenerator::new`](crate::ffx::TextureGenerator::new).
     pub fn use_fsr(&mut self, api: &Api, choice: Choice, is_required: bool) -> Result<()> {
-        self.fsr = Some(FsrGenerator::new(&self.gpu, api, choice, self.work, self.size)?);
-        (self.requires_fsr, self.fsr_failed, self.amd) = (is_required, None, Some((*api, choice)));
+        let generator = Some(FsrGenerator::new(&self.gpu, api, choice, self.work, self.size)?);
+        self.fsr = Some(Fsr { api: *api, choice, is_required, generator, failed: None, made_last: true });
         Ok(())
     }
 
     /// The provider that made the frame that was generated last, or will make the first one half way; None where shaders did, or will.
     pub fn made_by_fsr(&self) -> Option<&Version> {
-        self.fsr.as_ref().filter(|_| self.made_by_fsr).map(FsrGenerator::version)
+        let fsr = self.fsr.as_ref().filter(|fsr| fsr.made_last)?;
+        fsr.generator.as_ref().map(FsrGenerator::version)
     }
 
     /// Why the provider that it was given makes no frames any more, where it failed.
     pub fn fsr_failed(&self) -> Option<&Error> {
-        self.fsr_failed.as_ref()
+        self.fsr.as_ref().and_then(|fsr| fsr.failed.as_ref())
+    }
+
+    /// The device that it is for.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     /// Whether it makes frames of anchors of `size` for lists of the same queue.
@@ -140,60 +214,91 @@ impl DeviceDrawer {
         self.size == size && self.gpu.frames().d3d12() == gpu.frames().d3d12()
     }
 
-    /// Makes it ready for `presenter`'s frames of `size`; otherwise the first of them does.
+    /// Makes all that `presenter`'s frames need, but for what a change of sizes or format would need.
     ///
     /// # Errors
     /// `Unsupported` for more pixels than fit into the buffers of Direct3D, and where an upscaler is required that cannot be used;
-    /// `OutOfMemory`, `DeviceRemoved`, `Device`.
-    pub fn fit(&mut self, presenter: &Presenter, size: (u32, u32)) -> Result<()> {
+    /// `OutOfMemory`, `DeviceRemoved`, `Device`. Nothing is prepared then.
+    pub fn prepare(&mut self, presenter: &Presenter, wanted: &Preparation) -> Result<()> {
         let keeps_shape = presenter.keeps_shape();
-        let work = self.enlarge_to(Area::of(self.size, size, keeps_shape).size, presenter.shows_decoded())?;
+        self.prepared = None;
+        let area = Area::of(self.size, wanted.size, keeps_shape);
+        let work = self.enlarge_to(area.size, presenter.brings_all(wanted.pictures))?;
         self.work_at(work)?;
-        if size == work && matches!(self.colours, Colours::Shown | Colours::Linear) {
+        self.supply.prepare(presenter.options().motion, wanted.latent)?;
+        self.scale_to(wanted.size, keeps_shape)?;
+        let recorded = RecordedFrames::new(&self.gpu, wanted.lists, wanted.size, wanted.pixel_bytes)?;
+        self.retired.push(std::mem::replace(&mut self.recorded, recorded));
+        self.drawn = None;
+        let Preparation { size, pixel_bytes, .. } = *wanted;
+        self.prepared = Some(Prepared { size, pixel_bytes, keeps_shape });
+        Ok(())
+    }
+
+    /// Has frames of `size` scaled from those that are generated, where that is needed.
+    fn scale_to(&mut self, size: (u32, u32), keeps_shape: bool) -> Result<()> {
+        if size == self.work && matches!(self.colours, Colours::Shown | Colours::Linear) {
             self.canvas = None;
             return Ok(());
         }
         let canvas = match &mut self.canvas {
             Some(canvas) => canvas,
-            none => none.insert(Canvas::new(&self.gpu, work)?),
+            none => none.insert(Canvas::new(&self.gpu, self.work)?),
         };
         canvas.fit(&mut self.supply, size, keeps_shape)
     }
 
     /// Has frames generated in that size.
     fn work_at(&mut self, size: (u32, u32)) -> Result<()> {
+        self.supply.work_at(size)?;
         if self.work == size {
             return Ok(());
         }
-        (self.canvas, self.prepared, self.drawn) = (None, None, None);
+        (self.canvas, self.pair, self.drawn) = (None, None, None);
         // Where something fails below it is of no size, and all of it is made again.
         self.work = (0, 0);
         let transfer = if self.colours == Colours::Linear { Transfer::Light } else { Transfer::Shown };
         self.generator = ShaderGenerator::new(&self.gpu, size)?.with_target_transfer(transfer);
-        if let Some((api, choice)) = self.amd.filter(|_| self.fsr_failed.is_none()) {
-            self.fsr = None;
-            match FsrGenerator::new(&self.gpu, &api, choice, size, self.size) {
-                Ok(made) => self.fsr = Some(made),
-                Err(why) if self.requires_fsr || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
+        if let Some(fsr) = self.fsr.as_mut().filter(|fsr| fsr.failed.is_none()) {
+            fsr.generator = None;
+            match FsrGenerator::new(&self.gpu, &fsr.api, fsr.choice, size, self.size) {
+                Ok(made) => fsr.generator = Some(made),
+                Err(why) if fsr.is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
                 Err(why) => {
                     log::warn!("frames are made by shaders from now on, as there is no fsr of another size: {why}");
-                    self.fsr_failed = Some(why);
+                    fsr.failed = Some(why);
                 }
             }
         }
-        self.supply.work_at(size);
         self.work = size;
         Ok(())
     }
 
-    /// Waits until all frames have run and lets go of their targets: before a swap chain is resized, for one. Lists that were recorded
-    /// must have been given to the queue, or never will be.
+    /// Whether frames of that size and format are prepared.
+    fn is_prepared(&self, size: (u32, u32), pixel_bytes: u32, keeps_shape: bool) -> bool {
+        self.prepared.is_some_and(|prepared| {
+            prepared.size == size && prepared.keeps_shape == keeps_shape && pixel_bytes <= prepared.pixel_bytes
+        })
+    }
+
+    /// Waits until all frames have run and releases their targets: before a swap chain is resized, for one. Every list that was recorded
+    /// has been given to the queue, or never will be.
     ///
     /// # Errors
     /// `DeviceRemoved`.
     pub fn finish(&mut self) -> Result<()> {
-        self.promises.keep()?;
-        self.frames.finish()
+        self.frames.finish()?;
+        self.gpu.frames().now()?.wait()?;
+        self.recorded.release();
+        self.retired.release();
+        Ok(())
+    }
+
+    /// Ends it, but for the frames that lists of an engine's may still read.
+    pub fn retire(self) -> RetiredFrames {
+        let Self { recorded, mut retired, .. } = self;
+        retired.push(recorded);
+        retired
     }
 
     /// Time on the device of the frames that have run.
@@ -206,25 +311,30 @@ impl DeviceDrawer {
         self.supply.spent()
     }
 
-    /// Frames that are recorded or given to the queue, and have not run.
+    /// Frames that were given to the queue, and have not run.
     pub fn under_way(&self) -> usize {
         self.frames.under_way()
     }
 
-    /// What is recorded of a frame, and the moment when it has run where the list is ours.
-    fn draw(
+    /// Recorded frames whose lists may not have run.
+    pub fn pending(&mut self) -> usize {
+        self.recorded.pending() + self.retired.pending()
+    }
+
+    /// Has a frame made on the queue; the moment when it is there.
+    fn make(
         &mut self,
         taken: &Taken,
         presenter: &Presenter,
-        list: Option<&ID3D12GraphicsCommandList>,
-        (target, format): (&Target, Format),
+        format: Format,
+        to: To<'_>,
         times: &mut PresenterStatistics,
-    ) -> Result<Option<Moment>> {
+    ) -> Result<Moment> {
         let start = Instant::now();
         let PresenterOptions { motion, multiplier, .. } = *presenter.options();
         let interval_ms = interval_ms(taken, multiplier);
         let place = taken.plan.place(taken.epoch);
-        let also_leads = self.enlarger.as_ref().is_some_and(|enlarger| place.is_some_and(|place| !enlarger.has(place)));
+        let also_leads = self.enlarger().is_some_and(|enlarger| place.is_some_and(|place| !enlarger.has(place)));
         let supplied = self.supply.bring(taken, motion, also_leads)?;
         times.guidance += start.elapsed();
         let start = Instant::now();
@@ -233,68 +343,60 @@ impl DeviceDrawer {
         let start = Instant::now();
         let half = self.half(taken, &supplied, interval_ms)?;
         if let (Plan::Between { index, .. }, None) = (&taken.plan, &half) {
-            let key = (taken.epoch, *index, self.supply.overlays);
-            self.prepare(&supplied.pair()?, key)?;
+            let key = PairKey { epoch: taken.epoch, anchor: *index, overlay: self.supply.overlays };
+            self.prepare_pair(&supplied.pair()?, key)?;
         }
-        // A list that was dropped has made nothing that could be copied: it is made anew as long as it is not known to be there.
-        if self.doubtful.is_some_and(|place| self.reports.has_run(place)) {
-            self.doubtful = None;
-        }
-        let again = taken.shown.repeated && self.doubtful.is_none();
-        let (promises, generator, canvas) = (&mut self.promises, &mut self.generator, &mut self.canvas);
-        let place = self.frames.place();
-        let (mut frame, promised) = match list {
-            Some(list) => {
-                let moment = promises.next()?;
-                (self.frames.begin_in(list, &moment)?, Some(moment))
-            }
-            None => (self.frames.begin()?, None),
+        let output = match to {
+            To::Target(target) => Output::from(&Resting { resource: &target.texture, state: target.before }),
+            To::Recorded(slot) => Output::rows(resting(self.recorded.memory(slot)), format),
         };
-        let to = Resting { resource: &target.texture, state: target.before };
+        let (generator, canvas) = (&mut self.generator, &mut self.canvas);
+        let place = self.frames.place();
+        let mut frame = self.frames.begin()?;
         frame.stage(match taken.shown.source {
             ShownSource::Generated => c"Cairn: a frame between two anchors",
             ShownSource::Extrapolated => c"Cairn: a frame beyond an anchor",
             _ => c"Cairn: an anchor",
         });
         let half = half.as_ref();
-        let is_copied = again
+        let is_copied = taken.shown.repeated
             && match canvas {
-                None => generator.again(&mut frame, &to)?,
-                Some(canvas) => canvas.again(&mut frame, format, self.colours, &to)?,
+                None => generator.again(&mut frame, output)?,
+                Some(canvas) => canvas.again(&mut frame, format, self.colours, output)?,
             };
         if !is_copied {
             match canvas {
-                None => generate(generator, &mut frame, &taken.plan, &supplied, half, &to)?,
+                None => generate(generator, &mut frame, &taken.plan, &supplied, half, output)?,
                 Some(canvas) => {
-                    generate(generator, &mut frame, &taken.plan, &supplied, half, &canvas.picture())?;
-                    canvas.record(&mut frame, format, self.colours, &to)?;
+                    let picture = Output::from(&canvas.picture());
+                    generate(generator, &mut frame, &taken.plan, &supplied, half, picture)?;
+                    canvas.record(&mut frame, format, self.colours, output)?;
                 }
             }
-            self.doubtful = list.is_some().then_some(place);
         }
         self.reports.record(&mut frame, place, &generator.report())?;
-        frame.leave(&target.texture, target.after);
+        if let To::Target(target) = to {
+            frame.leave(&target.texture, target.after);
+        }
         frame.end_stage();
         // Of all else it is known beforehand whether there is a cut, and a provider shows an anchor there without a word.
         let may_be_cut = matches!(taken.plan, Plan::Between { .. }) && half.is_none();
-        let moment = match promised {
-            Some(moment) => {
-                drop(frame);
-                self.reports.comes_at(place, &moment, may_be_cut);
-                None
-            }
-            None => {
-                let moment = frame.submit(self.gpu.frames())?;
-                self.reports.comes_at(place, &moment, may_be_cut);
-                Some(moment)
-            }
-        };
-        if !matches!(taken.plan, Plan::Copy { .. }) {
-            self.made_by_fsr = half.is_some();
+        let moment = frame.submit(self.gpu.frames())?;
+        self.reports.comes_at(place, &moment, may_be_cut && !is_copied);
+        if let Some(fsr) = self.fsr.as_mut().filter(|_| !matches!(taken.plan, Plan::Copy { .. })) {
+            fsr.made_last = half.is_some();
         }
         times.generate += start.elapsed();
         Ok(moment)
     }
+}
+
+/// Where a frame is made.
+#[derive(Clone, Copy)]
+enum To<'a> {
+    Target(&'a Target),
+    /// A slot of what engine's lists copy from.
+    Recorded(usize),
 }
 
 impl DeviceDrawer {
@@ -303,39 +405,37 @@ impl DeviceDrawer {
         let (Some(fsr), Plan::Between { current, index, t, .. }) = (&mut self.fsr, &taken.plan) else {
             return Ok(None);
         };
-        if *t != 0.5 {
-            return Ok(None);
-        }
+        let Some(generator) = fsr.generator.as_mut().filter(|_| *t == 0.5) else { return Ok(None) };
         let facts = PairFacts { place: (taken.epoch, *index), projection: current.projection(), interval_ms };
         let mut pair = supplied.pair()?;
         if let Some(rendered) = &supplied.rendered {
             pair.guidance = GuidanceTextures { hud: pair.guidance.hud, ..rendered.as_guidance() };
         }
         // What follows on the queue for frames comes after it.
-        match fsr.generate(&pair, &facts) {
+        match generator.generate(&pair, &facts) {
             Ok((half, _)) => Ok(Some(half)),
-            Err(why) if self.requires_fsr || why.kind() == ErrorKind::DeviceRemoved => Err(why),
+            Err(why) if fsr.is_required || why.kind() == ErrorKind::DeviceRemoved => Err(why),
             Err(why) => {
                 log::warn!("frames are made by shaders from now on, as fsr fails: {why}");
-                (self.fsr, self.fsr_failed) = (None, Some(why));
+                (fsr.generator, fsr.failed) = (None, Some(why));
                 Ok(None)
             }
         }
     }
 
-    /// Has what frames of a pair have in common made in a list of ours, where it is not: an engine's list may never run.
-    fn prepare(&mut self, pair: &TexturePair<'_>, key: (u64, u64, u64)) -> Result<()> {
-        // Textures are used again for other anchors, so that they do not tell.
-        if self.prepared == Some(key) && self.generator.is_prepared(pair)? {
+    /// Has what frames of a pair have in common made, where it is not.
+    fn prepare_pair(&mut self, pair: &TexturePair<'_>, key: PairKey) -> Result<()> {
+        // Textures are recycled, so pointer equality does not identify the pair.
+        if self.pair == Some(key) && self.generator.is_prepared(pair)? {
             return Ok(());
         }
-        self.prepared = None;
+        self.pair = None;
         let mut frame = self.supply.begin()?;
         frame.stage(c"Cairn: what frames of a pair have in common");
         self.generator.prepare(&mut frame, pair)?;
         frame.end_stage();
         frame.submit(self.gpu.frames())?;
-        self.prepared = Some(key);
+        self.pair = Some(key);
         Ok(())
     }
 }
@@ -367,7 +467,7 @@ fn generate(
     plan: &Plan,
     supplied: &Supplied,
     half: Option<&ID3D12Resource>,
-    to: &Resting<'_>,
+    to: Output<'_>,
 ) -> Result<()> {
     if let Some(half) = half {
         return generator.show_anchor(frame, &resting(half), to);
@@ -382,23 +482,49 @@ fn generate(
 }
 
 impl Presenter {
-    /// Records the frame that is due at `now` into `list`, an engine's open one, as [`draw`](Self::draw) writes it into memory; none before
-    /// the first anchor came. A cut that only the generator finds is counted once the frame has run.
+    /// Has the frame that is due at `now` made, and records its copy into `list`, an engine's open one, over `target`: what
+    /// [`draw`](Self::draw) writes into memory. A cut that only the generator finds is counted once the frame has run.
     ///
-    /// Afterwards the list has another pipeline, compute root signature and descriptor heaps than before.
+    /// Nothing of the list changes but the state of the target. Its memory is used again once `until` is reached, a fence of the engine's that has
+    /// its value when the list has run: early or late, in whatever order. Where no memory is left nothing waits.
     ///
     /// # Errors
-    /// `InvalidArgument` for a list or target that frames cannot be recorded into, or where latents are needed and the anchors have none;
-    /// `OutOfMemory`; `DeviceRemoved`. No frame is recorded then.
+    /// `InvalidArgument` for a list or target that frames cannot be recorded into, for a fence that has its value already, or where latents are
+    /// needed and the anchors have none; `OutOfMemory`; `DeviceRemoved`. No frame is recorded then.
     pub fn record(
         &self,
         now: u64,
         drawer: &mut DeviceDrawer,
         list: &ID3D12GraphicsCommandList,
         target: &Target,
-    ) -> Result<Option<Shown>> {
-        check_list(&drawer.gpu, list)?;
-        Ok(self.record_to(now, drawer, Some(list), target)?.map(|(shown, _)| shown))
+        until: &Moment,
+    ) -> Result<FrameResult<Shown>> {
+        check_recording(&drawer.gpu, list, until)?;
+        if drawer.recorded.is_empty() {
+            return Ok(FrameResult::NotPrepared);
+        }
+        let ready = match self.begin(now, drawer, target)? {
+            FrameResult::Made(ready) => ready,
+            FrameResult::NoAnchor => return Ok(FrameResult::NoAnchor),
+            FrameResult::NotPrepared => return Ok(FrameResult::NotPrepared),
+            FrameResult::QueueFull => return Ok(FrameResult::QueueFull),
+        };
+        let Ready { taken, format, .. } = &ready;
+        let (slot, times) = match drawer.recorded.again(taken.key, *format) {
+            Some(slot) => {
+                drawer.copied += 1;
+                (slot, PresenterStatistics::default())
+            }
+            None => {
+                let Some(slot) = drawer.recorded.free() else { return Ok(FrameResult::QueueFull) };
+                let times = self.finish(drawer, &ready, To::Recorded(slot))?.1;
+                drawer.recorded.holds(slot, taken.key, *format);
+                (slot, times)
+            }
+        };
+        drawer.recorded.record(slot, list, target, until);
+        self.count(&taken.shown, &times);
+        Ok(FrameResult::Made(taken.shown))
     }
 
     /// Has the frame that is due at `now` made on the device's queue for frames, behind what that has been given; also the moment when
@@ -406,51 +532,59 @@ impl Presenter {
     ///
     /// # Errors
     /// As for [`record`](Self::record).
-    pub fn submit(&self, now: u64, drawer: &mut DeviceDrawer, target: &Target) -> Result<Option<(Shown, Moment)>> {
-        let made = self.record_to(now, drawer, None, target)?;
-        made.map(|(shown, moment)| moment.map(|moment| (shown, moment)).ok_or_else(nothing_brought)).transpose()
+    pub fn submit(&self, now: u64, drawer: &mut DeviceDrawer, target: &Target) -> Result<FrameResult<(Shown, Moment)>> {
+        let ready = match self.begin(now, drawer, target)? {
+            FrameResult::Made(ready) => ready,
+            FrameResult::NoAnchor => return Ok(FrameResult::NoAnchor),
+            FrameResult::NotPrepared => return Ok(FrameResult::NotPrepared),
+            FrameResult::QueueFull => return Ok(FrameResult::QueueFull),
+        };
+        let (moment, times) = self.finish(drawer, &ready, To::Target(target))?;
+        self.count(&ready.taken.shown, &times);
+        Ok(FrameResult::Made((ready.taken.shown, moment)))
     }
 
-    fn record_to(
-        &self,
-        now: u64,
-        drawer: &mut DeviceDrawer,
-        list: Option<&ID3D12GraphicsCommandList>,
-        target: &Target,
-    ) -> Result<Option<(Shown, Option<Moment>)>> {
+    /// The frame that is due at `now`, where it can be made.
+    fn begin(&self, now: u64, drawer: &mut DeviceDrawer, target: &Target) -> Result<FrameResult<Ready>> {
         if let Some(gone) = drawer.gpu.removed() {
             return Err(gone);
         }
-        // The list before this one has been given to the queue.
-        drawer.promises.keep()?;
         self.look(drawer);
-        let Some(mut taken) = self.take(now, Some(Phases::Any)) else { return Ok(None) };
+        let Some(mut taken) = self.take(now, Some(Phases::Any)) else { return Ok(FrameResult::NoAnchor) };
         let anchors = taken.plan.size();
         let size = taken.size.unwrap_or(anchors);
         if anchors != drawer.size {
-            let (of, for_) = (drawer.size, anchors);
-            let cause =
-                format!("it makes frames of anchors of {} x {} pixels, not {} x {}", of.0, of.1, for_.0, for_.1);
-            return Err(Error::new(ErrorKind::InvalidArgument, cause).field("drawer"));
+            return Ok(FrameResult::NotPrepared);
         }
         target.check(&drawer.gpu, drawer.gpu.frames().kind(), size, drawer.colours)?;
         let resting = Resting { resource: &target.texture, state: target.before };
         let format = format_of(&drawer.gpu, &resting, [size.0, size.1])?;
-        drawer.fit(self, size)?;
+        if !drawer.is_prepared(size, format.bytes, self.keeps_shape()) {
+            return Ok(FrameResult::NotPrepared);
+        }
         taken.shown.repeated = drawer.drawn == Some(taken.key);
+        Ok(FrameResult::Made(Ready { taken, format }))
+    }
+
+    /// Has it made.
+    fn finish(
+        &self,
+        drawer: &mut DeviceDrawer,
+        Ready { taken, format }: &Ready,
+        to: To<'_>,
+    ) -> Result<(Moment, PresenterStatistics)> {
         drawer.drawn = None;
         let mut times = PresenterStatistics::default();
-        let moment = drawer.draw(&taken, self, list, (target, format), &mut times)?;
+        let moment = drawer.make(taken, self, *format, to, &mut times)?;
         drawer.drawn = Some(taken.key);
-        self.count(&taken.shown, &times);
-        Ok(Some((taken.shown, moment)))
+        Ok((moment, times))
     }
 
     /// Looks at what has happened in frames that have run meanwhile, so that [`statistics`](Self::statistics) has it.
     pub fn look(&self, drawer: &mut DeviceDrawer) {
         self.count_cuts(drawer.reports.cuts());
         let (frames, lists) = (drawer.spent(), drawer.spent_on_anchors());
-        let known = (frames.frames, frames.total.saturating_add(lists.total));
+        let known = (frames.frames + drawer.copied, frames.total.saturating_add(lists.total));
         let (before, spent) = std::mem::replace(&mut drawer.noted, known);
         if known.0 > before {
             self.note_spent(known.0 - before, known.1.saturating_sub(spent));
@@ -459,6 +593,25 @@ impl Presenter {
             drawer.noted.1 = spent;
         }
     }
+}
+
+/// Refuses a list and a fence that frames cannot be recorded with.
+///
+/// # Errors
+/// `DeviceRemoved`; `InvalidArgument` for a list of another type than the queue for frames or of another device, and for a fence that has its
+/// value already.
+pub(crate) fn check_recording(gpu: &Gpu, list: &ID3D12GraphicsCommandList, until: &Moment) -> Result<()> {
+    if let Some(gone) = gpu.removed() {
+        return Err(gone);
+    }
+    check_list(gpu, list)?;
+    until.check_pending()
+}
+
+/// A frame that is due, and how its target holds it.
+struct Ready {
+    taken: Taken,
+    format: Format,
 }
 
 impl Plan {

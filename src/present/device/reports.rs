@@ -18,14 +18,11 @@ pub(super) struct Reports {
 
 struct Slot {
     memory: Shared,
-    /// When the frame has run, if it ever does: an engine may drop its list.
+    /// When the frame has run.
     comes: Option<Moment>,
     /// Whether somebody wants to know of a cut.
     is_asked: bool,
 }
-
-/// What no frame reports of cuts: it stands there until the frame has run.
-const NOTHING: u32 = u32::MAX;
 
 impl Reports {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
@@ -37,23 +34,15 @@ impl Reports {
     pub(super) fn record(&mut self, frame: &mut Frame<'_>, place: usize, report: &Resting<'_>) -> Result<()> {
         // What was there before has run.
         self.look(place);
-        let slot = &mut self.slots[place];
-        slot.comes = None;
-        slot.memory.write(4 * WORD_OF_CUT as usize, &NOTHING.to_ne_bytes());
+        self.slots[place].comes = None;
         let to = Resting { resource: self.slots[place].memory.resource(), state: D3D12_RESOURCE_STATE_COPY_DEST };
         frame.copy_bytes(report, BYTES as u64, &to, 0)
     }
 
-    /// The report of a frame is there at `moment`, where it runs at all; cuts are counted only where it may be that there is one.
+    /// The report of a frame is there at `moment`; cuts are counted only where it may be that there is one.
     pub(super) fn comes_at(&mut self, place: usize, moment: &Moment, may_be_cut: bool) {
         let slot = &mut self.slots[place];
         (slot.comes, slot.is_asked) = (Some(moment.clone()), may_be_cut);
-    }
-
-    /// Whether it is known that the frame that was recorded last in a place has run.
-    pub(super) fn has_run(&self, place: usize) -> bool {
-        let slot = &self.slots[place];
-        slot.comes.as_ref().is_some_and(Moment::reached) && slot.cut() != NOTHING
     }
 
     /// How many frames that have run since it was asked are anchors and not generated, as a cut was found.
@@ -69,8 +58,7 @@ impl Reports {
     fn look(&mut self, slot: usize) {
         let slot = &mut self.slots[slot];
         if std::mem::take(&mut slot.is_asked) {
-            // Of a list that was dropped there is no report.
-            self.cuts += u64::from(![0, NOTHING].contains(&slot.cut()));
+            self.cuts += u64::from(slot.cut() != 0);
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::{Error, ErrorKind, Result};
 
 /// An upscaler of AMD's that is to be used.
 pub(super) struct Upscaling {
+    enlarger: Option<Enlarger>,
     api: Api,
     choice: Choice,
     /// Where nobody else is to do what it does.
@@ -32,13 +33,17 @@ impl DeviceDrawer {
     /// That is where frames are larger than anchors; and where these do not bring all frames with them, as it goes from anchor to anchor.
     /// Where the provider fails frames are resized in space, unless it `is_required`: then drawing fails.
     pub fn use_fsr_upscaler(&mut self, api: &Api, choice: Choice, is_required: bool) {
-        self.enlarger = None;
-        self.upscaling = Some(Upscaling { api: *api, choice, is_required, failed: None });
+        self.upscaling = Some(Upscaling { enlarger: None, api: *api, choice, is_required, failed: None });
     }
 
-    /// What brings frames to their size, as of the last [`fit`](Self::fit).
+    /// Who makes anchors larger.
+    pub(super) fn enlarger(&self) -> Option<&Enlarger> {
+        self.upscaling.as_ref().and_then(|upscaling| upscaling.enlarger.as_ref())
+    }
+
+    /// What brings frames to their size, as of the last [`prepare`](Self::prepare).
     pub fn scaled_by(&self) -> ScaledBy<'_> {
-        match (&self.enlarger, &self.canvas) {
+        match (self.enlarger(), &self.canvas) {
             (Some(enlarger), _) => ScaledBy::Amd(enlarger.version()),
             (None, Some(canvas)) if canvas.resizes() => ScaledBy::Space,
             _ => ScaledBy::Nothing,
@@ -53,7 +58,6 @@ impl DeviceDrawer {
     /// Has anchors made so large, where that is wanted and can be; the size that they have then.
     pub(super) fn enlarge_to(&mut self, wanted: (u32, u32), decoded: bool) -> Result<(u32, u32)> {
         let Some(upscaling) = self.upscaling.as_mut().filter(|upscaling| upscaling.failed.is_none()) else {
-            self.enlarger = None;
             return Ok(self.size);
         };
         let is_larger = wanted != self.size && wanted.0 >= self.size.0 && wanted.1 >= self.size.1;
@@ -64,17 +68,17 @@ impl DeviceDrawer {
                 .remedy("Have frames generated, or let them be resized in space"));
         }
         if !is_larger || decoded {
-            self.enlarger = None;
+            upscaling.enlarger = None;
             return Ok(self.size);
         }
-        if self.enlarger.as_ref().is_some_and(|enlarger| enlarger.to() == wanted) {
+        if upscaling.enlarger.as_ref().is_some_and(|enlarger| enlarger.to() == wanted) {
             return Ok(wanted);
         }
         // First, as there may not be room for both.
-        self.enlarger = None;
+        upscaling.enlarger = None;
         match Enlarger::new(&self.gpu, &upscaling.api, upscaling.choice, self.size, wanted) {
             Ok(made) => {
-                self.enlarger = Some(made);
+                upscaling.enlarger = Some(made);
                 Ok(wanted)
             }
             Err(why) if upscaling.is_required || why.kind() == ErrorKind::DeviceRemoved => Err(why),
@@ -94,7 +98,8 @@ impl DeviceDrawer {
         presenter: &Presenter,
         interval_ms: f32,
     ) -> Result<Supplied> {
-        let Some(enlarger) = &mut self.enlarger else { return Ok(supplied) };
+        let enlarger = self.upscaling.as_mut().and_then(|upscaling| upscaling.enlarger.as_mut());
+        let Some(enlarger) = enlarger else { return Ok(supplied) };
         let why = match enlarge(enlarger, &supplied, taken, interval_ms) {
             Ok(larger) => return Ok(larger),
             Err(why) => why,
@@ -102,8 +107,10 @@ impl DeviceDrawer {
         let upscaling = self.upscaling.as_mut().filter(|upscaling| !upscaling.is_required);
         let Some(upscaling) = upscaling.filter(|_| why.kind() != ErrorKind::DeviceRemoved) else { return Err(why) };
         log::warn!("frames are resized in space from now on, as the upscaler fails: {why}");
-        upscaling.failed = Some(why);
-        self.fit(presenter, taken.size.unwrap_or(self.size))?;
+        (upscaling.enlarger, upscaling.failed) = (None, Some(why));
+        // Makes memory for frames of the anchors' size; the pipelines are the device's and are there.
+        self.work_at(self.size)?;
+        self.scale_to(taken.size.unwrap_or(self.size), presenter.keeps_shape())?;
         // What lies over the anchors had the larger size.
         self.supply.bring(taken, presenter.options().motion, false)
     }

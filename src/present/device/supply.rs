@@ -29,30 +29,28 @@ const EVEN: u32 = 16;
 const ALIGNMENT: usize = D3D12_TEXTURE_DATA_PLACEMENT_ALIGNMENT as usize;
 const PITCH: usize = D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize;
 
-/// Brings pictures, motion and depth to the device where they are not there, on the queue for frames and in lists of its own: an
-/// engine's list that is never run leaves nothing half done.
+/// Brings pictures, motion and depth to the device where they are not there, on the queue for frames and in lists of its own. All of its memory is
+/// made with it and by [`prepare`](Self::prepare); nothing waits for an anchor, as one that has not arrived is not shown.
 pub(super) struct Supply {
     gpu: Gpu,
     size: (u32, u32),
     ring: Frames,
     /// What lists of the ring copy from, by their places in it.
-    staging: [Option<(Shared, usize)>; FRAMES_IN_FLIGHT],
+    staging: [Shared; FRAMES_IN_FLIGHT],
     pictures: Vec<PictureTexture>,
     pairs: Vec<PairTextures>,
     /// What lies over the anchors.
-    overlay: Option<(Weak<Overlay>, ID3D12Resource)>,
+    overlay: OverlayTexture,
     /// Counts them.
     pub(super) overlays: u64,
     extractors: Extractors,
     /// Memory for what they find.
     found: Option<Guidance>,
     /// The paper's extractor, for latents of a shape, of halves if so.
-    from_latents: Option<(paper::GpuExtractor, [u32; 3], bool)>,
+    from_latents: Option<(paper::GpuExtractor, [u32; 3])>,
     from_pictures: Option<picture_flow::GpuExtractor>,
     /// Counts what is asked for.
     clock: u64,
-    /// The size that generated frames have; what lies over anchors is brought in it.
-    work: (u32, u32),
 }
 
 /// A picture of an anchor that was not made on the device.
@@ -62,12 +60,25 @@ struct PictureTexture {
     used: u64,
 }
 
+/// What lies over the anchors, in the size that generated frames have.
+struct OverlayTexture {
+    of: Option<Weak<Overlay>>,
+    texture: ID3D12Resource,
+    size: (u32, u32),
+}
+
 /// Motion and depth of a pair.
 struct PairTextures {
     of: Option<Pair>,
     textures: Textures,
+    /// A texture for each of [`TILES`]: which of them guidance has is not known before it comes.
+    motion: Vec<ID3D12Resource>,
+    depth: Vec<ID3D12Resource>,
     used: u64,
 }
+
+/// Pixels to a side for which guidance may have one value.
+const TILES: [u32; 3] = [1, 8, 16];
 
 /// Whose motion and depth it is: what came with an anchor, or what was found for the one of an index, after so many resets.
 #[derive(Clone)]
@@ -112,23 +123,51 @@ impl Supply {
         let format = DXGI_FORMAT_R8G8B8A8_UNORM;
         let state = D3D12_RESOURCE_STATE_COMMON;
         let picture = || Ok(PictureTexture { of: None, texture: written_texture(gpu, size, format, state)?, used: 0 });
-        let pair = || Ok(PairTextures { of: None, textures: Textures::new(gpu, size, [1, 1])?, used: 0 });
+        let staging = || Shared::new(gpu, Heap::Upload, most_bytes(size));
+        let staging: Vec<_> = (0..FRAMES_IN_FLIGHT).map(|_| staging()).collect::<Result<_>>()?;
         Ok(Self {
             gpu: gpu.clone(),
             size,
             ring: Frames::new(gpu, gpu.frames(), DESCRIPTORS)?,
-            staging: std::array::from_fn(|_| None),
+            staging: staging.try_into().map_err(|_| nothing_brought())?,
             pictures: (0..PICTURES).map(|_| picture()).collect::<Result<_>>()?,
-            pairs: (0..PAIRS).map(|_| pair()).collect::<Result<_>>()?,
-            overlay: None,
+            pairs: (0..PAIRS).map(|_| PairTextures::new(gpu, size)).collect::<Result<_>>()?,
+            overlay: OverlayTexture::new(gpu, size)?,
             overlays: 0,
             extractors: Extractors::default(),
             found: None,
             from_latents: None,
             from_pictures: None,
             clock: 0,
-            work: size,
         })
+    }
+
+    /// Makes what finds motion from `source`, of latents of the shape `[channels, height, width]` where it is known.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, `DeviceRemoved`, or `Device` when the driver refuses a shader.
+    pub(super) fn prepare(&mut self, source: MotionSource, latent: [u32; 3]) -> Result<()> {
+        match source {
+            MotionSource::PictureFlow if self.from_pictures.is_none() => {
+                match picture_flow::GpuExtractor::new(&self.gpu, self.size) {
+                    Ok(made) => self.from_pictures = Some(made),
+                    // The processor finds it.
+                    Err(why) if why.kind() == ErrorKind::Unsupported => {}
+                    Err(why) => return Err(why),
+                }
+            }
+            MotionSource::Paper if latent != [0; 3] => {
+                if self.from_latents.as_ref().is_none_or(|(_, of)| *of != latent) {
+                    let made = paper::GpuExtractor::new(&self.gpu, latent.map(|n| n as usize), false)?;
+                    self.from_latents = Some((made, latent));
+                }
+            }
+            _ => {}
+        }
+        if self.from_pictures.is_none() && self.found.is_none() {
+            self.found = Some(Guidance::new(self.size.0, self.size.1, paper::PROJECTION)?);
+        }
+        Ok(())
     }
 
     /// What a frame needs; where anchors came without guidance it is found from `motion`. What leads to an anchor that is shown as it is comes
@@ -200,10 +239,18 @@ impl Supply {
     }
 
     /// From now on generated frames have that size.
-    pub(super) fn work_at(&mut self, size: (u32, u32)) {
-        if self.work != size {
-            (self.work, self.overlay) = (size, None);
+    ///
+    /// # Errors
+    /// `OutOfMemory`, `DeviceRemoved`.
+    pub(super) fn work_at(&mut self, size: (u32, u32)) -> Result<()> {
+        if self.overlay.size != size {
+            let bytes = most_bytes(self.size).max(overlay_bytes(size));
+            for staging in self.staging.iter_mut().filter(|staging| staging.len() < bytes) {
+                *staging = Shared::new(&self.gpu, Heap::Upload, bytes)?;
+            }
+            self.overlay = OverlayTexture::new(&self.gpu, size)?;
         }
+        Ok(())
     }
 
     /// A list for what a pair needs besides.
@@ -218,13 +265,8 @@ impl Supply {
 
     /// A picture of an anchor: where it was made, or a copy.
     fn bring_picture(&mut self, anchor: &Arc<KeptAnchor>, picture: usize) -> Result<ID3D12Resource> {
-        if let Some((texture, moment)) =
-            anchor.texture(picture).filter(|(texture, _)| self.gpu.owns(*texture, "").is_ok())
-        {
-            // Only work on the queue waits, and only for a copy that is on its way.
-            if !moment.reached() {
-                self.gpu.frames().wait(moment)?;
-            }
+        let made_here = anchor.texture(picture).filter(|(texture, _)| self.gpu.owns(*texture, "").is_ok());
+        if let Some((texture, _)) = made_here {
             return Ok(texture.clone());
         }
         let is = |kept: &PictureTexture| {
@@ -250,19 +292,17 @@ impl Supply {
 
     /// What lies over the anchors, copied once.
     fn bring_overlay(&mut self, overlay: &Arc<Overlay>) -> Result<ID3D12Resource> {
-        if let Some((of, texture)) = &self.overlay
-            && of.as_ptr() == Arc::as_ptr(overlay)
-        {
+        let OverlayTexture { of, texture, size } = &mut self.overlay;
+        if of.as_ref().is_some_and(|of| of.as_ptr() == Arc::as_ptr(overlay)) {
             return Ok(texture.clone());
         }
-        self.overlay = None;
-        let size = self.work;
-        let to = written_texture(&self.gpu, size, DXGI_FORMAT_R8_UNORM, D3D12_RESOURCE_STATE_COMMON)?;
+        *of = None;
+        let (to, size) = (texture.clone(), *size);
         let larger = (size != overlay.size).then(|| overlay.at(size));
         let bytes = larger.as_deref().unwrap_or(&overlay.mask);
         self.submit(&[Upload { bytes, size, format: DXGI_FORMAT_R8_UNORM, to: to.clone() }])?;
         self.overlays += 1;
-        self.overlay = Some((Arc::downgrade(overlay), to.clone()));
+        self.overlay.of = Some(Arc::downgrade(overlay));
         Ok(to)
     }
 
@@ -313,17 +353,13 @@ impl Supply {
     /// Motion from the two pictures; `false` where they are too large for that.
     fn find_from_pictures(&mut self, at: usize, previous: &Arc<KeptAnchor>, current: &Arc<KeptAnchor>) -> Result<bool> {
         if self.from_pictures.is_none() {
-            match picture_flow::GpuExtractor::new(&self.gpu, self.size) {
-                Ok(made) => self.from_pictures = Some(made),
-                Err(why) if why.kind() == ErrorKind::Unsupported => return Ok(false),
-                Err(why) => return Err(why),
-            }
+            return Ok(false);
         }
         let previous = self.bring_picture(previous, previous.count() - 1)?;
         let current = self.bring_picture(current, current.count() - 1)?;
         let kept = &mut self.pairs[at];
         kept.of = None;
-        kept.textures.make(&self.gpu, self.size, [1, EVEN], true)?;
+        kept.choose([1, EVEN], true)?;
         let textures = kept.textures.clone();
         let mut frame = self.ring.begin()?;
         frame.stage(c"Cairn: motion from pictures");
@@ -343,24 +379,19 @@ impl Supply {
         if !here || previous.latent_shape() != shape || z0.2 != half {
             return Ok(false);
         }
-        for (_, moment, _) in [&z0, &z1] {
-            if !moment.reached() {
-                self.gpu.frames().wait(moment)?;
-            }
-        }
-        if self.from_latents.as_ref().is_none_or(|(_, of, h)| (*of, *h) != (shape, half)) {
-            let made = paper::GpuExtractor::new(&self.gpu, shape.map(|n| n as usize), half)?;
-            self.from_latents = Some((made, shape, half));
+        if self.from_latents.as_ref().is_none_or(|(_, of)| *of != shape) {
+            return Ok(false);
         }
         let kept = &mut self.pairs[at];
         kept.of = None;
-        kept.textures.make(&self.gpu, self.size, [1, 1], false)?;
+        kept.choose([1, 1], false)?;
         let textures = kept.textures.clone();
         let mut frame = self.ring.begin()?;
         frame.stage(c"Cairn: motion from latents");
         let latent = |buffer| LatentBuffer { buffer: resting(buffer), first: 0 };
         let (motion, depth) = (resting(&textures.motion), resting(&textures.depth));
-        let Some((extractor, _, _)) = &self.from_latents else { return Ok(false) };
+        let Some((extractor, _)) = &mut self.from_latents else { return Ok(false) };
+        extractor.reads_halves(half);
         extractor.record(&mut frame, &latent(z0.0), &latent(z1.0), &motion, &depth)?;
         frame.end_stage();
         frame.submit(self.gpu.frames())?;
@@ -379,7 +410,7 @@ impl Supply {
         let (motion, depth) = (guidance.motion(), guidance.depth());
         let kept = &mut self.pairs[at];
         kept.of = None;
-        kept.textures.make(&self.gpu, self.size, [motion.tile(), depth.tile()], depth.even().is_some())?;
+        kept.choose([motion.tile(), depth.tile()], depth.even().is_some())?;
         let textures = kept.textures.clone();
         let uploads = [
             Upload {
@@ -405,13 +436,7 @@ impl Supply {
     fn submit(&mut self, uploads: &[Upload<'_>]) -> Result<()> {
         let slot = self.ring.place();
         let mut frame = self.ring.begin()?;
-        let total = uploads.iter().map(|upload| upload.bytes_in_memory()).sum();
-        let staging = &mut self.staging[slot];
-        if staging.as_ref().is_none_or(|(_, len)| *len < total) {
-            *staging = None;
-            *staging = Some((Shared::new(&self.gpu, Heap::Upload, total)?, total));
-        }
-        let (memory, _) = staging.as_mut().ok_or_else(nothing_brought)?;
+        let memory = &mut self.staging[slot];
         frame.stage(c"Cairn: an anchor from memory");
         let mut at = 0;
         for upload in uploads {
@@ -450,15 +475,55 @@ impl Textures {
             hud: None,
         }
     }
+}
 
-    /// Others where the tiles are others; of depth that is known to be even, or not.
-    fn make(&mut self, gpu: &Gpu, size: (u32, u32), tiles: [u32; 2], depth_is_even: bool) -> Result<()> {
-        if [self.motion_tile, self.depth_tile] != tiles {
-            *self = Self::new(gpu, size, tiles)?;
-        }
-        self.depth_is_even = depth_is_even;
+impl PairTextures {
+    fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
+        let textures = |format| {
+            let tiled = |tile: u32| (size.0.div_ceil(tile), size.1.div_ceil(tile));
+            let texture = |tile| written_texture(gpu, tiled(tile), format, D3D12_RESOURCE_STATE_COMMON);
+            TILES.into_iter().map(texture).collect::<Result<Vec<_>>>()
+        };
+        let (motion, depth) = (textures(MOTION)?, textures(DEPTH)?);
+        let [motion_tile, depth_tile] = [TILES[0]; 2];
+        let first = [&motion, &depth].map(|textures| textures[0].clone());
+        let [first_motion, first_depth] = first;
+        let textures =
+            Textures { motion: first_motion, motion_tile, depth: first_depth, depth_tile, depth_is_even: false };
+        Ok(Self { of: None, textures, motion, depth, used: 0 })
+    }
+
+    /// Takes the textures for tiles of motion and of depth; of depth that is known to be even, or not.
+    fn choose(&mut self, [motion_tile, depth_tile]: [u32; 2], depth_is_even: bool) -> Result<()> {
+        let place = |tile| TILES.iter().position(|known| *known == tile).ok_or_else(|| no_tile(tile));
+        let motion = self.motion[place(motion_tile)?].clone();
+        let depth = self.depth[place(depth_tile)?].clone();
+        self.textures = Textures { motion, motion_tile, depth, depth_tile, depth_is_even };
         Ok(())
     }
+}
+
+impl OverlayTexture {
+    fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
+        let texture = written_texture(gpu, size, DXGI_FORMAT_R8_UNORM, D3D12_RESOURCE_STATE_COMMON)?;
+        Ok(Self { of: None, texture, size })
+    }
+}
+
+/// Bytes of the largest upload for anchors of that size: a picture, or motion and depth of each pixel, or what lies over it.
+fn most_bytes(size: (u32, u32)) -> usize {
+    let [picture, mask] = [4, 1].map(|pixel| bytes_of(size, pixel));
+    // Motion and depth have four bytes each.
+    (2 * picture).max(mask)
+}
+
+fn overlay_bytes(size: (u32, u32)) -> usize {
+    bytes_of(size, 1)
+}
+
+/// Bytes of a picture in memory that is copied from.
+fn bytes_of(size: (u32, u32), pixel: usize) -> usize {
+    ((size.0 as usize * pixel).next_multiple_of(PITCH) * size.1 as usize).next_multiple_of(ALIGNMENT)
 }
 
 impl Upload<'_> {
@@ -492,6 +557,10 @@ impl Upload<'_> {
 /// Which has not been used for longest.
 fn oldest(used: impl Iterator<Item = u64>) -> usize {
     used.enumerate().min_by_key(|(_, used)| *used).map_or(0, |(at, _)| at)
+}
+
+fn no_tile(tile: u32) -> Error {
+    Error::new(ErrorKind::InvalidArgument, format!("guidance in tiles of {tile} pixels")).field("guidance")
 }
 
 fn too_wide(pitch: usize) -> Error {

@@ -52,6 +52,11 @@ impl OnDevice {
         Some((latent, moment, self.precision == Precision::F16))
     }
 
+    /// Whether its copy has run.
+    pub(super) fn has_arrived(&self) -> bool {
+        self.snapshot.latent_buffer().is_none_or(|(_, moment)| moment.reached())
+    }
+
     pub(super) fn read_picture(&self, i: usize) -> Result<Picture> {
         self.snapshot.read_picture(i)
     }

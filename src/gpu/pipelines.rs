@@ -1,0 +1,205 @@
+//! Compute pipelines of a device: each is made once, shared by all that run it, and kept from one run of a program to the next.
+
+use std::collections::HashMap;
+
+use parking_lot::Mutex;
+use sha2::{Digest, Sha256};
+use windows::Win32::Graphics::Direct3D12::{ID3D12PipelineState, ID3D12RootSignature};
+
+use super::compute::Shape;
+use super::{Gpu, shader};
+use crate::Result;
+
+/// The pipelines of a device.
+///
+/// Threads: may be used from any thread at any time.
+#[derive(Default)]
+pub(crate) struct Pipelines(Mutex<Inner>);
+
+#[derive(Default)]
+struct Inner {
+    roots: HashMap<Shape, ID3D12RootSignature>,
+    made: HashMap<Key, Made>,
+    /// Compiled code that was loaded and not used yet, by its name.
+    loaded: HashMap<Name, Vec<u8>>,
+    /// Whether somebody was asked for it.
+    was_asked: bool,
+}
+
+/// A shader in this program's memory, and what it takes.
+type Key = (&'static [u8], Shape);
+
+struct Made {
+    state: ID3D12PipelineState,
+    /// Whether whoever keeps pipelines has it.
+    is_stored: bool,
+}
+
+/// The SHA-256 of a shader and of what it takes.
+type Name = [u8; 32];
+
+/// What serialised pipelines begin with: the format of the rest.
+const MAGIC: [u8; 8] = *b"CairnPS1";
+
+impl Pipelines {
+    /// Root signature and pipeline of a shader.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver cannot take it.
+    pub(crate) fn of(
+        &self,
+        gpu: &Gpu,
+        code: &'static [u8],
+        shape: Shape,
+        root_signature: impl FnOnce() -> Result<ID3D12RootSignature>,
+    ) -> Result<(ID3D12RootSignature, ID3D12PipelineState)> {
+        // Held while one is made, so that none is made twice: threads that load have time.
+        let mut inner = self.0.lock();
+        let root = match inner.roots.get(&shape) {
+            Some(root) => root.clone(),
+            None => {
+                let root = root_signature()?;
+                inner.roots.insert(shape, root.clone());
+                root
+            }
+        };
+        if let Some(made) = inner.made.get(&(code, shape)) {
+            return Ok((root, made.state.clone()));
+        }
+        let compiled = if inner.loaded.is_empty() { None } else { inner.loaded.remove(&name(code, shape)) };
+        // The driver refuses what another version of it compiled.
+        let loaded = compiled.and_then(|compiled| shader::pipeline_state(gpu, &root, code, Some(&compiled)).ok());
+        let is_stored = loaded.is_some();
+        let state = loaded.map_or_else(|| shader::pipeline_state(gpu, &root, code, None), Ok)?;
+        inner.made.insert((code, shape), Made { state: state.clone(), is_stored });
+        Ok((root, state))
+    }
+
+    /// Whether nobody was asked for pipelines of an earlier run yet; from now on somebody was.
+    pub(crate) fn asks(&self) -> bool {
+        !std::mem::replace(&mut self.0.lock().was_asked, true)
+    }
+
+    /// Takes pipelines that [`serialised`](Self::serialised) gave in an earlier run; false, and nothing is taken, where the bytes are damaged or
+    /// of another adapter, driver or version of this library.
+    pub(crate) fn load(&self, gpu: &Gpu, bytes: &[u8]) -> bool {
+        let Some(mut loaded) = parse(bytes, &origin(gpu)) else { return false };
+        let mut inner = self.0.lock();
+        for ((code, shape), made) in &mut inner.made {
+            made.is_stored |= loaded.remove(&name(code, *shape)).is_some();
+        }
+        inner.loaded = loaded;
+        true
+    }
+
+    /// All pipelines, for [`load`](Self::load) in a later run; none where what was loaded has them, or the driver gives none away.
+    pub(crate) fn serialised(&self, gpu: &Gpu) -> Option<Vec<u8>> {
+        let mut inner = self.0.lock();
+        if inner.made.values().all(|made| made.is_stored) {
+            return None;
+        }
+        let mut entries: Vec<(Name, Vec<u8>)> = inner
+            .made
+            .iter()
+            .filter_map(|((code, shape), made)| Some((name(code, *shape), blob(&made.state)?)))
+            .collect();
+        if entries.is_empty() {
+            return None;
+        }
+        inner.made.values_mut().for_each(|made| made.is_stored = true);
+        entries.extend(inner.loaded.iter().map(|(name, code)| (*name, code.clone())));
+        drop(inner);
+        entries.sort_unstable();
+        Some(serialise(&origin(gpu), &entries))
+    }
+}
+
+/// Names a shader across runs.
+fn name(code: &[u8], shape: Shape) -> Name {
+    let mut hash = Sha256::new();
+    [shape.constants, shape.inputs, shape.outputs].iter().for_each(|count| hash.update(count.to_le_bytes()));
+    hash.update(code);
+    hash.finalize().into()
+}
+
+/// Whose pipelines they are: those of this version of the library, for an adapter and its driver.
+fn origin(gpu: &Gpu) -> Name {
+    let mut hash = Sha256::new();
+    hash.update(env!("CARGO_PKG_VERSION"));
+    match gpu.adapter() {
+        Ok(adapter) => {
+            [adapter.vendor, adapter.device].iter().for_each(|id| hash.update(id.to_le_bytes()));
+            hash.update(adapter.description);
+            hash.update(adapter.driver.unwrap_or_default());
+        }
+        Err(_) => hash.update(gpu.luid().to_le_bytes()),
+    }
+    hash.finalize().into()
+}
+
+/// What the driver compiled; none where it does not give that away.
+fn blob(state: &ID3D12PipelineState) -> Option<Vec<u8>> {
+    // SAFETY: a live pipeline.
+    let blob = unsafe { state.GetCachedBlob() }.ok()?;
+    Some(shader::bytes(&blob).to_vec()).filter(|bytes| !bytes.is_empty())
+}
+
+/// Format, origin, and each pipeline's name, length and bytes; the SHA-256 of all of it at the end.
+fn serialise(origin: &Name, entries: &[(Name, Vec<u8>)]) -> Vec<u8> {
+    let mut bytes = [MAGIC.as_slice(), origin].concat();
+    for (name, code) in entries {
+        bytes.extend_from_slice(name);
+        bytes.extend_from_slice(&(code.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(code);
+    }
+    let hash: Name = Sha256::digest(&bytes).into();
+    bytes.extend_from_slice(&hash);
+    bytes
+}
+
+/// The pipelines in serialised bytes; none where these are damaged or of another origin.
+fn parse(bytes: &[u8], origin: &Name) -> Option<HashMap<Name, Vec<u8>>> {
+    let (rest, hash) = bytes.split_last_chunk::<32>()?;
+    if Sha256::digest(rest)[..] != hash[..] {
+        return None;
+    }
+    let rest = rest.strip_prefix(&MAGIC)?;
+    let mut rest = rest.strip_prefix(origin)?;
+    let mut found = HashMap::new();
+    while !rest.is_empty() {
+        let (name, after) = rest.split_first_chunk::<32>()?;
+        let (length, after) = after.split_first_chunk::<8>()?;
+        let (code, after) = after.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+        found.insert(*name, code.to_vec());
+        rest = after;
+    }
+    Some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn serialised_pipelines_are_read_back_and_damaged_or_foreign_ones_are_not() {
+        let entries = [([1; 32], vec![1, 2, 3]), ([2; 32], Vec::new()), ([3; 32], vec![9; 1000])];
+        let bytes = serialise(&[7; 32], &entries);
+        assert_eq!(parse(&bytes, &[7; 32]), Some(entries.clone().into()));
+        assert_eq!(parse(&bytes, &[8; 32]), None, "of another driver");
+        for i in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[i] ^= 1;
+            assert_eq!(parse(&damaged, &[7; 32]), None, "byte {i}");
+            assert_eq!(parse(&bytes[..i], &[7; 32]), None, "cut at byte {i}");
+        }
+        // With a checksum that fits: lengths beyond the end.
+        for length in [1001, u64::MAX] {
+            let mut wrong = serialise(&[7; 32], &entries[2..]);
+            wrong.truncate(wrong.len() - 32);
+            wrong[72..80].copy_from_slice(&length.to_le_bytes());
+            let hash = Sha256::digest(&wrong);
+            wrong.extend_from_slice(&hash);
+            assert_eq!(parse(&wrong, &[7; 32]), None, "{length} bytes");
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! What each thread has a device make, and what is told of compiled pipelines.
+
+use std::cell::Cell;
+use std::ffi::c_void;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use cairn::gpu::windows::Win32::Foundation::E_FAIL;
+use cairn::gpu::windows::Win32::Graphics::Direct3D::ID3DBlob;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::core::{GUID, HRESULT, Interface};
+
+use super::tables::replace;
+
+/// Objects that a thread has made, and the pipelines among them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Made {
+    pub(crate) objects: u64,
+    /// Compiled by the driver.
+    pub(crate) compiled: u64,
+    /// Made of what a driver compiled before.
+    pub(crate) loaded: u64,
+}
+
+thread_local! {
+    static MADE: Cell<Made> = const { Cell::new(Made { objects: 0, compiled: 0, loaded: 0 }) };
+}
+
+/// What this thread has made in `work`.
+pub(crate) fn of<T>(work: impl FnOnce() -> T) -> (T, Made) {
+    let before = MADE.take();
+    let done = work();
+    let made = MADE.replace(before);
+    (done, made)
+}
+
+fn count(change: impl FnOnce(&mut Made)) {
+    let mut made = MADE.get();
+    made.objects += 1;
+    change(&mut made);
+    MADE.set(made);
+}
+
+/// Whether the driver is another version than the one that compiled what it is given.
+static IS_ANOTHER: AtomicBool = AtomicBool::new(false);
+
+/// Has the driver be another version from now on, or no more.
+pub(crate) fn driver_is_another(is_another: bool) {
+    IS_ANOTHER.store(is_another, Ordering::SeqCst);
+}
+
+/// D3D12_ERROR_DRIVER_VERSION_MISMATCH
+const MISMATCH: HRESULT = HRESULT(0x887e_0002_u32.cast_signed());
+
+/// What the driver gives away of each pipeline: any blob will do.
+fn blob() -> ID3DBlob {
+    let empty = D3D12_ROOT_SIGNATURE_DESC::default();
+    let mut blob = None;
+    // SAFETY: a description and a place that live during the call.
+    unsafe { D3D12SerializeRootSignature(&empty, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }.expect("a blob");
+    blob.expect("a blob")
+}
+
+type GetBlob = unsafe extern "system" fn(*mut c_void, *mut *mut c_void) -> HRESULT;
+static THEIR_BLOB: OnceLock<GetBlob> = OnceLock::new();
+
+unsafe extern "system" fn our_blob(_: *mut c_void, to: *mut *mut c_void) -> HRESULT {
+    // SAFETY: the caller's place.
+    unsafe { to.write(blob().into_raw()) };
+    HRESULT(0)
+}
+
+type CreateCompute = unsafe extern "system" fn(
+    *mut c_void,
+    *const D3D12_COMPUTE_PIPELINE_STATE_DESC,
+    *const GUID,
+    *mut *mut c_void,
+) -> HRESULT;
+static THEIR_COMPUTE: OnceLock<CreateCompute> = OnceLock::new();
+
+unsafe extern "system" fn our_compute(
+    this: *mut c_void,
+    wanted: *const D3D12_COMPUTE_PIPELINE_STATE_DESC,
+    id: *const GUID,
+    made: *mut *mut c_void,
+) -> HRESULT {
+    // SAFETY: the caller's description.
+    let cached = unsafe { (*wanted).CachedPSO };
+    let theirs = THEIR_COMPUTE.get().expect("what it replaces");
+    if cached.pCachedBlob.is_null() {
+        count(|made| made.compiled += 1);
+        // SAFETY: the caller's own arguments.
+        let result = unsafe { theirs(this, wanted, id, made) };
+        if result.is_ok() {
+            // SAFETY: it was made just now.
+            unsafe { give_away(made) };
+        }
+        return result;
+    }
+    // SAFETY: the caller's bytes.
+    let given = unsafe { std::slice::from_raw_parts(cached.pCachedBlob.cast::<u8>(), cached.CachedBlobSizeInBytes) };
+    let own = blob();
+    // SAFETY: a live blob.
+    let own = unsafe { std::slice::from_raw_parts(own.GetBufferPointer().cast::<u8>(), own.GetBufferSize()) };
+    if IS_ANOTHER.load(Ordering::SeqCst) {
+        return MISMATCH;
+    }
+    if given != own {
+        return E_FAIL;
+    }
+    count(|made| made.loaded += 1);
+    // What this driver does not know is left out.
+    // SAFETY: the caller's description, copied.
+    let mut plain = unsafe { std::mem::ManuallyDrop::new(wanted.read()) };
+    plain.CachedPSO = D3D12_CACHED_PIPELINE_STATE::default();
+    // SAFETY: as above.
+    unsafe { theirs(this, &*plain, id, made) }
+}
+
+/// Has all pipelines given away by their driver, as some drivers do: in the table that they share with this one.
+unsafe fn give_away(made: *mut *mut c_void) {
+    // SAFETY: the caller's pipeline, which lives.
+    let pipeline = unsafe { ID3D12PipelineState::from_raw_borrowed(&*made) }.expect("a pipeline");
+    replace(&raw const Interface::vtable(pipeline).GetCachedBlob, &THEIR_BLOB, our_blob);
+}
+
+/// Replaces functions of the table that devices share: each is counted, and does what it did.
+macro_rules! counted {
+    ($($name:ident($($argument:ident: $kind:ty),*);)*) => {
+        #[allow(non_upper_case_globals, reason = "Direct3D's names")]
+        mod theirs {
+            use super::*;
+            $(pub(super) static $name: OnceLock<unsafe extern "system" fn(*mut c_void, $($kind),*) -> HRESULT> = OnceLock::new();)*
+        }
+        #[allow(non_snake_case, reason = "Direct3D's names")]
+        mod ours {
+            use super::*;
+            $(pub(super) unsafe extern "system" fn $name(this: *mut c_void, $($argument: $kind),*) -> HRESULT {
+                count(|_| ());
+                let theirs = theirs::$name.get().expect("what it replaces");
+                // SAFETY: the caller's own arguments, handed on.
+                unsafe { theirs(this, $($argument),*) }
+            })*
+        }
+        /// Counts what devices like `device` make, for the rest of the process.
+        pub(crate) fn install(device: &ID3D12Device) {
+            let table = Interface::vtable(device);
+            $(replace(&raw const table.$name, &theirs::$name, ours::$name);)*
+            replace(&raw const table.CreateComputePipelineState, &THEIR_COMPUTE, our_compute);
+        }
+    };
+}
+
+counted! {
+    CreateCommandQueue(wanted: *const D3D12_COMMAND_QUEUE_DESC, id: *const GUID, made: *mut *mut c_void);
+    CreateCommandAllocator(kind: D3D12_COMMAND_LIST_TYPE, id: *const GUID, made: *mut *mut c_void);
+    CreateCommandList(
+        node: u32, kind: D3D12_COMMAND_LIST_TYPE, allocator: *mut c_void, first: *mut c_void, id: *const GUID,
+        made: *mut *mut c_void
+    );
+    CreateDescriptorHeap(wanted: *const D3D12_DESCRIPTOR_HEAP_DESC, id: *const GUID, made: *mut *mut c_void);
+    CreateRootSignature(node: u32, bytes: *const c_void, size: usize, id: *const GUID, made: *mut *mut c_void);
+    CreateCommittedResource(
+        properties: *const D3D12_HEAP_PROPERTIES, flags: D3D12_HEAP_FLAGS, wanted: *const D3D12_RESOURCE_DESC,
+        state: D3D12_RESOURCE_STATES, clear: *const D3D12_CLEAR_VALUE, id: *const GUID, made: *mut *mut c_void
+    );
+    CreateHeap(wanted: *const D3D12_HEAP_DESC, id: *const GUID, made: *mut *mut c_void);
+    CreatePlacedResource(
+        heap: *mut c_void, at: u64, wanted: *const D3D12_RESOURCE_DESC, state: D3D12_RESOURCE_STATES,
+        clear: *const D3D12_CLEAR_VALUE, id: *const GUID, made: *mut *mut c_void
+    );
+    CreateFence(first: u64, flags: D3D12_FENCE_FLAGS, id: *const GUID, made: *mut *mut c_void);
+    CreateQueryHeap(wanted: *const D3D12_QUERY_HEAP_DESC, id: *const GUID, made: *mut *mut c_void);
+}
