@@ -14,6 +14,7 @@ pub(crate) enum Texel {
     /// Four half floats, red first, 0 to 1.
     Rgba16F,
     /// Floats without a sign: eleven bits of red, the lowest, and of green, ten of blue. No alpha.
+    #[cfg_attr(not(windows), allow(dead_code, reason = "a format of textures only"))]
     Rg11B10F,
 }
 
