@@ -13,6 +13,9 @@ pub(crate) enum Texel {
     Rgb10A2,
     /// Four half floats, red first, 0 to 1.
     Rgba16F,
+    /// Floats without a sign: eleven bits of red, the lowest, and of green, ten of blue. No alpha.
+    #[cfg_attr(not(windows), allow(dead_code, reason = "a format of textures only"))]
+    Rg11B10F,
 }
 
 impl Texel {
@@ -29,7 +32,7 @@ pub enum Colours {
     /// Display-referred sRGB, as pictures are.
     #[default]
     Shown,
-    /// Linear light of the same primaries, 1 being white. In half floats only.
+    /// Linear light of the same primaries, 1 being white. In half floats, and in floats of eleven and ten bits.
     Linear,
     /// scRGB (IEC 61966-2-2): the same, 1 being 80 nits. In half floats only.
     ScRgb {
@@ -48,7 +51,8 @@ impl Colours {
     pub(crate) fn fit(self, texel: Texel) -> bool {
         match self {
             Self::Shown => true,
-            Self::Linear | Self::ScRgb { .. } => texel == Texel::Rgba16F,
+            Self::Linear => matches!(texel, Texel::Rgba16F | Texel::Rg11B10F),
+            Self::ScRgb { .. } => texel == Texel::Rgba16F,
             Self::Hdr10 { .. } => texel == Texel::Rgb10A2,
         }
     }
@@ -85,7 +89,7 @@ struct Pq {
 impl Encoder {
     /// For `texel`, in colours that it holds.
     pub(crate) fn new(texel: Texel, colours: Colours) -> Self {
-        let halves = (texel == Texel::Rgba16F).then(|| [halves(colours.light()), halves(None)]);
+        let halves = matches!(texel, Texel::Rgba16F | Texel::Rg11B10F).then(|| [halves(colours.light()), halves(None)]);
         let pq = match colours {
             Colours::Hdr10 { white_nits } => Some(Box::new(Pq::new(white_nits))),
             _ => None,
@@ -100,6 +104,12 @@ impl Encoder {
             (Texel::Rgba16F, Some([colour, alpha])) => {
                 for (c, (half, level)) in to.as_chunks_mut::<2>().0.iter_mut().zip(from).enumerate() {
                     *half = if c % 4 == 3 { alpha } else { colour }[usize::from(*level)].to_ne_bytes();
+                }
+            }
+            (Texel::Rg11B10F, Some([colour, _])) => {
+                for (word, &[r, g, b, _]) in to.as_chunks_mut::<4>().0.iter_mut().zip(from.as_chunks::<4>().0) {
+                    let [r, g, b] = [r, g, b].map(|level| colour[usize::from(level)]);
+                    *word = (small_float(r, 6) | small_float(g, 6) << 11 | small_float(b, 5) << 22).to_ne_bytes();
                 }
             }
             (Texel::Rgb10A2, _) => {
@@ -149,6 +159,13 @@ fn scaled(level: u8, top: u32) -> u32 {
     (u32::from(level) * top * 2 + 255) / 510
 }
 
+/// The nearest float without a sign that has the exponent of a half and so many bits of mantissa, for halves from 0 to 1. Ties go away
+/// from zero.
+fn small_float(half: f16, mantissa: u32) -> u32 {
+    let dropped = 10 - mantissa;
+    (u32::from(half.to_bits()) + (1 << (dropped - 1))) >> dropped
+}
+
 /// Every 8-bit level as a half float from 0 to 1, or as light of so much for white.
 fn halves(white: Option<f64>) -> [f16; 256] {
     std::array::from_fn(|level| {
@@ -185,6 +202,38 @@ mod tests {
             assert_eq!(word, expected, "{level}");
         }
     }
+
+    #[test]
+    fn floats_of_eleven_and_ten_bits_are_within_half_a_step_of_each_level() {
+        // The value of bits with five bits of exponent, biased by 15.
+        let value = |bits: u32, mantissa: u32| {
+            let (exponent, part) = (bits >> mantissa, f64::from(bits & ((1 << mantissa) - 1)));
+            let steps = f64::from(1 << mantissa);
+            match exponent {
+                0 => part / steps * 2.0_f64.powi(-14),
+                _ => (1.0 + part / steps) * 2.0_f64.powi(exponent as i32 - 15),
+            }
+        };
+        for colours in [Colours::Shown, Colours::Linear] {
+            let encoder = Encoder::new(Texel::Rg11B10F, colours);
+            for level in 0..=255_u8 {
+                let mut word = [0; 4];
+                encoder.row(&[level, 255 - level, level, 7], &mut word);
+                let word = u32::from_ne_bytes(word);
+                let exact = |level: u8| {
+                    let shown = f64::from(level) / 255.0;
+                    if colours == Colours::Linear { light_of(shown) } else { shown }
+                };
+                let found = [(word & 2047, 6, level), (word >> 11 & 2047, 6, 255 - level), (word >> 22, 5, level)];
+                for (bits, mantissa, level) in found {
+                    let (value, exact) = (value(bits, mantissa), exact(level));
+                    let step = 2.0_f64.powi(-(mantissa as i32) - 1) * exact.max(2.0_f64.powi(-14)) * 1.01;
+                    assert!((value - exact).abs() <= step, "{colours:?} {level}: {value} for {exact}");
+                }
+            }
+        }
+    }
+
     /// The words of the standard: white and black of graphics, and the brightest that there is.
     #[test]
     fn hdr10_has_the_numbers_of_its_curve_and_primaries() {

@@ -405,8 +405,8 @@ pub struct cairn_d3d12_recording {
     pub reserved: u32,
     /// Open for recording, of the type of the device's queue.
     pub list: *mut ID3D12GraphicsCommandList,
-    /// Of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and typeless ones
-    /// included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR.
+    /// Of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2, RGBA16F or R11G11B10_FLOAT, views for
+    /// sRGB and typeless ones included; RGBA16F or R11G11B10_FLOAT where the presenter's colour space is CAIRN_COLOUR_LINEAR.
     pub target: *mut ID3D12Resource,
     /// The host's own, of the same device.
     pub fence: *mut ID3D12Fence,

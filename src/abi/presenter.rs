@@ -45,7 +45,7 @@ pub const CAIRN_PRESENTER_LETTERBOX: u32 = 8;
 
 /// Display-referred sRGB, as pictures are.
 pub const CAIRN_COLOUR_SRGB: u32 = 0;
-/// Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F only.
+/// Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F, and textures of R11G11B10_FLOAT, only.
 pub const CAIRN_COLOUR_LINEAR: u32 = 1;
 /// scRGB: linear light of the same primaries, 1 being 80 nits; for CAIRN_FORMAT_RGBA16F only.
 pub const CAIRN_COLOUR_SCRGB: u32 = 2;

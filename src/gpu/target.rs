@@ -13,7 +13,7 @@ use crate::{Colours, Error, ErrorKind, Result};
 #[derive(Debug, Clone)]
 pub struct Target {
     /// Of two dimensions with one level, slice and sample: R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or typeless), R10G10B10A2 (UNORM
-    /// or typeless) or R16G16B16A16 (FLOAT or typeless).
+    /// or typeless), R16G16B16A16 (FLOAT or typeless) or R11G11B10 (FLOAT).
     pub texture: ID3D12Resource,
     /// On entry.
     pub before: D3D12_RESOURCE_STATES,
@@ -41,6 +41,7 @@ impl Target {
         if !colours.fit(texel) {
             let remedy = match colours {
                 Colours::Hdr10 { .. } => "Use R10G10B10A2_UNORM",
+                Colours::Linear => "Use R16G16B16A16_FLOAT or R11G11B10_FLOAT",
                 _ => "Use R16G16B16A16_FLOAT",
             };
             return Err(refuse("target", format!("it does not hold {colours:?}")).remedy(remedy));
@@ -113,8 +114,9 @@ fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<Texe
         }
         DXGI_FORMAT_R10G10B10A2_UNORM | DXGI_FORMAT_R10G10B10A2_TYPELESS => Ok(Texel::Rgb10A2),
         DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R16G16B16A16_TYPELESS => Ok(Texel::Rgba16F),
+        DXGI_FORMAT_R11G11B10_FLOAT => Ok(Texel::Rg11B10F),
         other => Err(refuse("target", format!("frames are not written in DXGI_FORMAT {}", other.0))
-            .remedy("Use RGBA8, BGRA8, RGB10A2 or RGBA16F")),
+            .remedy("Use RGBA8, BGRA8, RGB10A2, RGBA16F or R11G11B10F")),
     }
 }
 

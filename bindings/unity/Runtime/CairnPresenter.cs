@@ -15,6 +15,17 @@ namespace Cairn.Unity
         Texture,
     }
 
+    /// <summary>How a presenter's texture holds its colours.</summary>
+    public enum PresenterFormat
+    {
+        /// <summary>Eight bits to a channel, in sRGB.</summary>
+        ARGB32,
+        /// <summary>Half floats: linear light in a project of the linear colour space, else sRGB.</summary>
+        ARGBHalf,
+        /// <summary>Floats of eleven and ten bits without alpha, of the same colours as ARGBHalf.</summary>
+        RGB111110,
+    }
+
     /// <summary>
     /// Shows a <see cref="CairnWorld"/> at the display's rate: its anchors, and frames that are generated between them on Unity's own
     /// graphics device, in a render texture. Where the world ends, the last frame stays in the texture; on the screen the game is seen.
@@ -31,6 +42,9 @@ namespace Cairn.Unity
 
         [SerializeField, Tooltip("Height of the frames in pixels.")]
         private int height = 720;
+
+        [SerializeField, Tooltip("How the texture holds colours. Floats are for what is drawn in HDR.")]
+        private PresenterFormat format = PresenterFormat.ARGB32;
 
         [SerializeField, Tooltip("Frames to an anchor: 1, 2, 3, 4 or 6.")]
         private int multiplier = 2;
@@ -54,6 +68,8 @@ namespace Cairn.Unity
         private string failed = "";
         private string pushFailed = "";
         private long missed;
+        private int preparedWidth;
+        private int preparedHeight;
         private long shownBefore;
         private Material surface;
         private Texture surfaceHad;
@@ -72,6 +88,13 @@ namespace Cairn.Unity
         {
             get { return output; }
             set { output = value; }
+        }
+
+        /// <summary>How the texture holds colours. Counts when it is enabled.</summary>
+        public PresenterFormat Format
+        {
+            get { return format; }
+            set { format = value; }
         }
 
         /// <summary>Frames to an anchor: 1, 2, 3, 4 or 6. Counts when it is enabled.</summary>
@@ -132,26 +155,68 @@ namespace Cairn.Unity
             // What is under way is for the texture that there was, and left out.
             EndView();
             if (presenter != null) presenter.Resize(newWidth, newHeight);
-            width = newWidth;
-            height = newHeight;
+            lock (pushing)
+            {
+                width = newWidth;
+                height = newHeight;
+            }
             if (texture != null) MakeTexture();
         }
 
-        /// <summary>Takes an anchor, on the world's thread.</summary>
+        /// <summary>Takes an anchor, on the world's thread, which also makes what frames of a new size need.</summary>
         internal void Push(Anchor anchor)
         {
+            Presenter unprepared = null;
+            Device with = null;
+            int newWidth;
+            int newHeight;
             lock (pushing)
             {
                 if (presenter == null) return;
+                newWidth = width;
+                newHeight = height;
                 try
                 {
                     if (!presenter.TryPush(anchor, Clock.NowNs)) missed++;
                     pushFailed = "";
+                    if (preparedWidth != newWidth || preparedHeight != newHeight)
+                    {
+                        unprepared = presenter;
+                        with = device;
+                    }
                 }
                 catch (CairnException why)
                 {
                     pushFailed = why.Message;
                 }
+            }
+            // Without the lock: it takes long, and Unity's main thread does not wait for it.
+            if (unprepared != null) Prepare(with, unprepared, newWidth, newHeight);
+        }
+
+        private void Prepare(Device with, Presenter unprepared, int newWidth, int newHeight)
+        {
+            string why = "";
+            try
+            {
+                Plugin.Prepare(with, unprepared, newWidth, newHeight);
+            }
+            catch (CairnException failure)
+            {
+                why = failure.Message;
+            }
+            catch (ObjectDisposedException)
+            {
+                // It was switched off meanwhile.
+                return;
+            }
+            lock (pushing)
+            {
+                if (presenter != unprepared) return;
+                pushFailed = why;
+                // One that failed is not tried again with each anchor.
+                preparedWidth = newWidth;
+                preparedHeight = newHeight;
             }
         }
 
@@ -233,9 +298,15 @@ namespace Cairn.Unity
             var made = new Presenter(new PresenterOptions
             {
                 Multiplier = multiplier, Width = width, Height = height, Letterbox = letterbox, Fsr = fsr, CatchUp = true,
+                ColourSpace = IsLinear ? ColourSpace.Linear : ColourSpace.Srgb,
             });
-            device = with;
-            lock (pushing) presenter = made;
+            lock (pushing)
+            {
+                device = with;
+                presenter = made;
+                preparedWidth = 0;
+                preparedHeight = 0;
+            }
         }
 
         private void BeginView()
@@ -268,12 +339,37 @@ namespace Cairn.Unity
             if (left != null) left.Dispose();
         }
 
+        /// <summary>Whether frames are linear light: what shaders of a linear project read from floats.</summary>
+        private bool IsLinear
+        {
+            get { return format != PresenterFormat.ARGB32 && QualitySettings.activeColorSpace == ColorSpace.Linear; }
+        }
+
+        private static RenderTextureFormat FormatOf(PresenterFormat format)
+        {
+            switch (format)
+            {
+                case PresenterFormat.ARGBHalf: return RenderTextureFormat.ARGBHalf;
+                case PresenterFormat.RGB111110: return RenderTextureFormat.RGB111110Float;
+                default: return RenderTextureFormat.ARGB32;
+            }
+        }
+
         private void MakeTexture()
         {
+            RenderTextureFormat wanted = FormatOf(format);
+            if (!SystemInfo.SupportsRenderTextureFormat(wanted))
+            {
+                Fail($"This graphics card renders into no texture of {wanted}. Set Format to ARGB32.");
+                format = PresenterFormat.ARGB32;
+                wanted = RenderTextureFormat.ARGB32;
+            }
             if (texture == null || texture.width != width || texture.height != height)
             {
                 DropTexture();
-                texture = new RenderTexture(width, height, 0, RenderTextureFormat.ARGB32, RenderTextureReadWrite.sRGB)
+                // Floats have no curve that a sampler could undo.
+                RenderTextureReadWrite curve = format == PresenterFormat.ARGB32 ? RenderTextureReadWrite.sRGB : RenderTextureReadWrite.Linear;
+                texture = new RenderTexture(width, height, 0, wanted, curve)
                 {
                     name = "Cairn", useMipMap = false, antiAliasing = 1, filterMode = FilterMode.Bilinear,
                 };

@@ -70,6 +70,18 @@ namespace Cairn.Unity
             isLoaded = true;
         }
 
+        /// <summary>
+        /// Makes all that a presenter's frames of a size need. Takes seconds the first time, so it is for a thread that loads; the presenter
+        /// has been given an anchor. Until then, and in another size, the nearest anchor is shown.
+        /// </summary>
+        /// <exception cref="CairnException">As a required generator that cannot be used, or too little memory.</exception>
+        internal static void Prepare(Device device, Presenter presenter, int width, int height)
+        {
+            CairnException.ThrowIfFailed(Native.cairn_unity_prepare(device.Value, presenter.Value, (uint)width, (uint)height));
+            GC.KeepAlive(device);
+            GC.KeepAlive(presenter);
+        }
+
         private delegate int Teller(byte* text, UIntPtr room, UIntPtr* length);
 
         private static string Told(Teller teller)
@@ -149,7 +161,7 @@ namespace Cairn.Unity
         private static class Native
         {
             internal const string Name = "cairn_unity";
-            internal const uint Version = 1;
+            internal const uint Version = 2;
 
             [DllImport(Name)]
             internal static extern uint cairn_unity_version();
@@ -162,6 +174,9 @@ namespace Cairn.Unity
 
             [DllImport(Name)]
             internal static extern int cairn_unity_create_device(IntPtr* device);
+
+            [DllImport(Name)]
+            internal static extern int cairn_unity_prepare(IntPtr device, IntPtr presenter, uint width, uint height);
 
             [DllImport(Name)]
             internal static extern int cairn_unity_view_create(IntPtr device, IntPtr presenter, IntPtr* view);

@@ -148,7 +148,28 @@ namespace UnityEngine
 
     public enum RenderTextureFormat
     {
-        ARGB32,
+        ARGB32, ARGBHalf, RGB111110Float,
+    }
+
+    public enum ColorSpace
+    {
+        Gamma, Linear,
+    }
+
+    public static class QualitySettings
+    {
+        public static ColorSpace activeColorSpace
+        {
+            get { return ColorSpace.Linear; }
+        }
+    }
+
+    public static class SystemInfo
+    {
+        public static bool SupportsRenderTextureFormat(RenderTextureFormat format)
+        {
+            return true;
+        }
     }
 
     public enum RenderTextureReadWrite

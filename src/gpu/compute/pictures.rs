@@ -39,7 +39,7 @@ pub(crate) struct Format {
 impl Format {
     /// Whether its numbers may stand for light.
     pub(crate) fn holds_light(&self) -> bool {
-        self.viewed == DXGI_FORMAT_R16G16B16A16_FLOAT
+        matches!(self.viewed, DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R11G11B10_FLOAT)
     }
 
     /// That of a texture, if frames can be made in it.
@@ -57,6 +57,7 @@ impl Format {
             DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R16G16B16A16_TYPELESS => {
                 (DXGI_FORMAT_R16G16B16A16_FLOAT, 3, true, 8)
             }
+            DXGI_FORMAT_R11G11B10_FLOAT => (DXGI_FORMAT_R11G11B10_FLOAT, 4, true, 4),
             _ => return None,
         };
         Some(Self { viewed, written, is_light: false, is_float, bytes })
@@ -157,7 +158,9 @@ pub(crate) fn anchor(
     field: &str,
 ) -> Result<Format> {
     let found = checked(gpu, given, size, field)?;
-    let Some(mut format) = Format::of(found.Format) else { return Err(refused(&found, field)) };
+    // Without alpha it is a target only.
+    let format = Format::of(found.Format).filter(|format| format.viewed != DXGI_FORMAT_R11G11B10_FLOAT);
+    let Some(mut format) = format else { return Err(refused(&found, field)) };
     if transfer == Transfer::Light && !format.holds_light() {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("DXGI format {} holds no light", found.Format.0))
             .field(field)

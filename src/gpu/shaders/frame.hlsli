@@ -20,7 +20,7 @@ cbuffer Constants : register(b0)
     uint Borrows;       // 1: what owners borrow is carried as well
     uint Mark;          // of claims that are borrowed
     uint Turn;          // of a shader that runs several times, from 0 on
-    uint Written;       // how a pixel is written: 0 RGBA bytes, 1 BGRA bytes, 2 RGB10A2, 3 halves
+    uint Written;       // how a pixel is written: 0 RGBA bytes, 1 BGRA bytes, 2 RGB10A2, 3 halves, 4 R11G11B10_FLOAT
     uint Pitch;         // bytes of a row of what is written
     uint NearerIsCurrent; // 1: of the two anchors that nearer in time is the current one
     uint CutShowsCurrent; // 1: it is shown across a cut

@@ -237,13 +237,19 @@ bool is_foreign(float4 colour, int2 spot)
 void show(int2 at, float4 held)
 {
     uint place = uint(at.y) * Pitch;
-    if (Written == 3)
+    if (Written >= 3)
     {
         float4 v = IsFloat != 0 ? held : held / 255;
         [branch]
         if (WritesLight != 0)
         {
             v = light_of4(v);
+        }
+        [branch]
+        if (Written == 4)
+        {
+            Picture.Store(place + 4 * at.x, small_floats_of(v.xyz));
+            return;
         }
         uint4 h = uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w));
         Picture.Store2(place + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));

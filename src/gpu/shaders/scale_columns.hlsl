@@ -13,7 +13,8 @@ cbuffer Constants : register(b0)
     uint2 Target;   // width and height of the target
     uint2 At;       // where in it the picture begins
     uint Pitch;     // bytes from one row of it to the next
-    uint Written;   // its format, as of frames: 0 RGBA8, 1 BGRA8, 2 RGB10A2, 3 RGBA16F
+    uint Written;   // its format, as of frames: 0 RGBA8, 1 BGRA8, 2 RGB10A2, 3 RGBA16F,
+                    // 4 R11G11B10F
     uint Colours;   // 0: as the picture has them; 1: light; 2: PQ, with the primaries of BT.2020
     float White;    // how bright white is: for light the number that it has, for PQ its nits
 };
@@ -70,6 +71,11 @@ void write(uint2 at, float4 v)
     {
         uint4 h = uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w));
         Finished.Store2(place + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));
+        return;
+    }
+    if (Written == 4)
+    {
+        Finished.Store(place + 4 * at.x, small_floats_of(v.xyz));
         return;
     }
     float4 top = Written == 2 ? float4(1023, 1023, 1023, 3) : float4(255, 255, 255, 255);

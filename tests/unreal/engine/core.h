@@ -276,6 +276,10 @@ struct FPlatformTime {
     static double Seconds();
 };
 
+struct FPlatformProcess {
+    static void Sleep(float seconds);
+};
+
 class FTickerDelegate {
 public:
     template <class T> static FTickerDelegate CreateRaw(T* object, bool (T::*what)(float))

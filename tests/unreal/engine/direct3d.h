@@ -1,4 +1,7 @@
-/* The engine's public interface to its Direct3D 12 device, as each version has it. */
+/*
+ * The engine's public interface to its Direct3D 12 device, as each version has it. 5.7 and 5.8 have the functions of 5.6; what 5.8 changed,
+ * RHIWaitManualFence, is not used.
+ */
 #pragma once
 
 #include "rhi.h"
@@ -24,6 +27,7 @@ struct ID3D12DynamicRHI : public FDynamicRHI {
     virtual void RHIFlushResourceBarriers(FRHICommandListBase& list, uint32 device) = 0;
     virtual void RHIUpdateResourceResidency(FRHICommandListBase& list, uint32 device, FRHIResource* resource) = 0;
 #endif
+    /** Closes the list that is open, and has the fence signalled behind it. */
     virtual void RHISignalManualFence(FRHICommandList& list, ID3D12Fence* fence, uint64 value) = 0;
 };
 

@@ -89,6 +89,8 @@ FRunnableThread::~FRunnableThread()
 }
 void FRunnableThread::WaitForCompletion() { WaitForSingleObject(of_, INFINITE); }
 
+void FPlatformProcess::Sleep(float seconds) { ::Sleep(static_cast<DWORD>(seconds * 1000)); }
+
 double FPlatformTime::Seconds()
 {
     LARGE_INTEGER ticks, per_second;

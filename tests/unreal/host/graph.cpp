@@ -36,6 +36,8 @@ pixel_format format_of(EPixelFormat format)
     }
 }
 
+} /* namespace */
+
 /** Memory that the host reads or writes, and where a texture's rows are in it. */
 struct rows {
     released<ID3D12Resource> memory;
@@ -67,15 +69,13 @@ struct rows {
     }
 };
 
-D3D12_TEXTURE_COPY_LOCATION location(const FRHITexture& of)
+static D3D12_TEXTURE_COPY_LOCATION location(const FRHITexture& of)
 {
     D3D12_TEXTURE_COPY_LOCATION made = {};
     made.pResource = of.Resource;
     made.Type = D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX;
     return made;
 }
-
-} /* namespace */
 
 FRHITexture::~FRHITexture() { Resource->Release(); }
 
@@ -97,24 +97,54 @@ std::shared_ptr<FRHITexture> make_texture(EPixelFormat format, int32 width, int3
     return std::make_shared<FRHITexture>(made, format, width, height);
 }
 
-std::vector<uint8> read_texture(FRHITexture& texture)
+class texture_copy {
+public:
+    explicit texture_copy(const FRHITexture& of) : height(of.Height), memory(of, D3D12_HEAP_TYPE_READBACK) {}
+    void record(FRHITexture& texture) const
+    {
+        engine->transition(texture, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        engine->flush();
+        const D3D12_TEXTURE_COPY_LOCATION to = memory.location(texture), from = location(texture);
+        engine->list()->CopyTextureRegion(&to, 0, 0, 0, &from, nullptr);
+    }
+    const int32 height;
+    const rows memory;
+};
+
+std::shared_ptr<texture_copy> copy_texture(const FTextureRHIRef& texture)
 {
-    finish_frames();
-    const rows memory(texture, D3D12_HEAP_TYPE_READBACK);
-    engine->transition(texture, D3D12_RESOURCE_STATE_COPY_SOURCE);
-    engine->flush();
-    const D3D12_TEXTURE_COPY_LOCATION to = memory.location(texture), from = location(texture);
-    engine->list()->CopyTextureRegion(&to, 0, 0, 0, &from, nullptr);
-    finish_frames();
+    FRHITexture* const of = texture;
+    auto made = std::make_shared<texture_copy>(*of);
+    engine->render([made, texture](FRHICommandListImmediate& list) {
+        list.Commands.push_back([made, texture](FRHICommandListImmediate&) {
+            FRHITexture* const recorded = texture;
+            made->record(*recorded);
+        });
+    });
+    return made;
+}
+
+std::vector<uint8> read_copy(const texture_copy& copy)
+{
+    const rows& memory = copy.memory;
     std::vector<uint8> bytes;
     uint8* mapped = nullptr;
     must(memory.memory->Map(0, nullptr, reinterpret_cast<void**>(&mapped)), "Map");
-    for (int32 y = 0; y < texture.Height; y++) {
+    for (int32 y = 0; y < copy.height; y++) {
         const uint8* row = mapped + static_cast<std::size_t>(y) * memory.pitch;
         bytes.insert(bytes.end(), row, row + memory.row);
     }
     memory.memory->Unmap(0, nullptr);
     return bytes;
+}
+
+std::vector<uint8> read_texture(FRHITexture& texture)
+{
+    finish_frames();
+    const texture_copy copy(texture);
+    copy.record(texture);
+    finish_frames();
+    return read_copy(copy);
 }
 
 void write_texture(FRHITexture& texture, const std::vector<uint8>& bytes)

@@ -22,10 +22,22 @@ void start_renderer();
 void run_frame();
 /** Ends a frame, and waits until the device has done all. */
 void finish_frames();
+/** From now on closed lists are kept from the device, as while a window is minimised or frames are rendered off screen. */
+void hold_submission();
+/** Gives the device what was kept, in the order of recording, and waits until it has done it. */
+void release_submission();
+/** References to the device that are not the engine's own. */
+unsigned long foreign_references();
 /** Waits for the device and lets go of all. */
 void end_renderer();
 
 std::shared_ptr<FRHITexture> make_texture(EPixelFormat format, int32 width, int32 height);
+/** What a texture holds where the list comes to it. */
+class texture_copy;
+/** Records a copy of the texture behind what the render thread was given. */
+std::shared_ptr<texture_copy> copy_texture(const FTextureRHIRef& texture);
+/** The copy's bytes, row by row; the device has done it. */
+std::vector<uint8> read_copy(const texture_copy& copy);
 /** The texture's bytes, row by row. What is under way is finished first. */
 std::vector<uint8> read_texture(FRHITexture& texture);
 void write_texture(FRHITexture& texture, const std::vector<uint8>& bytes);

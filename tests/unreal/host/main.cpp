@@ -143,6 +143,7 @@ struct actor {
         finish_frames();
         return component.GetStatistics();
     }
+    const FTextureRHIRef& texture() { return component.Target->GameThread_GetRenderTargetResource()->Texture; }
     /** The message that starting ends with. */
     FString refusal()
     {
@@ -188,6 +189,7 @@ void walk(level& in)
     expect(shown.ready == 1 && shown.progress == 1.0f, "the component says how far it is, and once that it is ready");
     const FCairnStatistics all = shown.component.GetStatistics();
     expect(all.Anchors >= 4 && all.Frames >= 4 && all.AnchorMs > 0 && !all.Generator.IsEmpty(), "statistics tell of it");
+    expect(all.Unprepared == 0, "all that a frame needs is made before the first one");
     shown.component.EndPlay(EEndPlayReason::Destroyed);
     expect(!shown.component.IsPlaying(), "it ends with the game");
 
@@ -292,6 +294,43 @@ void own_pass(level& in)
     own_rollout own(place_of_the_plugin(), SEED);
     for (int64 i = 0; i < shown.component.GetStatistics().ShownAnchor; i++) own.step(0, 0);
     expect(read_texture(*texture) == own.anchor(), "an anchor in a game's own texture is the library's own");
+}
+
+/**
+ * Lists wait long for the device, as of a minimised window: each has the anchor that it was recorded with, and no thread of the engine
+ * waits for the device in between.
+ */
+void late_submission(level& in)
+{
+    constexpr int64 ANCHORS_MEANWHILE = 8;
+    in.player.Down = {FKey(L"W")};
+    actor shown(in);
+    shown.component.Multiplier = 1;
+    shown.component.Start();
+    expect(shown.until([&] { return shown.component.GetStatistics().Frames > 0; }), "a world is played");
+    finish_frames();
+    const int64 before = shown.component.GetStatistics().Anchors;
+    hold_submission();
+    std::map<int64, std::shared_ptr<texture_copy>> copies;
+    expect(shown.until([&] {
+        const FCairnStatistics now = shown.settled();
+        if (is_anchor(now) && copies.count(now.ShownAnchor) == 0) copies[now.ShownAnchor] = copy_texture(shown.texture());
+        return !shown.error.IsEmpty() || now.Anchors >= before + ANCHORS_MEANWHILE;
+    }), "the world goes on while lists wait for the device");
+    shown.frame();
+    release_submission();
+    expect(shown.error.IsEmpty() && copies.size() >= 3, "frames are drawn while lists wait for the device");
+    const int64 last = shown.component.GetStatistics().ShownAnchor;
+    expect(shown.until([&] { return shown.component.GetStatistics().ShownAnchor > last; }), "frames go on when the device has done its lists");
+    shown.component.Stop();
+
+    own_rollout own(place_of_the_plugin(), SEED);
+    for (int64 i = 0; i <= copies.rbegin()->first; i++) {
+        if (i > 0) own.step(0, 0);
+        const auto found = copies.find(i);
+        expect(found == copies.end() || read_copy(*found->second) == own.anchor(), "a list that waited has the anchor that it was recorded with");
+    }
+    in.player.Down.clear();
 }
 
 /** A component that goes without an end of its game, while frames of it are under way. */
@@ -415,19 +454,12 @@ void input()
     expect(made.Pixels[0] == 1 && made.Pixels[2] == 3 && made.Pixels[3] == 255, "a capture's colours are taken, without its alpha");
 }
 
-unsigned long references(ID3D12Device* device)
-{
-    device->AddRef();
-    return device->Release();
-}
-
 void play()
 {
     input();
     start_renderer();
     other_renderer();
-    ID3D12Device* const device = GetID3D12DynamicRHI()->RHIGetDevice(0);
-    const unsigned long before = references(device);
+    const unsigned long before = foreign_references();
     {
         level in;
         expect(in.subsystem().IsAvailable(), "Cairn can be used");
@@ -438,12 +470,13 @@ void play()
         walk(in);
         capture(in);
         own_pass(in);
+        late_submission(in);
         left_behind(in);
         refusals(in);
         /* What was stopped goes when the device has done with it. */
         actor idle(in);
         in.subsystem().Deinitialize();
-        expect(idle.until([&] { return references(device) <= before; }), "nothing of the device is held when all has ended");
+        expect(idle.until([&] { return foreign_references() <= before; }), "nothing of the device is held when all has ended");
     }
     end_of_the_module();
     end_renderer();

@@ -8,6 +8,8 @@ uint32 FRHIGPUMask::Count = 1;
 FDynamicRHI* GDynamicRHI = nullptr;
 renderer* engine = nullptr;
 
+/** How long a frame of a thread may take. */
+static constexpr DWORD PATIENCE_MS = 300000;
 static thread_local place here = place::game;
 place where_this_runs() { return here; }
 
@@ -41,7 +43,11 @@ uint64 engine_thread::give(std::function<void()> what)
 void engine_thread::wait(uint64 number)
 {
     AcquireSRWLockExclusive(&lock_);
-    while (done_ < number) SleepConditionVariableSRW(&changed_, &lock_, INFINITE, 0);
+    while (done_ < number) {
+        if (SleepConditionVariableSRW(&changed_, &lock_, PATIENCE_MS, 0) != FALSE) continue;
+        std::fprintf(stderr, "host: a thread of the engine does not come back: somebody waits in it\n");
+        std::exit(1);
+    }
     ReleaseSRWLockExclusive(&lock_);
 }
 
@@ -66,33 +72,85 @@ DWORD WINAPI engine_thread::run(void* self)
     }
 }
 
-/* ---- Barriers that others write ---------------------------------------------------------------------------------- */
+/* ---- Commands that others record --------------------------------------------------------------------------------- */
 
 namespace {
 
-using barrier_call = void(STDMETHODCALLTYPE*)(ID3D12GraphicsCommandList*, UINT, const D3D12_RESOURCE_BARRIER*);
+/** Which of ID3D12GraphicsCommandList's functions. */
+enum list_function : std::size_t { SET_PIPELINE = 25, RESOURCE_BARRIER = 26, SET_HEAPS = 28, SET_ROOT_SIGNATURE = 29 };
 
-/** Which of ID3D12GraphicsCommandList's functions ResourceBarrier is. */
-constexpr std::size_t RESOURCE_BARRIER = 26;
-barrier_call written_barrier = nullptr;
+using barrier_call = void(STDMETHODCALLTYPE*)(ID3D12GraphicsCommandList*, UINT, const D3D12_RESOURCE_BARRIER*);
+using pipeline_call = void(STDMETHODCALLTYPE*)(ID3D12GraphicsCommandList*, ID3D12PipelineState*);
+using heaps_call = void(STDMETHODCALLTYPE*)(ID3D12GraphicsCommandList*, UINT, ID3D12DescriptorHeap* const*);
+using root_call = void(STDMETHODCALLTYPE*)(ID3D12GraphicsCommandList*, ID3D12RootSignature*);
+
+barrier_call system_barrier = nullptr;
+pipeline_call system_pipeline = nullptr;
+heaps_call system_heaps = nullptr;
+root_call system_root = nullptr;
+
+bool is_engines(ID3D12GraphicsCommandList* list) { return engine != nullptr && engine->is_recording(list); }
 
 void STDMETHODCALLTYPE heard_barrier(ID3D12GraphicsCommandList* list, UINT count, const D3D12_RESOURCE_BARRIER* all)
 {
-    if (engine != nullptr && list == engine->list()) engine->barriers_came(count, all);
-    written_barrier(list, count, all);
+    if (is_engines(list)) engine->barriers_came(count, all);
+    system_barrier(list, count, all);
 }
 
-/** Has all lists of its kind say which barriers come. */
-void listen_to(ID3D12GraphicsCommandList* list, barrier_call to)
+void STDMETHODCALLTYPE heard_pipeline(ID3D12GraphicsCommandList* list, ID3D12PipelineState* pipeline)
 {
-    barrier_call* const slot = *reinterpret_cast<barrier_call**>(list) + RESOURCE_BARRIER;
-    DWORD was = 0;
-    if (VirtualProtect(slot, sizeof *slot, PAGE_READWRITE, &was) == FALSE) std::exit(1);
-    written_barrier = std::exchange(*slot, to);
-    VirtualProtect(slot, sizeof *slot, was, &was);
+    if (is_engines(list)) engine->state_came(list_state::pipeline);
+    system_pipeline(list, pipeline);
+}
+
+void STDMETHODCALLTYPE heard_heaps(ID3D12GraphicsCommandList* list, UINT count, ID3D12DescriptorHeap* const* heaps)
+{
+    if (is_engines(list)) engine->state_came(list_state::heaps);
+    system_heaps(list, count, heaps);
+}
+
+void STDMETHODCALLTYPE heard_root(ID3D12GraphicsCommandList* list, ID3D12RootSignature* signature)
+{
+    if (is_engines(list)) engine->state_came(list_state::root_signature);
+    system_root(list, signature);
+}
+
+/** Puts a function in the place of one that all lists of the kind have, and the former one into `was`. */
+template <class Call> void replace(ID3D12GraphicsCommandList* list, list_function which, Call by, Call& was)
+{
+    Call* const slot = reinterpret_cast<Call*>(*reinterpret_cast<void***>(list) + which);
+    DWORD protection = 0;
+    if (VirtualProtect(slot, sizeof *slot, PAGE_READWRITE, &protection) == FALSE) std::exit(1);
+    was = std::exchange(*slot, by);
+    VirtualProtect(slot, sizeof *slot, protection, &protection);
+}
+
+void listen_to(ID3D12GraphicsCommandList* list)
+{
+    replace(list, RESOURCE_BARRIER, &heard_barrier, system_barrier);
+    replace(list, SET_PIPELINE, &heard_pipeline, system_pipeline);
+    replace(list, SET_HEAPS, &heard_heaps, system_heaps);
+    replace(list, SET_ROOT_SIGNATURE, &heard_root, system_root);
+}
+
+void stop_listening_to(ID3D12GraphicsCommandList* list)
+{
+    barrier_call barrier = nullptr;
+    pipeline_call pipeline = nullptr;
+    heaps_call heaps = nullptr;
+    root_call root = nullptr;
+    replace(list, RESOURCE_BARRIER, system_barrier, barrier);
+    replace(list, SET_PIPELINE, system_pipeline, pipeline);
+    replace(list, SET_HEAPS, system_heaps, heaps);
+    replace(list, SET_ROOT_SIGNATURE, system_root, root);
 }
 
 } /* namespace */
+
+void renderer::state_came(list_state which)
+{
+    if (lent_ > 0) foreign_state_[static_cast<int>(which)] = true;
+}
 
 void renderer::barriers_came(UINT count, const D3D12_RESOURCE_BARRIER* all)
 {
@@ -112,10 +170,6 @@ renderer::renderer()
     D3D12_COMMAND_QUEUE_DESC queue = {};
     queue.Type = D3D12_COMMAND_LIST_TYPE_DIRECT;
     must(device_->CreateCommandQueue(&queue, IID_PPV_ARGS(&queue_.of)), "CreateCommandQueue");
-    for (auto& allocator : allocators_) {
-        must(device_->CreateCommandAllocator(queue.Type, IID_PPV_ARGS(&allocator.of)), "CreateCommandAllocator");
-    }
-    must(device_->CreateCommandList(0, queue.Type, allocators_[0].of, nullptr, IID_PPV_ARGS(&list_.of)), "CreateCommandList");
     must(device_->CreateFence(0, D3D12_FENCE_FLAG_NONE, IID_PPV_ARGS(&fence_.of)), "CreateFence");
     done_ = CreateEventW(nullptr, FALSE, FALSE, nullptr);
 }
@@ -156,8 +210,10 @@ void renderer::RHISignalManualFence(FRHICommandList& executing, ID3D12Fence* fen
 {
     is_written(executing);
     expect(FRHIGPUMask::Count == 1, "fences are signalled where there is one graphics card");
-    fence->AddRef();
-    signals_.emplace_back(fence, value);
+    // The engine does not ask whether the list is lent: it closes it.
+    lent_ = 0;
+    close();
+    signal(fence, value);
 }
 
 void renderer::is_written(const FRHICommandListBase& executing) const
@@ -170,12 +226,16 @@ ID3D12GraphicsCommandList* renderer::hand_out() const
     expect(here == place::lists, "the list is asked for where lists are written");
     expect(barriers_.empty(), "the engine's barriers are written down before somebody else records");
     expect(lent_++ == 0, "a list is lent once");
-    return list_.of;
+    return list();
 }
 
 void renderer::take_back(ID3D12GraphicsCommandList* list)
 {
-    expect(list == list_.of && --lent_ == 0, "the list that was lent comes back");
+    // The engine asserts this: a signal in between has closed that list, and what is current is another one.
+    expect(list == this->list() && --lent_ == 0, "the list that comes back is the one that is current");
+    // It marks these as unknown, and sets them again. What it takes for the pipeline of the list it does not touch.
+    foreign_state_[static_cast<int>(list_state::root_signature)] = false;
+    foreign_state_[static_cast<int>(list_state::heaps)] = false;
     expect(named_ != nullptr && named_->UsedIn == frame_, "the engine knows of textures that others use");
     expect(named_ != nullptr && named_->State == D3D12_RESOURCE_STATE_COPY_DEST, "the target is in the state that Cairn is told");
     named_ = nullptr;
@@ -196,36 +256,109 @@ void renderer::transition(FRHITexture& texture, D3D12_RESOURCE_STATES state)
 void renderer::flush()
 {
     expect(lent_ == 0, "the engine writes nothing while its list is lent");
-    if (!barriers_.empty()) list_->ResourceBarrier(static_cast<UINT>(barriers_.size()), barriers_.data());
+    if (!barriers_.empty()) list()->ResourceBarrier(static_cast<UINT>(barriers_.size()), barriers_.data());
     barriers_.clear();
 }
 
 void renderer::copy(FRHITexture& from, FRHITexture& to)
 {
     flush();
-    list_->CopyResource(to.Resource, from.Resource);
+    list()->CopyResource(to.Resource, from.Resource);
 }
 
-void renderer::submit()
+/** The frame's allocator: every list of the frame uses it, one after the other. */
+ID3D12CommandAllocator* renderer::allocator()
 {
-    expect(lent_ == 0, "a list that was lent was given back");
+    const uint64 done = fence_->GetCompletedValue();
+    pooled_allocator* found = nullptr;
+    for (pooled_allocator& one : allocators_) {
+        if (one.frame == frame_) return one.allocator->of;
+        if (one.frame <= done) found = &one;
+    }
+    if (found == nullptr) {
+        allocators_.push_back({std::make_unique<released<ID3D12CommandAllocator>>(), 0});
+        found = &allocators_.back();
+        must(device_->CreateCommandAllocator(D3D12_COMMAND_LIST_TYPE_DIRECT, IID_PPV_ARGS(&found->allocator->of)), "CreateCommandAllocator");
+    } else {
+        must(found->allocator->of->Reset(), "Reset");
+    }
+    found->frame = frame_;
+    return found->allocator->of;
+}
+
+ID3D12GraphicsCommandList* renderer::list() const
+{
+    if (list_ != nullptr) return list_;
+    renderer& self = *const_cast<renderer*>(this);
+    ID3D12CommandAllocator* const memory = self.allocator();
+    for (const pooled_list& one : lists_pool_) {
+        if (one.is_pending) continue;
+        list_ = one.list->of;
+        must(list_->Reset(memory, nullptr), "Reset");
+        return list_;
+    }
+    self.lists_pool_.push_back({std::make_unique<released<ID3D12GraphicsCommandList>>(), false});
+    ID3D12GraphicsCommandList*& made = self.lists_pool_.back().list->of;
+    must(device_->CreateCommandList(0, D3D12_COMMAND_LIST_TYPE_DIRECT, memory, nullptr, IID_PPV_ARGS(&made)), "CreateCommandList");
+    return list_ = made;
+}
+
+/** Closes the list with what waits to be written into it. The next one begins with nothing set. */
+void renderer::close()
+{
+    if (list_ == nullptr && barriers_.empty()) return;
     flush();
     must(list_->Close(), "Close");
-    ID3D12CommandList* lists[] = {list_.of};
-    queue_->ExecuteCommandLists(1, lists);
-    for (auto& signal : signals_) {
-        must(queue_->Signal(signal.first, signal.second), "Signal");
-        signal.first->Release();
-    }
-    signals_.clear();
-    must(queue_->Signal(fence_.of, frame_), "Signal");
+    for (pooled_list& one : lists_pool_) one.is_pending |= one.list->of == list_;
+    payloads_.push_back({std::exchange(list_, nullptr), {}});
+    for (bool& foreign : foreign_state_) foreign = false;
+}
+
+void renderer::signal(ID3D12Fence* fence, uint64 value)
+{
+    if (payloads_.empty()) payloads_.emplace_back();
+    fence->AddRef();
+    payloads_.back().signals.emplace_back(fence, value);
+}
+
+void renderer::end_frame()
+{
+    expect(lent_ == 0, "a list that was lent was given back");
+    // The engine's next dispatch in this list sets only what it does not take to be there.
+    for (const bool foreign : foreign_state_) expect(!foreign, "the engine knows what state its list has");
+    close();
+    signal(fence_.of, frame_);
     frame_++;
+    if (held_) return;
+    submit();
     // As an engine, which is so many frames ahead of its device.
     wait(frame_ - COUNT);
     while (!kept_.empty() && kept_.front().first + COUNT <= frame_) kept_.pop_front();
-    auto& next = allocators_[frame_ % COUNT];
-    must(next->Reset(), "Reset");
-    must(list_->Reset(next.of, nullptr), "Reset");
+}
+
+/** As the submission thread: each list, and the signals behind it, in the order of recording. */
+void renderer::submit()
+{
+    for (payload& one : payloads_) {
+        if (one.list != nullptr) {
+            ID3D12CommandList* lists[] = {one.list};
+            queue_->ExecuteCommandLists(1, lists);
+            for (pooled_list& pooled : lists_pool_) pooled.is_pending &= pooled.list->of != one.list;
+        }
+        for (auto& signal : one.signals) {
+            must(queue_->Signal(signal.first, signal.second), "Signal");
+            signal.first->Release();
+        }
+    }
+    payloads_.clear();
+}
+
+void renderer::release()
+{
+    settle();
+    held_ = false;
+    submit();
+    wait(frame_ - 1);
 }
 
 void renderer::wait(uint64 value)
@@ -252,7 +385,7 @@ void renderer::frame()
             executing_ = &executing;
             for (const auto& command : commands) command(executing);
             executing_ = nullptr;
-            submit();
+            end_frame();
         });
         lists_.wait(std::exchange(written_, given));
     });
@@ -269,21 +402,31 @@ void renderer::settle()
 void renderer::finish()
 {
     settle();
-    wait(frame_ - 1);
+    // What is held does not reach the device.
+    if (!held_) wait(frame_ - 1);
 }
 
 void start_renderer()
 {
     GDynamicRHI = engine = new renderer;
-    listen_to(engine->list(), heard_barrier);
+    listen_to(engine->list());
 }
 void run_frame() { engine->frame(); }
+void hold_submission() { engine->hold(); }
+void release_submission() { engine->release(); }
 void finish_frames() { engine->finish(); }
+unsigned long foreign_references()
+{
+    engine->settle();
+    ID3D12Device* const device = engine->device();
+    device->AddRef();
+    return device->Release() - static_cast<unsigned long>(engine->objects());
+}
 void end_renderer()
 {
     finish_frames();
     expect(engine->heard_barriers(), "barriers are heard");
-    listen_to(engine->list(), written_barrier);
+    stop_listening_to(engine->list());
     GDynamicRHI = nullptr;
     delete engine;
     engine = nullptr;

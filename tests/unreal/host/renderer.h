@@ -11,6 +11,9 @@
 enum class place { game, render, lists };
 place where_this_runs();
 
+/** What the engine's state cache knows of a list. */
+enum class list_state { pipeline, root_signature, heaps };
+
 template <class T> struct released {
     T* of = nullptr;
     ~released() { if (of != nullptr) of->Release(); }
@@ -78,13 +81,17 @@ public:
     void transition(FRHITexture& texture, D3D12_RESOURCE_STATES state);
     void flush();
     void copy(FRHITexture& from, FRHITexture& to);
-    /** Keeps what this frame's list names until the device has done with it. */
+    /** Keeps what this frame's lists name until the device has done with it. */
     void keep(std::shared_ptr<void> what) { kept_.emplace_back(frame_, std::move(what)); }
     ID3D12Device* device() const { return device_.of; }
-    ID3D12GraphicsCommandList* list() const { return list_.of; }
+    /** The list that is recorded; a new one is opened where the last was closed. */
+    ID3D12GraphicsCommandList* list() const;
     /** Barriers came into its list, whoever wrote them. */
     void barriers_came(UINT count, const D3D12_RESOURCE_BARRIER* all);
     bool heard_barriers() const { return heard_; }
+    /** A pipeline, a compute root signature or descriptor heaps were set in its list, whoever set them. */
+    void state_came(list_state which);
+    bool is_recording(ID3D12GraphicsCommandList* list) const { return list_ == list; }
 
     /* What the game does. */
     void render(std::function<void(FRHICommandListImmediate&)> what);
@@ -92,28 +99,61 @@ public:
     /** Waits until the other threads rest. */
     void settle();
     void finish();
+    /**
+     * Closed lists and signals stay with the submission thread until `release`, as while a window is minimised or frames are rendered
+     * off screen. No thread waits for the device meanwhile.
+     */
+    void hold() { held_ = true; }
+    void release();
+    /** Lists and allocators of its own, each of which holds the device. */
+    std::size_t objects() const { return lists_pool_.size() + allocators_.size(); }
 
 private:
     static constexpr uint64 COUNT = 3;
 
+    /** A closed list, and the fences that are signalled behind it; either may be missing. */
+    struct payload {
+        ID3D12GraphicsCommandList* list = nullptr;
+        std::vector<std::pair<ID3D12Fence*, uint64>> signals;
+    };
+    struct pooled_list {
+        std::unique_ptr<released<ID3D12GraphicsCommandList>> list;
+        /** Closed, and not given to the queue yet. */
+        bool is_pending = false;
+    };
+    struct pooled_allocator {
+        std::unique_ptr<released<ID3D12CommandAllocator>> allocator;
+        /** The frame that its lists belong to. */
+        uint64 frame;
+    };
+
     void is_written(const FRHICommandListBase& executing) const;
     ID3D12GraphicsCommandList* hand_out() const;
     void take_back(ID3D12GraphicsCommandList* list);
+    ID3D12CommandAllocator* allocator();
+    void close();
+    void signal(ID3D12Fence* fence, uint64 value);
+    void end_frame();
     void submit();
     void wait(uint64 value);
 
     released<ID3D12Device> device_;
     released<ID3D12CommandQueue> queue_;
-    released<ID3D12CommandAllocator> allocators_[COUNT];
-    released<ID3D12GraphicsCommandList> list_;
     released<ID3D12Fence> fence_;
     HANDLE done_;
 
     /* Of the thread that writes lists. */
     uint64 frame_ = COUNT;
+    /** The open list; null while none is. */
+    mutable ID3D12GraphicsCommandList* list_ = nullptr;
+    std::vector<pooled_list> lists_pool_;
+    std::vector<pooled_allocator> allocators_;
+    std::vector<payload> payloads_;
     std::vector<D3D12_RESOURCE_BARRIER> barriers_;
-    std::vector<std::pair<ID3D12Fence*, uint64>> signals_;
     std::deque<std::pair<uint64, std::shared_ptr<void>>> kept_;
+    /** State of the open list that a plugin has set and the engine takes for its own. */
+    bool foreign_state_[3] = {};
+    std::atomic<bool> held_{false};
     const FRHICommandListBase* executing_ = nullptr;
     mutable int lent_ = 0;
     mutable FRHITexture* named_ = nullptr;

@@ -96,7 +96,7 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
     Runner {
         name: "unreal",
-        what: "the plugin for Unreal Engine 5.1 to 5.6, by declarations of it and in a small engine",
+        what: "the plugin for Unreal Engine 5.1 to 5.8, by declarations of it and in a small engine",
         run: unreal::run,
     },
     Runner {

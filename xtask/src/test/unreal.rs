@@ -27,10 +27,10 @@ const HEADERS: &str = "tests/unreal/headers.txt";
 const BUILD_TOOL: &str = "tests/unreal/BuildTool.cs";
 
 /// The second number of each version of Unreal Engine 5 that the plugin is for.
-const VERSIONS: [u32; 6] = [1, 2, 3, 4, 5, 6];
+const VERSIONS: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 
-/// Those that the small engine is built as: one of each way that lists are had and barriers written down.
-const PLAYED: [u32; 3] = [4, 5, 6];
+/// Those that the small engine is built as: one of each way that lists are had and barriers written down, and the newest.
+const PLAYED: [u32; 4] = [4, 5, 6, 8];
 
 /// Where the plugin is put together: with a space and a letter that is not Latin.
 const FOLDER: &str = "a folder Ж";

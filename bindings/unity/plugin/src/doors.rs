@@ -2,7 +2,9 @@
 
 use std::ffi::{c_char, c_int, c_void};
 
-use cairn::abi::d3d12::cairn_device_create_d3d12;
+use cairn::abi::d3d12::{
+    CAIRN_PREPARE_SUBMIT_ONLY, cairn_d3d12_preparation, cairn_device_create_d3d12, cairn_presenter_prepare_d3d12,
+};
 use cairn::abi::device::cairn_device;
 use cairn::abi::presenter::{cairn_frame, cairn_presenter};
 use cairn::abi::results::{
@@ -16,7 +18,7 @@ use super::plugin::{self, Event};
 use super::{events, guarded, text, views};
 
 /// The version of these doors, which C# compares with its own.
-pub const CAIRN_UNITY_VERSION: u32 = 1;
+pub const CAIRN_UNITY_VERSION: u32 = 2;
 
 /// A view: its number, never an address.
 pub struct cairn_unity_view(());
@@ -77,6 +79,44 @@ pub unsafe extern "C" fn cairn_unity_create_device(device: *mut *mut cairn_devic
         let (d3d12, queue) = drawing.parts();
         // SAFETY: objects of Unity's, to which `drawing` holds references; the place is checked.
         unsafe { cairn_device_create_d3d12(d3d12.cast(), queue.cast(), std::ptr::null_mut(), std::ptr::null(), device) }
+    })
+}
+
+/// Makes all that a presenter's frames of a size need, in any format, as cairn_presenter_prepare_d3d12 does, and says the same. Blocks, the
+/// first time for seconds: to be called on a thread that loads, once the presenter was given an anchor, and again for another size. Frames
+/// of a size that is not prepared show the nearest anchor.
+///
+/// Threads: any, beside events too; a second call for the same presenter beside it gets `CAIRN_ERROR_BUSY`.
+///
+/// # Safety
+/// Nothing is asked for.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_unity_prepare(
+    device: *const cairn_device,
+    presenter: *const cairn_presenter,
+    width: u32,
+    height: u32,
+) -> cairn_result {
+    guarded(CAIRN_ERROR_INTERNAL, || {
+        let wanted = cairn_d3d12_preparation {
+            struct_size: size_of::<cairn_d3d12_preparation>() as u32,
+            format: 0,
+            width,
+            height,
+            anchor_width: 0,
+            anchor_height: 0,
+            anchor_pictures: 0,
+            latent_channels: 0,
+            latent_height: 0,
+            latent_width: 0,
+            lists: 0,
+            flags: CAIRN_PREPARE_SUBMIT_ONLY,
+            load: None,
+            store: None,
+            user: std::ptr::null_mut(),
+        };
+        // SAFETY: handles are looked up; the preparation lives during the call.
+        unsafe { cairn_presenter_prepare_d3d12(presenter, device, &wanted) }
     })
 }
 

@@ -12,9 +12,10 @@
 //! | `drawing` | how they are done: on Windows with Direct3D 12, elsewhere not at all |
 //! | `doors` | the functions that C# calls |
 //!
-//! A frame crosses in two events, as Unity keeps its queue and its command lists apart. `make` runs where the queue may be used, and
-//! has the presenter write the frame into a texture of ours, behind all that the queue has been given. `show` runs where Unity
-//! records, and copies that texture into Unity's. Both end up on the same queue, in this order, so that neither waits.
+//! A frame crosses in two events, as Unity keeps its queue and its command lists apart. `make` runs on the submission thread, where the
+//! queue may be used, and has the presenter write the frame into a texture of the view's ring. `show` runs where Unity records, and copies
+//! the newest frame of the ring into Unity's texture. The list with that copy may run frames later: a texture of the ring is written again
+//! once Unity's frame fence says that it has.
 
 #[allow(non_camel_case_types, reason = "the name is that of the interface in C")]
 mod doors;

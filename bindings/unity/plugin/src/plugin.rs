@@ -164,12 +164,8 @@ fn take(interfaces: &Interfaces, first_event: Option<c_int>) -> State {
     };
     let Some(first) = first_event else { return never("Unity's IUnityGraphics reserves no events") };
     if let Some(configure) = api.configure_event {
-        // `make` submits lists of its own, behind what was recorded before it; it leaves nothing in Unity's.
-        let make = EventConfig {
-            queue_access: QUEUE_ALLOWED,
-            flags: FLUSH_COMMAND_BUFFERS | SYNC_WORKER_THREADS,
-            binds_render_texture: 0,
-        };
+        // `make` submits lists of its own into a texture that no list of Unity's reads any more: nothing has to be flushed or waited for.
+        let make = EventConfig { queue_access: QUEUE_ALLOWED, flags: 0, binds_render_texture: 0 };
         // `show` copies: no binding is another afterwards. Where the list is one of ours, Unity puts it behind its own.
         let show = EventConfig { queue_access: QUEUE_LEFT_ALONE, flags: 0, binds_render_texture: 0 };
         for (event, config) in (first..).zip([make, show]) {

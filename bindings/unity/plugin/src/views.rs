@@ -10,7 +10,7 @@ use cairn::abi::presenter::cairn_frame;
 use cairn::abi::results::{CAIRN_NOT_READY, cairn_result};
 use parking_lot::Mutex;
 
-use super::drawing::{Canvas, Target};
+use super::drawing::{Target, TargetRing};
 
 /// What a presenter of Cairn's shows in a texture of Unity's.
 #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
@@ -21,7 +21,7 @@ pub(crate) struct View {
     wanted: Mutex<Wanted>,
     told: Mutex<Told>,
     /// Held by the one event at a time that draws.
-    pub(crate) canvas: Mutex<Canvas>,
+    pub(crate) ring: Mutex<TargetRing>,
 }
 
 /// What is to be shown next.
@@ -66,7 +66,7 @@ pub(crate) fn add(device: usize, presenter: usize) -> usize {
         presenter,
         wanted: Mutex::default(),
         told: Mutex::new(Told { shown, result: CAIRN_NOT_READY, message: String::new() }),
-        canvas: Mutex::default(),
+        ring: Mutex::default(),
     };
     let mut views = VIEWS.lock();
     views.last += 1;
@@ -130,7 +130,7 @@ impl View {
     /// Lets go of what it holds of a device. It may be told to show again.
     pub(crate) fn let_go(&self) {
         self.want(0, None);
-        self.canvas.lock().let_go();
+        self.ring.lock().let_go();
     }
 }
 

@@ -6,7 +6,7 @@ use std::ptr::{null, null_mut, without_provenance_mut};
 
 use cairn::abi::anchor::{cairn_anchor_create, cairn_anchor_destroy};
 use cairn::abi::device::{cairn_device, cairn_device_destroy};
-use cairn::abi::images::{cairn_picture, cairn_target};
+use cairn::abi::images::{CAIRN_FORMAT_RGBA16F, cairn_picture, cairn_target};
 use cairn::abi::presenter::*;
 use cairn::abi::results::{
     CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_ERROR_INVALID_HANDLE, CAIRN_NOT_READY, CAIRN_OK, cairn_result,
@@ -46,10 +46,10 @@ const INTERVAL: u64 = 100_000_000;
 /// Where Unity leaves a texture that a shader has read.
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
 
-/// A presenter of two anchors, four frames to an anchor.
-fn presenter() -> *mut cairn_presenter {
+/// A presenter of two anchors, four frames to an anchor, in those colours.
+fn presenter(colour_space: u32) -> *mut cairn_presenter {
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
-    (options.multiplier, options.interval_ns) = (4, INTERVAL);
+    (options.multiplier, options.interval_ns, options.colour_space) = (4, INTERVAL, colour_space);
     // SAFETY: options of their size and a place for the handle.
     let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
     for number in 0..2 {
@@ -82,6 +82,20 @@ fn drawn(presenter: *mut cairn_presenter, now: u64) -> Vec<u8> {
     pixels
 }
 
+/// The same as numbers of a colour space, red first, without alpha.
+fn drawn_in(presenter: *mut cairn_presenter, now: u64, colour_space: u32) -> Vec<f64> {
+    if colour_space == CAIRN_COLOUR_SRGB {
+        return numbers(&drawn(presenter, now), DXGI_FORMAT_R8G8B8A8_TYPELESS);
+    }
+    let mut halves = vec![0; (SIZE.0 * SIZE.1 * 8) as usize];
+    let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
+    (target.width, target.height, target.format) = (SIZE.0, SIZE.1, CAIRN_FORMAT_RGBA16F);
+    (target.pixels, target.size) = (halves.as_mut_ptr().cast(), halves.len() as u64);
+    // SAFETY: a live handle and a target that lives during the call.
+    assert_eq!(unsafe { cairn_presenter_draw(presenter, now, &target, null_mut()) }, CAIRN_OK);
+    numbers(&halves, DXGI_FORMAT_R16G16B16A16_FLOAT)
+}
+
 /// What the plugin says of itself.
 fn state() -> (cairn_result, String) {
     let (mut text, mut length) = ([0_u8; 512], 0);
@@ -99,9 +113,15 @@ struct Scene {
 
 impl Scene {
     fn new() -> Self {
+        Self::of(CAIRN_COLOUR_SRGB)
+    }
+
+    fn of(colour_space: u32) -> Self {
         // SAFETY: a place for the handle.
         let device = made(|to| unsafe { cairn_unity_create_device(to) });
-        let presenter = presenter();
+        let presenter = presenter(colour_space);
+        // SAFETY: live handles.
+        assert_eq!(unsafe { cairn_unity_prepare(device, presenter, SIZE.0, SIZE.1) }, CAIRN_OK);
         // SAFETY: live handles and a place for the view.
         let view = made(|to| unsafe { cairn_unity_view_create(device, presenter, to) });
         Self { device, presenter, view }
@@ -180,8 +200,8 @@ fn frames_are_shown_by_every_version_of_the_interface() {
         assert_eq!(state(), (CAIRN_OK, format!("IUnityGraphicsD3D12v{version}")));
         let (make, show) = (cairn_unity_get_make_event(), cairn_unity_get_show_event());
         if version > 5 {
-            // On the submission thread behind what was recorded, and on the render thread.
-            assert_eq!((unity.configured(make), unity.configured(show)), (Some([1, 6, 0]), Some([0, 0, 0])));
+            // On the submission thread and on the render thread; nothing is flushed, and no worker thread is waited for.
+            assert_eq!((unity.configured(make), unity.configured(show)), (Some([1, 0, 0]), Some([0, 0, 0])));
         }
         let scene = Scene::new();
         let target = texture(&unity, SIZE, 1);
@@ -334,19 +354,120 @@ fn frames_are_shown_where_the_submission_thread_is_behind() {
         unity.lag();
         let scene = Scene::new();
         let target = texture(&unity, SIZE, 1);
+        let mut before: Option<Vec<u8>> = None;
         for frame in 0..4 {
             let now = INTERVAL * (4 + frame) / 4;
             assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
             scene.show(&unity);
-            // Where the first is to be shown nothing was made; later lists run behind what is made for them.
+            // Where the first is to be shown nothing was made; later lists show what was made the frame before.
             let (result, shown, _, message) = scene.get();
             assert_eq!((result, shown), (CAIRN_OK, frame), "v{version}: {message}");
-            if frame > 0 {
-                assert!(alike(&pixels(&unity, &target), &drawn(scene.presenter, now)), "v{version}: frame {frame}");
+            if let Some(before) = &before {
+                assert!(alike(&pixels(&unity, &target), before), "v{version}: frame {frame}");
             }
+            before = Some(drawn(scene.presenter, now));
         }
         assert_eq!(unity.wrong(), [""; 0], "v{version}");
         scene.end();
+    }
+}
+
+/// Movie rendering, a minimised window, a device that is far behind: lists run frames after they were recorded.
+#[test]
+fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
+    for (version, delay) in (5..=8).flat_map(|version| [(version, 2), (version, 5), (version, u64::MAX)]) {
+        let unity = Running::start(version);
+        unity.load();
+        let scene = Scene::new();
+        unity.delay(delay);
+        let targets: Vec<_> = (0..12).map(|_| texture(&unity, SIZE, 1)).collect();
+        let (mut expected, mut made, mut last) = (Vec::new(), 0, Vec::new());
+        for (target, count) in targets.iter().zip(0_u64..) {
+            let now = INTERVAL * (4 + count) / 4;
+            assert_eq!(scene.set(now, Some(target)), CAIRN_OK);
+            scene.show(&unity);
+            let (result, shown, frame, message) = scene.get();
+            assert_eq!((result, shown), (CAIRN_OK, count + 1), "v{version}, {delay}: {message}");
+            // Where all textures of the ring are in use, the last frame is shown once more.
+            if frame.since_ns.max(1) != made {
+                (made, last) = (frame.since_ns.max(1), drawn(scene.presenter, now));
+            }
+            expected.push(last.clone());
+        }
+        let differ = expected.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        assert!(differ >= 4, "v{version}, {delay}: {differ} of the frames differ from the one before");
+        unity.delay(0);
+        unity.settle();
+        for ((target, expected), count) in targets.iter().zip(&expected).zip(0..) {
+            assert!(alike(&pixels(&unity, target), expected), "v{version}, {delay}: the list of frame {count}");
+        }
+        assert_eq!(unity.wrong(), [""; 0], "v{version}, {delay}");
+        scene.end();
+    }
+}
+
+/// The numbers of a texture's pixels by its format, red first, without alpha.
+fn numbers(bytes: &[u8], format: DXGI_FORMAT) -> Vec<f64> {
+    // Bits of a float without a sign, with five bits of exponent biased by 15.
+    let float = |bits: u32, mantissa: u32| {
+        let part = f64::from(bits & ((1 << mantissa) - 1)) / f64::from(1 << mantissa);
+        match bits >> mantissa {
+            0 => part * 2.0_f64.powi(-14),
+            exponent => (1.0 + part) * 2.0_f64.powi(exponent as i32 - 15),
+        }
+    };
+    let words = |pixel: &[u8]| u32::from_le_bytes(pixel[..4].try_into().expect("four bytes"));
+    match format {
+        DXGI_FORMAT_R16G16B16A16_FLOAT => {
+            let half = |pixel: &[u8], i: usize| float(words(&[pixel[2 * i], pixel[2 * i + 1], 0, 0]), 10);
+            bytes.chunks(8).flat_map(|pixel| [0, 1, 2].map(|i| half(pixel, i))).collect()
+        }
+        DXGI_FORMAT_R11G11B10_FLOAT => {
+            let parts = |word: u32| [float(word & 2047, 6), float(word >> 11 & 2047, 6), float(word >> 22, 5)];
+            bytes.chunks(4).flat_map(|pixel| parts(words(pixel))).collect()
+        }
+        DXGI_FORMAT_B8G8R8A8_TYPELESS => {
+            bytes.chunks(4).flat_map(|pixel| [2, 1, 0].map(|i| f64::from(pixel[i]) / 255.0)).collect()
+        }
+        _ => bytes.chunks(4).flat_map(|pixel| [0, 1, 2].map(|i| f64::from(pixel[i]) / 255.0)).collect(),
+    }
+}
+
+/// Every format of a render texture that the package offers, in a project of either colour space.
+#[test]
+fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
+    let srgb = [
+        DXGI_FORMAT_R8G8B8A8_TYPELESS,
+        DXGI_FORMAT_B8G8R8A8_TYPELESS,
+        DXGI_FORMAT_R16G16B16A16_FLOAT,
+        DXGI_FORMAT_R11G11B10_FLOAT,
+    ];
+    let all = srgb.map(|format| (format, CAIRN_COLOUR_SRGB)).into_iter();
+    let light = srgb[2..].iter().map(|format| (*format, CAIRN_COLOUR_LINEAR));
+    for (format, colour_space) in all.chain(light) {
+        for version in [7, 8] {
+            let unity = Running::start(version);
+            unity.load();
+            let scene = Scene::of(colour_space);
+            let target = texture_of(&unity, SIZE, 1, format);
+            // An anchor, and one that is generated.
+            for now in [INTERVAL, INTERVAL * 5 / 4] {
+                assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
+                scene.show(&unity);
+                let (result, _, frame, message) = scene.get();
+                assert_eq!((result, frame.flags & CAIRN_FRAME_UNPREPARED), (CAIRN_OK, 0), "{format:?}: {message}");
+                let expected = drawn_in(scene.presenter, now, colour_space);
+                let found = numbers(&pixels(&unity, &target), format);
+                assert_eq!(found.len(), expected.len());
+                for (found, expected) in found.iter().zip(&expected) {
+                    // Half a step of the format, and a level of eight bits.
+                    let step = if format == DXGI_FORMAT_R11G11B10_FLOAT { expected / 64.0 } else { expected / 2048.0 };
+                    assert!((found - expected).abs() <= step + 0.012, "{format:?}, {colour_space}: {found} for {expected}");
+                }
+            }
+            assert_eq!(unity.wrong(), [""; 0], "{format:?}");
+            scene.end();
+        }
     }
 }
 

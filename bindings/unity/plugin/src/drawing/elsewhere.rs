@@ -20,11 +20,11 @@ impl Target {
     }
 }
 
-/// What a frame is made in: nothing.
+/// The textures that a view's frames are made in: none.
 #[derive(Default)]
-pub(crate) struct Canvas;
+pub(crate) struct TargetRing;
 
-impl Canvas {
+impl TargetRing {
     pub(crate) fn let_go(&mut self) {}
 }
 

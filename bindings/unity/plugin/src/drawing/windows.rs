@@ -1,8 +1,9 @@
 //! Frames on Unity's Direct3D 12 device.
 //!
-//! A frame is made in a canvas, a texture of ours as large as Unity's, which rests in the state COMMON. It is written and read on
-//! one queue, in the order of the events. Unity's texture is only ever asked for in COPY_DEST: from version 8 on by
-//! `RequestResourceState` and `NotifyResourceState` in the list that Unity records, before that by the states that
+//! A frame is made in a texture of the view's ring, in which each is as large as Unity's and rests in the state COMMON. A list of Unity's
+//! copies the newest one, and may run frames later: by Unity's frame fence it is known when, and until then nobody writes to that
+//! texture. So Unity has nothing to flush and no thread to wait for. Unity's texture is only ever asked for in COPY_DEST: from version 8
+//! on by `RequestResourceState` and `NotifyResourceState` in the list that Unity records, before that by the states that
 //! `ExecuteCommandList` takes with a list of ours.
 
 use std::ffi::c_void;
@@ -12,12 +13,12 @@ use std::time::{Duration, Instant};
 use cairn::abi::d3d12::cairn_presenter_submit_d3d12;
 use cairn::abi::presenter::cairn_presenter;
 use cairn::abi::results::{
-    CAIRN_ERROR_DEVICE, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_NOT_READY, CAIRN_OK, cairn_last_error,
+    CAIRN_ERROR_DEVICE, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK, cairn_last_error,
 };
 use cairn::gpu::compute::transition;
 use cairn::gpu::windows::Win32::Foundation::HMODULE;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
-use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_SAMPLE_DESC};
 use cairn::gpu::windows::Win32::System::LibraryLoader::{
     GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
     GetModuleHandleExW,
@@ -33,6 +34,10 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Lists of ours that may be with Unity at a time: Unity has two or three frames under way, each with a list for every view.
 const LISTS: usize = 256;
+
+/// Textures of a view's ring, at most. Unity has two or three frames in flight, and its submission thread may be one behind; more are in
+/// use where lists wait long for the device, as while a window is minimised.
+const RING: usize = 8;
 
 /// What there is to draw with.
 pub(crate) struct Drawing {
@@ -51,7 +56,7 @@ unsafe impl Sync for Drawing {}
 /// What Unity's queue still uses. It is let go of by a later event or view; in the end it is waited for.
 #[derive(Default)]
 struct Kept {
-    textures: Vec<(Moment, ID3D12Resource)>,
+    textures: Vec<(FencePoint, ID3D12Resource)>,
     lists: Vec<List>,
 }
 
@@ -78,10 +83,11 @@ impl Drop for Kept {
     }
 }
 
-/// When a fence has a value; that of a removed device has every value.
-struct Moment(ID3D12Fence, u64);
+/// A fence and a value that it gets. A fence of a removed device has every value.
+#[derive(Clone)]
+struct FencePoint(ID3D12Fence, u64);
 
-impl Moment {
+impl FencePoint {
     fn is_reached(&self) -> bool {
         // SAFETY: a live fence.
         unsafe { self.0.GetCompletedValue() >= self.1 }
@@ -104,7 +110,7 @@ struct List {
     allocator: ID3D12CommandAllocator,
     list: ID3D12GraphicsCommandList,
     /// It has run then.
-    until: Moment,
+    until: FencePoint,
 }
 
 /// A texture of Unity's, with a reference.
@@ -121,53 +127,85 @@ impl Target {
     }
 }
 
-/// What a frame is made in.
+/// The textures that a view's frames are made in.
 #[derive(Default)]
-pub(crate) struct Canvas(Option<Made>);
+pub(crate) struct TargetRing(Option<Ring>);
 
-struct Made {
-    texture: ID3D12Resource,
-    /// When the last frame in it is whole; none before the first.
-    written: Option<Moment>,
+struct Ring {
+    slots: Vec<Slot>,
+    /// The slot with the last frame.
+    newest: Option<usize>,
+    /// Width, height and format of all.
+    shape: (u64, u32, DXGI_FORMAT),
     kept: Arc<Mutex<Kept>>,
 }
 
-impl Drop for Made {
-    /// What writes it may run for a while. What reads it is kept with what it is copied into.
+struct Slot {
+    texture: ID3D12Resource,
+    /// The frame in it is complete then.
+    written: Option<FencePoint>,
+    /// The last copy of it has run then.
+    read: Option<FencePoint>,
+}
+
+impl Slot {
+    fn is_free(&self) -> bool {
+        self.read.as_ref().is_none_or(FencePoint::is_reached)
+    }
+}
+
+impl Drop for Ring {
+    /// The queue may use them for a while.
     fn drop(&mut self) {
-        if let Some(until) = self.written.take() {
-            self.kept.lock().textures.push((until, self.texture.clone()));
+        let mut kept = self.kept.lock();
+        for Slot { texture, written, read } in self.slots.drain(..) {
+            kept.textures.extend([written, read].into_iter().flatten().map(|until| (until, texture.clone())));
         }
     }
 }
 
-impl Canvas {
-    /// Lets go of the texture.
+impl TargetRing {
+    /// Lets go of the textures.
     pub(crate) fn let_go(&mut self) {
         self.0 = None;
     }
 
-    /// The texture with a frame in it, where it is like that of Unity's.
-    fn shown_in(&self, target: &ID3D12Resource) -> Option<&ID3D12Resource> {
-        // SAFETY: a live texture.
-        let wanted = unsafe { target.GetDesc() };
-        let made = self.0.as_ref()?;
-        (made.written.is_some() && is_like(&made.texture, &wanted)).then_some(&made.texture)
+    /// The slot with the newest frame, where it is like Unity's texture.
+    fn newest(&mut self, target: &ID3D12Resource) -> Option<&mut Slot> {
+        let ring = self.0.as_mut().filter(|ring| ring.shape == shape(&desc_of(target)))?;
+        ring.slots.get_mut(ring.newest?)
     }
 
-    /// A texture as Unity's is, but for what may be done with it.
-    fn fit(&mut self, drawing: &Drawing, target: &ID3D12Resource) -> Result<&mut Made, String> {
-        // SAFETY: a live texture.
-        let wanted = unsafe { target.GetDesc() };
-        if !self.0.as_ref().is_some_and(|made| is_like(&made.texture, &wanted)) {
+    /// A slot that nobody reads, with a texture as Unity's is but for what may be done with it; none where as many as may be are in use.
+    fn free(&mut self, drawing: &Drawing, target: &ID3D12Resource) -> Result<Option<(&mut Slot, &mut Option<usize>, usize)>, String> {
+        let wanted = desc_of(target);
+        if self.0.as_ref().is_none_or(|ring| ring.shape != shape(&wanted)) {
             if let Some(why) = refused(&wanted) {
                 return Err(why);
             }
-            let texture = texture_like(&wanted, &drawing.device)?;
-            self.0 = Some(Made { texture, written: None, kept: drawing.kept.clone() });
+            let kept = drawing.kept.clone();
+            self.0 = Some(Ring { slots: Vec::new(), newest: None, shape: shape(&wanted), kept });
         }
-        self.0.as_mut().ok_or_else(|| "the texture is gone".to_owned())
+        let Some(Ring { slots, newest, .. }) = &mut self.0 else { return Ok(None) };
+        let place = match slots.iter().position(Slot::is_free) {
+            Some(place) => place,
+            None if slots.len() < RING => {
+                slots.push(Slot { texture: texture_like(&wanted, &drawing.device)?, written: None, read: None });
+                slots.len() - 1
+            }
+            None => return Ok(None),
+        };
+        Ok(Some((&mut slots[place], newest, place)))
     }
+}
+
+fn desc_of(texture: &ID3D12Resource) -> D3D12_RESOURCE_DESC {
+    // SAFETY: a live texture.
+    unsafe { texture.GetDesc() }
+}
+
+fn shape(desc: &D3D12_RESOURCE_DESC) -> (u64, u32, DXGI_FORMAT) {
+    (desc.Width, desc.Height, desc.Format)
 }
 
 /// A texture of a size and format, which rests in COMMON.
@@ -191,13 +229,6 @@ fn texture_like(wanted: &D3D12_RESOURCE_DESC, device: &ID3D12Device) -> Result<I
     };
     let why = result.err().map_or_else(String::new, |e| format!(": {e}"));
     made.ok_or_else(|| format!("ID3D12Device::CreateCommittedResource made no texture{why}"))
-}
-
-/// Whether a texture is of the size and format of another.
-fn is_like(texture: &ID3D12Resource, wanted: &D3D12_RESOURCE_DESC) -> bool {
-    // SAFETY: a live texture.
-    let has = unsafe { texture.GetDesc() };
-    (has.Width, has.Height, has.Format) == (wanted.Width, wanted.Height, wanted.Format)
 }
 
 /// Why no frame can be copied into such a texture.
@@ -238,21 +269,23 @@ impl Drawing {
         (self.device.as_raw(), self.queue.as_raw())
     }
 
-    /// Has the frame that is due written into the view's canvas, on Unity's queue.
+    /// Has the frame that is due written into a texture of the view's ring, on Unity's queue.
     pub(crate) fn make(&self, view: &View) -> Ended {
         // What is wanted is read behind the lock, by which whoever ends the view waits for this.
-        let mut canvas = view.canvas.lock();
+        let mut ring = view.ring.lock();
         let Some((now, Target(target))) = view.wanted() else { return Ended::Nothing };
         self.tidy();
-        let made = match canvas.fit(self, &target) {
-            Ok(made) => made,
+        let (slot, newest, place) = match ring.free(self, &target) {
+            Ok(Some(found)) => found,
+            // Frames go on when Unity's queue has run the copies of earlier ones.
+            Ok(None) => return Ended::Nothing,
             Err(why) => return Ended::Failed(CAIRN_ERROR_INVALID_ARGUMENT, why),
         };
         let (mut frame, mut fence, mut value) = (no_frame(), std::ptr::null_mut(), 0);
         let rest = D3D12_RESOURCE_STATE_COMMON.0.cast_unsigned();
         let presenter = std::ptr::without_provenance_mut::<cairn_presenter>(view.presenter);
         let device = std::ptr::without_provenance(view.device);
-        let texture = made.texture.as_raw().cast();
+        let texture = slot.texture.as_raw().cast();
         // SAFETY: handles are looked up; a live texture in its state; places for what is made.
         let result = unsafe {
             cairn_presenter_submit_d3d12(
@@ -262,32 +295,34 @@ impl Drawing {
         match result {
             CAIRN_OK => {
                 // SAFETY: the reference that the call gave, used once.
-                made.written = Some(Moment(unsafe { ID3D12Fence::from_raw(fence.cast()) }, value));
+                slot.written = Some(FencePoint(unsafe { ID3D12Fence::from_raw(fence.cast()) }, value));
+                *newest = Some(place);
                 Ended::Made(frame)
             }
-            CAIRN_NOT_READY => Ended::Nothing,
+            not_now if not_now > 0 => Ended::Nothing,
             failed => Ended::Failed(failed, last_error()),
         }
     }
 
-    /// Copies the canvas into Unity's texture, in the order of Unity's own lists.
+    /// Copies the newest frame into Unity's texture, in the order of Unity's own lists.
     pub(crate) fn show(&self, view: &View) -> Ended {
         // As in `make`.
-        let canvas = view.canvas.lock();
+        let mut ring = view.ring.lock();
         let Some((_, Target(target))) = view.wanted() else { return Ended::Nothing };
         // Another one may have been told between the events; the next frame is made for it.
-        let Some(texture) = canvas.shown_in(&target) else { return Ended::Nothing };
+        let Some(slot) = ring.newest(&target) else { return Ended::Nothing };
         let mut kept = self.kept.lock();
         kept.tidy();
         let Direct3d12 { command_recording_state, request_resource_state, notify_resource_state, .. } = self.api;
         let done = match (command_recording_state, request_resource_state.zip(notify_resource_state)) {
-            (Some(recording), Some(states)) => self.record(recording, states, texture, &target),
-            _ => self.execute(&mut kept.lists, texture, &target),
+            (Some(recording), Some(states)) => self.record(recording, states, &slot.texture, &target),
+            _ => self.execute(&mut kept.lists, &slot.texture, &target),
         };
         match done {
             Ok(value) => {
-                let until = || Moment(self.frame_fence.clone(), value);
-                kept.textures.extend([(until(), texture.clone()), (until(), target)]);
+                let until = FencePoint(self.frame_fence.clone(), value);
+                slot.read = Some(until.clone());
+                kept.textures.push((until, target));
                 Ended::Shown
             }
             Err(why) => Ended::Failed(CAIRN_ERROR_DEVICE, why),
@@ -389,7 +424,7 @@ impl List {
             .map_err(|e| format!("ID3D12Device::CreateCommandList: {e}"))?;
         // SAFETY: an open list, in which nothing is.
         unsafe { list.Close() }.map_err(|e| format!("ID3D12GraphicsCommandList::Close: {e}"))?;
-        Ok(Self { allocator, list, until: Moment(fence.clone(), 0) })
+        Ok(Self { allocator, list, until: FencePoint(fence.clone(), 0) })
     }
 }
 

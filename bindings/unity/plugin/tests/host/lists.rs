@@ -180,6 +180,7 @@ pub(super) fn is_in(texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
 
 /// The list is handed over, to run before the fence has that value.
 pub(super) fn handed_over(list: &ID3D12GraphicsCommandList, value: u64) {
+    recorded(list, value);
     with(|seen| {
         let address = list.as_raw().addr();
         if !matches!(seen.commands.get(&address).and_then(|commands| commands.last()), Some(Command::Close)) {
@@ -187,6 +188,17 @@ pub(super) fn handed_over(list: &ID3D12GraphicsCommandList, value: u64) {
         }
         if let Some(allocator) = seen.allocators.get(&address) {
             seen.busy.insert(*allocator, value);
+        }
+    });
+}
+
+/// The list is recorded, to run before the fence has that value: what it copies is in use until then, however late that is.
+pub(super) fn recorded(list: &ID3D12GraphicsCommandList, value: u64) {
+    with(|seen| {
+        for command in seen.commands.get(&list.as_raw().addr()).into_iter().flatten() {
+            if let Command::Copy { from, .. } = command {
+                seen.used.insert(*from, value);
+            }
         }
     });
 }
@@ -203,7 +215,8 @@ pub(super) fn given(list: &ID3D12CommandList, value: u64) {
                 Command::Copy { to, from } => {
                     seen.expect("what is copied into", to, D3D12_RESOURCE_STATE_COPY_DEST);
                     seen.expect("what is copied", from, D3D12_RESOURCE_STATE_COPY_SOURCE);
-                    seen.used.insert(from, value);
+                    let until = seen.used.entry(from).or_default();
+                    *until = value.max(*until);
                 }
                 Command::Close => {}
             }

@@ -68,10 +68,12 @@ fn on_thread(place: Place, work: impl FnOnce() + Send) {
 
 /// What the submission thread does, in this order.
 enum Job {
-    /// Gives a closed list to the queue.
-    List(ID3D12CommandList),
+    /// Gives a closed list to the queue; the frame that it belongs to.
+    List(ID3D12CommandList, u64),
     /// Calls the plugin, with an event's number and data.
     Event(c_int, usize),
+    /// Ends a frame: the frame fence gets the value.
+    Signal(u64),
 }
 
 struct Unity {
@@ -80,11 +82,16 @@ struct Unity {
     fence: ID3D12Fence,
     /// What the fence gets at the end of the frame.
     next: u64,
+    /// Frames that have ended, and whose lists the queue has been given.
+    submitted: u64,
     /// What is recorded at the moment.
     open: Option<Recording>,
     pending: VecDeque<Job>,
-    /// Whether the submission thread comes to its work at the end of a frame only.
+    /// Whether the submission thread calls the plugin at the end of a frame only, behind the frame's lists.
     lags: bool,
+    /// Frames that end before the queue is given a frame's lists. Events of the submission thread do not wait for them: nothing in the
+    /// interface says so of an event that neither flushes nor synchronises.
+    delay: u64,
     /// What lists that are under way need.
     alive: Vec<Recording>,
     textures: Vec<ID3D12Resource>,
@@ -147,21 +154,32 @@ impl Unity {
         let Some(open) = self.open.take() else { return };
         // SAFETY: an open list.
         unsafe { open.list().Close() }.expect("a list that can be closed");
-        self.pending.push_back(Job::List(open.list().cast().expect("a command list")));
+        lists::recorded(open.list(), self.next);
+        self.pending.push_back(Job::List(open.list().cast().expect("a command list"), self.next));
         self.alive.push(open);
     }
 }
 
-/// Has the submission thread do what waits for it.
-fn submit() {
-    while let Some(job) = with(|unity| unity.pending.pop_front()) {
+/// Has the submission thread do what waits for it, but for the last `delay` frames.
+fn submit(delay: u64) {
+    loop {
+        let job = with(|unity| {
+            let waits = unity.next - 1 - unity.submitted <= delay;
+            if waits { None } else { unity.pending.pop_front() }
+        });
         match job {
-            Job::List(list) => with(|unity| {
-                lists::given(&list, unity.next);
+            Some(Job::List(list, frame)) => with(|unity| {
+                lists::given(&list, frame);
                 // SAFETY: a closed list, which is kept until it has run.
                 unsafe { unity.engine.direct.ExecuteCommandLists(&[Some(list)]) };
             }),
-            Job::Event(number, data) => on_thread(Place::Submitting, || run(number, data)),
+            Some(Job::Event(number, data)) => on_thread(Place::Submitting, || run(number, data)),
+            Some(Job::Signal(value)) => with(|unity| {
+                // SAFETY: a live queue and fence.
+                unsafe { unity.engine.direct.Signal(&unity.fence, value) }.expect("it takes a signal");
+                unity.submitted = value;
+            }),
+            None => return,
         }
     }
 }
@@ -230,7 +248,7 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
         }
         lists::handed_over(list, unity.next);
         // It runs when the frame ends, and not now.
-        unity.pending.push_back(Job::List(list.cast().expect("a command list")));
+        unity.pending.push_back(Job::List(list.cast().expect("a command list"), unity.next));
         unity.states.extend(after);
         unity.next
     })
@@ -410,9 +428,11 @@ impl Running {
             version,
             fence,
             next: 1,
+            submitted: 0,
             open: None,
             pending: VecDeque::new(),
             lags: false,
+            delay: 0,
             alive: Vec::new(),
             textures: Vec::new(),
             states: BTreeMap::new(),
@@ -441,9 +461,15 @@ impl Running {
         at(Place::Starting, || unsafe { event(kind) });
     }
 
-    /// From now on the submission thread comes to its work at the end of a frame only, when the render thread is long done with it.
+    /// From now on the submission thread calls the plugin at the end of a frame only, when the render thread is long done with it.
     pub(crate) fn lag(&self) {
         with(|unity| unity.lags = true);
+    }
+
+    /// From now on the queue is given a frame's lists when so many later frames have ended; as while a window is minimised, never, until
+    /// [`Self::settle`].
+    pub(crate) fn delay(&self, frames: u64) {
+        with(|unity| unity.delay = frames);
     }
 
     /// Has the queue wait, behind what it has been given, until the gate is opened.
@@ -489,14 +515,16 @@ impl Running {
         let data = data.addr();
         match with(|unity| unity.configured.get(&number).copied()) {
             Some([1, flags, _]) => {
-                assert_eq!(flags & 2, 2, "lists that were recorded before come first");
                 let lags = with(|unity| {
-                    unity.close();
-                    unity.pending.push_back(Job::Event(number, data));
+                    assert_eq!(flags & 6, 0, "nothing is flushed and no thread is waited for");
+                    if unity.lags {
+                        unity.close();
+                        unity.pending.push_back(Job::Event(number, data));
+                    }
                     unity.lags
                 });
                 if !lags {
-                    submit();
+                    on_thread(Place::Submitting, || run(number, data));
                 }
             }
             Some(_) => on_thread(Place::Recording, || run(number, data)),
@@ -509,22 +537,26 @@ impl Running {
         on_thread(place, work);
     }
 
-    /// Ends a frame: the queue gets what is left, and then the value of the fence.
+    /// Ends a frame: the queue gets what is due, and the frame fence its value behind it.
     pub(crate) fn end_frame(&self) {
-        with(Unity::close);
-        submit();
+        let delay = with(|unity| {
+            unity.close();
+            unity.pending.push_back(Job::Signal(unity.next));
+            unity.next += 1;
+            unity.delay
+        });
+        submit(delay);
         with(|unity| {
-            for (texture, state) in &unity.states {
+            // What Unity believes is ahead of the queue where lists wait.
+            for (texture, state) in unity.states.iter().filter(|_| unity.pending.is_empty()) {
                 lists::compare(*texture, *state);
             }
-            // SAFETY: a live queue and fence.
-            unsafe { unity.engine.direct.Signal(&unity.fence, unity.next) }.expect("it takes a signal");
-            unity.next += 1;
         });
     }
 
-    /// Waits for the queue, and lets go of the lists that it had.
+    /// Gives the queue what waits, waits for it, and lets go of the lists that it had.
     pub(crate) fn settle(&self) {
+        submit(0);
         super::textures::wait(&self.device(), &self.queue());
         with(|unity| unity.alive.clear());
     }
@@ -564,6 +596,7 @@ impl Drop for Gate {
 
 impl Drop for Running {
     fn drop(&mut self) {
+        submit(0);
         self.unload();
         let unity = UNITY.lock().unwrap_or_else(|e| e.into_inner()).take();
         if let Some(unity) = unity {

@@ -1,8 +1,8 @@
 #pragma once
 
 /*
- * What differs from one version of the engine to another, 5.1 to 5.6, and nothing else does: how a command list is had and given back
- * (5.5), and how the engine is told to write down its barriers before somebody else records (5.6).
+ * All that differs from one version of the engine to another, 5.1 to 5.8: how a command list is had and given back (5.5), and how the
+ * engine is told to write down its barriers before somebody else records (5.6). 5.7 and 5.8 have the functions of 5.6.
  */
 
 #include "CoreMinimal.h"
@@ -53,9 +53,17 @@ namespace CairnEngine
 		return Parameters;
 	}
 
+	/** A fence that gets a value once the device has executed a list. */
+	struct FFencePoint
+	{
+		ID3D12Fence* Fence = nullptr;
+		uint64 Value = 0;
+	};
+
 	/**
-	 * Has Record(ID3D12GraphicsCommandList*, ID3D12Resource*, FRHICommandList&) called when the engine's own list is open, on the thread
-	 * that writes it, with the target resident and in COPY_DEST. Within the pass.
+	 * Has FFencePoint Record(ID3D12GraphicsCommandList*, ID3D12Resource*) called when the engine's own list is open, on the thread that
+	 * writes it, with the target resident and in COPY_DEST; the fence that it returns, where it does, is signalled behind the list. Within
+	 * the pass.
 	 */
 	template <typename RecordType>
 	void Enqueue(FRHICommandListImmediate& RHICmdList, const FCairnPassParameters* Parameters, RecordType&& Record)
@@ -79,13 +87,18 @@ namespace CairnEngine
 #endif
 #if UE_VERSION_OLDER_THAN(5, 5, 0)
 			ID3D12GraphicsCommandList* const List = RHI->RHIGetGraphicsCommandList(DeviceIndex);
-			Record(List, RHI->RHIGetResource(Target), static_cast<FRHICommandList&>(Executing));
+			const FFencePoint Point = Record(List, RHI->RHIGetResource(Target));
 			RHI->RHIFinishExternalComputeWork(DeviceIndex, List);
 #else
 			ID3D12GraphicsCommandList* const List = RHI->RHIGetGraphicsCommandList(Executing, DeviceIndex);
-			Record(List, RHI->RHIGetResource(Target), static_cast<FRHICommandList&>(Executing));
+			const FFencePoint Point = Record(List, RHI->RHIGetResource(Target));
 			RHI->RHIFinishExternalComputeWork(Executing, DeviceIndex, List);
 #endif
+			// Last: it closes the list, and RHIFinishExternalComputeWork asserts that its list is still the current one.
+			if (Point.Fence != nullptr)
+			{
+				RHI->RHISignalManualFence(Executing, Point.Fence, Point.Value);
+			}
 		});
 	}
 }

@@ -17,9 +17,12 @@ void CairnAddPass(
 		{
 			CairnEngine::Enqueue(
 				RHICmdList, Parameters,
-				[Stream, NowNs](ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing)
+				[Stream, NowNs](ID3D12GraphicsCommandList* List, ID3D12Resource* Texture)
 				{
-					Stream->Record(List, Texture, Executing, NowNs);
+					CairnEngine::FFencePoint Point;
+					Point.Value = Stream->Record(List, Texture, NowNs);
+					Point.Fence = Point.Value > 0 ? Stream->GetFence() : nullptr;
+					return Point;
 				});
 		});
 }

@@ -4,6 +4,7 @@
 
 #include "CairnEngine.h"
 #include "CairnPass.h"
+#include "HAL/PlatformProcess.h"
 #include "HAL/PlatformTime.h"
 #include "Misc/ScopeLock.h"
 
@@ -11,6 +12,12 @@
 
 namespace
 {
+	/** Recorded frames that may wait for the device: the render thread, the thread that writes lists and the device each have some. */
+	constexpr uint32 PendingLists = 6;
+
+	/** Longer than the device takes for the frames that it was given. */
+	constexpr uint32 LongestFrameMs = 2000;
+
 	/** The longest sleep of the thread, so that nothing that it should have heard of waits longer. */
 	constexpr uint32 LongestSleepMs = 50;
 
@@ -88,6 +95,11 @@ bool FCairnStream::HasEnded() const
 void FCairnStream::Abandon()
 {
 	EndThread();
+	// Lists that the device was given are soon done.
+	for (uint32 WaitedMs = 0; !HasEnded() && WaitedMs < LongestFrameMs; WaitedMs++)
+	{
+		FPlatformProcess::Sleep(0.001f);
+	}
 	if (!HasEnded())
 	{
 		// The presenter would wait for frames that the engine may never give to the device any more, and the device may yet signal.
@@ -209,6 +221,12 @@ cairn::result<void> FCairnStream::Prepare()
 		return MadePresenter.why();
 	}
 	Presenter = MoveTemp(*MadePresenter);
+	AnchorSize = FIntPoint(static_cast<int32>(Info->render_width), static_cast<int32>(Info->render_height));
+	const cairn::result<void> Prepared = PrepareFrames(Settings.TargetSize.X > 0 ? Settings.TargetSize : AnchorSize);
+	if (!Prepared.ok())
+	{
+		return Prepared.why();
+	}
 
 	if (Settings.FrameBudgetMs > 0.0f)
 	{
@@ -224,13 +242,42 @@ cairn::result<void> FCairnStream::Prepare()
 		}
 	}
 	const FScopeLock Locked(&Lock);
-	WorldSize = FIntPoint(static_cast<int32>(Info->render_width), static_cast<int32>(Info->render_height));
+	WorldSize = AnchorSize;
 	Cancellable = &Rollout;
 	if (bStopping)
 	{
 		return cairn::error(CAIRN_ERROR_CANCELLED, "stopped");
 	}
 	return {};
+}
+
+/** Makes pipelines, memory and AMD's contexts for frames of a size, so that recording one makes nothing. */
+cairn::result<void> FCairnStream::PrepareFrames(FIntPoint Size)
+{
+	cairn::d3d12_preparation Wanted;
+	Wanted.width = static_cast<uint32>(Size.X);
+	Wanted.height = static_cast<uint32>(Size.Y);
+	Wanted.anchor_width = static_cast<uint32>(AnchorSize.X);
+	Wanted.anchor_height = static_cast<uint32>(AnchorSize.Y);
+	Wanted.lists = PendingLists;
+	const cairn::result<bool> Prepared = Presenter.prepare_d3d12(*Device, Wanted);
+	if (!Prepared.ok())
+	{
+		return Prepared.why();
+	}
+	PreparedSize = Size;
+	return {};
+}
+
+/** Prepares frames anew where the target has another size than they were prepared for. */
+cairn::result<void> FCairnStream::FollowTarget()
+{
+	FIntPoint Size(0, 0);
+	{
+		const FScopeLock Locked(&Lock);
+		Size = WantedSize;
+	}
+	return Size.X > 0 && Size != PreparedSize ? PrepareFrames(Size) : cairn::result<void>();
 }
 
 /** Makes anchors, one for each span of the world's time, until it is told to stop. */
@@ -256,9 +303,10 @@ cairn::result<void> FCairnStream::Play()
 			return Given.why();
 		}
 		// One that was late does not make those after it hurry.
-		if (!Wait(Turn + Interval))
+		const cairn::result<bool> GoesOn = Wait(Turn + Interval);
+		if (!GoesOn.ok() || !*GoesOn)
 		{
-			return {};
+			return GoesOn.ok() ? cairn::result<void>() : GoesOn.why();
 		}
 		FCairnPicture Edit;
 		{
@@ -300,11 +348,16 @@ cairn::result<void> FCairnStream::Give(const cairn::anchor& Anchor)
 	}
 }
 
-/** Waits for a time, and for as long as the stream is paused; whether it goes on then. */
-bool FCairnStream::Wait(uint64 UntilNs)
+/** Waits for a time, and for as long as the stream is paused; whether it goes on then. Prepares frames of another size meanwhile. */
+cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
 {
 	while (!bStopping)
 	{
+		const cairn::result<void> Followed = FollowTarget();
+		if (!Followed.ok())
+		{
+			return Followed.why();
+		}
 		const uint64 Now = CairnNow();
 		if (!bPaused && Now >= UntilNs)
 		{
@@ -341,12 +394,12 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 	return true;
 }
 
-void FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing, uint64 NowNs)
+uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, uint64 NowNs)
 {
 	// Who adds the pass for itself need not know how far the thread is.
 	if (!bReady || bStopping)
 	{
-		return;
+		return 0;
 	}
 	const D3D12_RESOURCE_DESC Shape = Texture->GetDesc();
 	const FIntPoint Size(static_cast<int32>(Shape.Width), static_cast<int32>(Shape.Height));
@@ -356,29 +409,37 @@ void FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Textu
 		if (!Resized.ok())
 		{
 			Fail(UTF8_TO_TCHAR(Resized.why().what()));
-			return;
+			return 0;
 		}
 		RecordedSize = Size;
+		// The thread makes what frames of this size need. Until then the nearest anchor is shown.
+		const FScopeLock Locked(&Lock);
+		WantedSize = Size;
+		Changed->Trigger();
 	}
-	const cairn::result<std::optional<cairn::frame>> Drawn = Presenter.record_d3d12(
-		*Device, NowNs, List, Texture, static_cast<uint32>(D3D12_RESOURCE_STATE_COPY_DEST),
-		static_cast<uint32>(D3D12_RESOURCE_STATE_COPY_DEST));
+	cairn::d3d12_recording Recording;
+	Recording.state_before = Recording.state_after = static_cast<uint32>(D3D12_RESOURCE_STATE_COPY_DEST);
+	Recording.list = List;
+	Recording.target = Texture;
+	Recording.fence = Fence;
+	Recording.fence_value = Recorded + 1;
+	const cairn::result<std::optional<cairn::frame>> Drawn = Presenter.record_d3d12(*Device, NowNs, Recording);
 	if (!Drawn.ok())
 	{
 		Fail(UTF8_TO_TCHAR(Drawn.why().what()));
-		return;
+		return 0;
 	}
+	// No anchor has come, or as many lists as were prepared wait for the device: the target keeps what it has.
 	if (!*Drawn)
 	{
-		return;
+		return 0;
 	}
-	// Behind the list: when the device gets there, this frame is over.
-	GetID3D12DynamicRHI()->RHISignalManualFence(Executing, Fence, ++Recorded);
 	{
 		const FScopeLock Locked(&Lock);
 		Shown = **Drawn;
 	}
 	bDrawn = true;
+	return ++Recorded;
 }
 
 FCairnStatistics FCairnStream::GetStatistics() const
@@ -401,6 +462,7 @@ FCairnStatistics FCairnStream::GetStatistics() const
 	{
 		Made.LateAnchors = static_cast<int64>(Frames->late_anchors);
 		Made.Generated = static_cast<int64>(Frames->shown_generated + Frames->shown_extrapolated);
+		Made.Unprepared = static_cast<int64>(Frames->unprepared);
 		Made.Frames = Made.Generated + static_cast<int64>(Frames->shown_anchors + Frames->shown_decoded + Frames->shown_held);
 		Made.FrameMs = static_cast<float>(static_cast<double>(Frames->device_frame_last_ns) / 1e6);
 		Made.Generator = UTF8_TO_TCHAR(Frames->generator);

@@ -26,6 +26,8 @@ struct FCairnSettings
 	bool bLetterbox = false;
 	/** Frames are linear light, and not sRGB. */
 	bool bLinear = false;
+	/** Pixels of the target, where it is known before; zero for the world's own size. */
+	FIntPoint TargetSize = FIntPoint(0, 0);
 	float FrameBudgetMs = 0.0f;
 	FString BudgetSchedules;
 };
@@ -33,7 +35,6 @@ struct FCairnSettings
 #if CAIRN_WITH_D3D12
 
 struct ID3D12Fence;
-class FRHICommandList;
 
 /** A rollout on a thread of its own, and the presenter that shows its anchors. What is not said otherwise: any thread. */
 class FCairnStream final : public FRunnable
@@ -74,10 +75,11 @@ public:
 	FCairnStatistics GetStatistics() const;
 
 	/**
-	 * Records the frame that is due into a list, at the size of a target that is in COPY_DEST; nothing before the first anchor. Where the
-	 * engine writes its lists, one call at a time.
+	 * Records the frame that is due into a list, at the size of a target that is in COPY_DEST. Where the engine writes its lists, one call
+	 * at a time. The value that the engine is to give GetFence behind the list; 0 where nothing was recorded, as before the first anchor.
 	 */
-	void Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, FRHICommandList& Executing, uint64 NowNs);
+	uint64 Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, uint64 NowNs);
+	ID3D12Fence* GetFence() const { return Fence; }
 
 	virtual uint32 Run() override;
 	virtual void Stop() override { RequestStop(); }
@@ -86,9 +88,11 @@ private:
 	FCairnStream(FCairnSettings InSettings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> InWorlds);
 
 	cairn::result<void> Prepare();
+	cairn::result<void> PrepareFrames(FIntPoint Size);
+	cairn::result<void> FollowTarget();
 	cairn::result<void> Play();
 	cairn::result<void> Give(const cairn::anchor& Anchor);
-	bool Wait(uint64 UntilNs);
+	cairn::result<bool> Wait(uint64 UntilNs);
 	void EndThread();
 
 	FCairnSettings Settings;
@@ -107,6 +111,8 @@ private:
 	mutable FCriticalSection Lock;
 	FString Failure;
 	FIntPoint WorldSize = FIntPoint(0, 0);
+	/** Of the target that was recorded into last; zero before. */
+	FIntPoint WantedSize = FIntPoint(0, 0);
 	TArray<FCairnPicture> Edits;
 	/** For RequestStop; null where there is none. */
 	const cairn::rollout* Cancellable = nullptr;
@@ -118,6 +124,9 @@ private:
 	cairn::rollout Rollout;
 	cairn::presenter Presenter;
 	uint32 KnownKeys = 0;
+	FIntPoint AnchorSize = FIntPoint(0, 0);
+	/** Of the thread: what frames are prepared for. */
+	FIntPoint PreparedSize = FIntPoint(0, 0);
 
 	/** Of the game thread: what it had drawn last. */
 	cairn::frame Asked;
@@ -126,7 +135,7 @@ private:
 	/** Of where lists are written: the size that the presenter was told. */
 	FIntPoint RecordedSize = FIntPoint(0, 0);
 
-	/** What the device has done of what was recorded. Made by the thread before bReady. */
+	/** Gets a value behind each list with a frame. Until then the presenter keeps what the list copies from. Made by the thread before bReady. */
 	TRefCountPtr<ID3D12Fence> Fence;
 	std::atomic<uint64> Recorded{0};
 };

@@ -141,6 +141,7 @@ void UCairnWorldComponent::Start()
 	Settings.Multiplier = Multiplier;
 	Settings.bLetterbox = bLetterbox;
 	Settings.bLinear = bDrawIntoTarget ? Format == PF_FloatRGBA : bLinearFrames;
+	Settings.TargetSize = bDrawIntoTarget && Target != nullptr ? FIntPoint(Target->SizeX, Target->SizeY) : FIntPoint(0, 0);
 	Settings.FrameBudgetMs = FrameBudgetMs;
 	Settings.BudgetSchedules = BudgetSchedules;
 	bSaidReady = false;

@@ -70,6 +70,10 @@ struct FCairnStatistics
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	int64 Generated = 0;
 
+	/** Frames drawn as the nearest anchor, as the target's size was not prepared yet. */
+	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
+	int64 Unprepared = 0;
+
 	/** Milliseconds of wall time that an anchor took on average, by passes and decoding. */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	float AnchorMs = 0.0f;
