@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::ffx::Effect;
 #[cfg(any(windows, test))]
-use crate::{Error, ErrorKind, LibrarySearch, Result};
+use crate::{Error, ErrorKind, Result};
 
 /// A library of AMD's by what it is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

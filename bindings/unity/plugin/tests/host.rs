@@ -462,7 +462,10 @@ fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
                 for (found, expected) in found.iter().zip(&expected) {
                     // Half a step of the format, and a level of eight bits.
                     let step = if format == DXGI_FORMAT_R11G11B10_FLOAT { expected / 64.0 } else { expected / 2048.0 };
-                    assert!((found - expected).abs() <= step + 0.012, "{format:?}, {colour_space}: {found} for {expected}");
+                    assert!(
+                        (found - expected).abs() <= step + 0.012,
+                        "{format:?}, {colour_space}: {found} for {expected}"
+                    );
                 }
             }
             assert_eq!(unity.wrong(), [""; 0], "{format:?}");

@@ -12,9 +12,7 @@ use std::time::{Duration, Instant};
 
 use cairn::abi::d3d12::cairn_presenter_submit_d3d12;
 use cairn::abi::presenter::cairn_presenter;
-use cairn::abi::results::{
-    CAIRN_ERROR_DEVICE, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK, cairn_last_error,
-};
+use cairn::abi::results::{CAIRN_ERROR_DEVICE, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_OK, cairn_last_error};
 use cairn::gpu::compute::transition;
 use cairn::gpu::windows::Win32::Foundation::HMODULE;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
@@ -177,7 +175,11 @@ impl TargetRing {
     }
 
     /// A slot that nobody reads, with a texture as Unity's is but for what may be done with it; none where as many as may be are in use.
-    fn free(&mut self, drawing: &Drawing, target: &ID3D12Resource) -> Result<Option<(&mut Slot, &mut Option<usize>, usize)>, String> {
+    fn free(
+        &mut self,
+        drawing: &Drawing,
+        target: &ID3D12Resource,
+    ) -> Result<Option<(&mut Slot, &mut Option<usize>, usize)>, String> {
         let wanted = desc_of(target);
         if self.0.as_ref().is_none_or(|ring| ring.shape != shape(&wanted)) {
             if let Some(why) = refused(&wanted) {
