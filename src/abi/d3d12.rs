@@ -531,6 +531,7 @@ pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_pre
 }
 
 /// What became of a frame for Direct3D 12.
+#[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door makes it"))]
 pub(super) enum Recorded {
     /// No anchor has come.
     NotReady,

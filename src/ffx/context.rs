@@ -90,6 +90,7 @@ impl<Head: Creates> Context<Head> {
             made = unsafe { api.create(&mut links) };
         }
         let raw = made.map_err(|failure| failure.error())?;
+        #[cfg(windows)]
         crate::gpu::count_object();
         let provider = Provider { version: expected, verified: false, dialect, offered: Vec::new() };
         let mut context = Self { api: *api, raw, chain: links, provider };

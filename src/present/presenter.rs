@@ -201,7 +201,6 @@ pub(crate) enum Draws {
     /// Every frame.
     Frames,
     /// The nearest anchor in place of a frame that would be generated.
-    #[cfg_attr(not(windows), expect(dead_code, reason = "frames for Direct3D 12 may not be prepared"))]
     Anchors,
 }
 
