@@ -572,6 +572,22 @@ fn lists_that_an_engine_submits_late_show_what_was_recorded() {
     }
 }
 
+/// What a queue is held back by, and no longer than its test.
+struct Gate(ID3D12Fence);
+
+impl Gate {
+    fn open(&self) {
+        // SAFETY: a live fence.
+        unsafe { self.0.Signal(1) }.expect("a signal");
+    }
+}
+
+impl Drop for Gate {
+    fn drop(&mut self) {
+        self.open();
+    }
+}
+
 #[test]
 fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() {
     let engine = engine::engine();
@@ -582,14 +598,14 @@ fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() 
     let precision = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
     let world = World::load(&device, &common::bundle("tiny"), precision).expect("a world");
     let mut rollout = common::seeded(&world, &common::point(&world), 7);
-    let gate = engine::fence(&engine.device);
+    let gate = Gate(engine::fence(&engine.device));
     // The last anchor's copy is held back.
     let anchors: Vec<_> = (0..3)
         .map(|i| {
             rollout.step(&common::controls(i)).expect("a step");
             if i == 2 {
                 // SAFETY: a live queue and fence.
-                unsafe { gpu.anchors().d3d12().Wait(&gate, 1) }.expect("it takes a wait");
+                unsafe { gpu.anchors().d3d12().Wait(&gate.0, 1) }.expect("it takes a wait");
             }
             Arc::new(KeptAnchor::of(&mut rollout, false).expect("an anchor"))
         })
@@ -602,12 +618,14 @@ fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() 
     for motion in [MotionSource::PictureFlow, MotionSource::Paper] {
         let mut both = Both::of_latents(&gpu, anchors[0].size(), &options(motion), latent);
         (0..2).for_each(|i| both.push(&anchors[i], None, i as u64 * INTERVAL));
-        // One that has not come is not counted, for the processor either.
-        both.push(&anchors[2], None, 2 * INTERVAL);
-        for presenter in [&both.host, &both.device] {
-            assert_eq!((presenter.statistics().anchors, presenter.arriving()), (2, 1));
-        }
         for quarter in 4..12 {
+            if quarter == 8 {
+                // One that has not come is not counted, for the processor either.
+                both.push(&anchors[2], None, 2 * INTERVAL);
+                for presenter in [&both.host, &both.device] {
+                    assert_eq!((presenter.statistics().anchors, presenter.arriving()), (2, 1));
+                }
+            }
             // Each frame is compared once the queue has made it: it waits for nothing.
             let shown = both.compare(&engine, quarter * INTERVAL / 4, KINDS[0], quarter % 2 == 0);
             let source = match quarter {
@@ -621,8 +639,7 @@ fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() 
         assert_eq!(waits::counted(), 0, "the engine's queue waits for nothing");
         if motion == MotionSource::Paper {
             // It comes, is due when that is seen, and is shown then.
-            // SAFETY: a live fence.
-            unsafe { gate.Signal(1) }.expect("a signal");
+            gate.open();
             while !anchors[2].has_arrived() {
                 std::thread::yield_now();
             }

@@ -98,7 +98,7 @@ struct Stream {
     engine: Engine,
     presenter: Presenter,
     drawer: DeviceDrawer,
-    is_prepared: bool,
+    prepared_for: Option<(u32, u32)>,
     anchors: u64,
 }
 
@@ -121,10 +121,20 @@ impl Stream {
         Self {
             presenter: Presenter::new(options, None).expect("a presenter"),
             drawer: DeviceDrawer::new(&gpu, SIZE, Colours::Shown).expect("a drawer"),
-            is_prepared: false,
+            prepared_for: None,
             anchors: 0,
             engine,
         }
+    }
+
+    /// Makes what frames of the present size need.
+    fn prepare(&mut self) -> cairn::Result<()> {
+        let size = self.presenter.size().expect("anchors have come");
+        if self.prepared_for != Some(size) {
+            self.drawer.prepare(&self.presenter, &Preparation::new(size))?;
+            self.prepared_for = Some(size);
+        }
+        Ok(())
     }
 
     /// Has a provider of that stage's make frames.
@@ -153,9 +163,7 @@ impl Stream {
     fn draw(&mut self, t: f64, own: bool, runs: bool) -> (Shown, Option<Vec<u8>>) {
         let now = (self.anchors - 1) * INTERVAL + (t * INTERVAL as f64) as u64;
         let size = self.presenter.size().expect("anchors have come");
-        if !std::mem::replace(&mut self.is_prepared, true) {
-            self.drawer.prepare(&self.presenter, &Preparation::new(size)).expect("it is prepared");
-        }
+        self.prepare().expect("it is prepared");
         let texture = Wanted { size, ..Wanted::default() }.make(&self.engine.device);
         let target = Target { texture: texture.clone(), before: REST, after: REST };
         let shown = if own {

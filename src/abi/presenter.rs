@@ -6,7 +6,7 @@ use parking_lot::Mutex;
 
 use super::anchor::cairn_anchor;
 use super::boundary::call;
-use super::d3d12::behind::{Amd, HAS_SHADERS, Prepared, Recording};
+use super::d3d12::behind::{Amd, HAS_SHADERS, Prepared, Recording, put};
 use super::d3d12::{Recorded, To, cairn_d3d12_preparation};
 use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
@@ -130,7 +130,7 @@ impl Presenting {
         };
         let asked = self.asked();
         let made = match Prepared::new(&asked, device, wanted, &mut amd) {
-            Err(why) if why.code == CAIRN_ERROR_OUT_OF_MEMORY && self.put(None) => {
+            Err(why) if why.code == CAIRN_ERROR_OUT_OF_MEMORY && put(&self.recording, None) => {
                 log::info!("what was prepared before is released, as there is no memory for both");
                 Prepared::new(&asked, device, wanted, &mut amd)
             }
@@ -138,17 +138,9 @@ impl Presenting {
         }?;
         let is_known = made.is_some();
         if is_known {
-            self.put(made);
+            put(&self.recording, made);
         }
         Ok(is_known)
-    }
-
-    /// Uses what was prepared, and drops what was before, for which recording does not wait; whether there was any.
-    fn put(&self, prepared: Option<Prepared>) -> bool {
-        let Some(replaced) = self.recording.lock().replace(prepared) else { return false };
-        let retired = replaced.retire();
-        self.recording.lock().retire(retired);
-        true
     }
 
     fn asked(&self) -> Asked<'_> {

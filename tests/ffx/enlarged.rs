@@ -114,7 +114,9 @@ fn frames_are_resized_in_space_where_there_is_no_upscaler() {
                 if is_required && !made_larger {
                     let texture = Wanted { size: LARGE, ..Wanted::default() }.make(&stream.engine.device);
                     let target = Target { texture, before: REST, after: REST };
-                    stream.presenter.submit(now, &mut stream.drawer, &target).expect_err("nobody else may");
+                    let prepared = stream.prepare();
+                    let made = prepared.and_then(|()| stream.presenter.submit(now, &mut stream.drawer, &target));
+                    made.expect_err("nobody else may");
                     assert!(stream.drawer.upscaler_failed().is_none());
                     break;
                 }

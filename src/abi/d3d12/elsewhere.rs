@@ -1,5 +1,7 @@
 //! What stands behind the doors of Direct3D 12 where it is not there.
 
+use parking_lot::Mutex;
+
 use super::super::device::DeviceOptions;
 use super::super::presenter::Asked;
 use super::super::requirements::{
@@ -73,16 +75,8 @@ impl Prepared {
     }
 }
 
-/// What was prepared before: nothing.
-pub(in crate::abi) enum Replaced {}
-
-/// What lists may still read: nothing.
-pub(in crate::abi) struct RetiredFrames;
-
-impl Replaced {
-    pub(in crate::abi) fn retire(self) -> RetiredFrames {
-        match self {}
-    }
+pub(in crate::abi) fn put(_: &Mutex<Recording>, _: Option<Prepared>) -> bool {
+    false
 }
 
 /// What frames are recorded with: nothing.
@@ -95,12 +89,6 @@ impl Recording {
     pub(in crate::abi) unsafe fn record(&mut self, _: &Asked<'_>, _: &Device, _: u64, _: &To) -> Outcome<Recorded> {
         Err(Failure::no_d3d12())
     }
-
-    pub(in crate::abi) fn replace(&mut self, _: Option<Prepared>) -> Option<Replaced> {
-        None
-    }
-
-    pub(in crate::abi) fn retire(&mut self, _: RetiredFrames) {}
 
     pub(in crate::abi) fn release(&mut self) -> Outcome<()> {
         Err(Failure::no_d3d12())

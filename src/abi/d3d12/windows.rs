@@ -3,6 +3,7 @@
 use std::ffi::c_void;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use windows::Win32::Graphics::Direct3D12 as direct3d;
 use windows::Win32::Graphics::Dxgi::Common as Dxgi;
 use windows::core::{IUnknown, Interface};
@@ -166,13 +167,16 @@ struct Without {
 /// Who makes frames.
 enum MadeBy {
     Shaders(Box<DeviceDrawer>),
-    Processor {
-        upload: Upload,
-        size: (u32, u32),
-        pixel_bytes: u32,
-        /// Why no shaders do.
-        why: String,
-    },
+    Processor(Box<OnProcessor>),
+}
+
+/// Frames that the processor makes.
+struct OnProcessor {
+    upload: Upload,
+    size: (u32, u32),
+    pixel_bytes: u32,
+    /// Why no shaders do.
+    why: String,
 }
 
 /// What copies pictures of the processor's.
@@ -282,7 +286,7 @@ impl Prepared {
                 let mut upload = Upload::new(gpu)?;
                 // Frames that are submitted need memory as well.
                 upload.uploads.prepare(lists.max(LISTS), size, pixel_bytes)?;
-                MadeBy::Processor { upload, size, pixel_bytes, why }
+                MadeBy::Processor(Box::new(OnProcessor { upload, size, pixel_bytes, why }))
             }
         };
         if let Some(store) = wanted.store
@@ -453,15 +457,16 @@ impl Recording {
                     return Ok(made);
                 }
             }
-            Some(MadeBy::Processor { upload, size, pixel_bytes, why })
-                if presenter.size() == Some(*size)
-                    && target.pixel_bytes().is_some_and(|bytes| bytes <= *pixel_bytes) =>
-            {
-                let made = upload.record(asked, Draws::Frames, now, list, target)?;
-                self.used = Some(why.clone());
-                return Ok(made);
+            Some(MadeBy::Processor(made_by)) => {
+                let OnProcessor { upload, size, pixel_bytes, why } = &mut **made_by;
+                let fits = target.pixel_bytes().is_some_and(|bytes| bytes <= *pixel_bytes);
+                if fits && presenter.size() == Some(*size) {
+                    let made = upload.record(asked, Draws::Frames, now, list, target)?;
+                    self.used = Some(why.clone());
+                    return Ok(made);
+                }
             }
-            _ => {}
+            None => {}
         }
         // Lists of another queue than before need memory of their own.
         if let Some(other) =
@@ -476,27 +481,6 @@ impl Recording {
         let made = upload.record(asked, Draws::Anchors, now, list, target)?;
         self.used = Some(NOT_PREPARED.to_owned());
         Ok(made)
-    }
-
-    /// Uses what was prepared from now on; what it takes the place of, for the caller to drop where no frame waits for that.
-    pub(in crate::abi) fn replace(&mut self, prepared: Option<Prepared>) -> Option<Replaced> {
-        let before = std::mem::replace(&mut self.prepared, prepared)?;
-        match before.made_by {
-            MadeBy::Shaders(mut drawer) => {
-                let [frames, anchors] = [drawer.spent(), drawer.spent_on_anchors()];
-                self.spent = [self.spent[0].and(frames), self.spent[1].and(anchors)];
-                Some(Replaced(drawer))
-            }
-            MadeBy::Processor { upload, .. } => {
-                self.retired_uploads.push(upload.uploads);
-                None
-            }
-        }
-    }
-
-    /// Keeps of what was replaced what lists of the engine's may still read.
-    pub(in crate::abi) fn retire(&mut self, frames: RetiredFrames) {
-        self.retired.append(frames);
     }
 
     /// What brings frames to their size, and why AMD's upscaler does not; none where the processor makes them.
@@ -521,7 +505,7 @@ impl Recording {
         uploads.extend(anchors.as_mut().map(|upload| &mut upload.uploads));
         match prepared.as_mut().map(|prepared| &mut prepared.made_by) {
             Some(MadeBy::Shaders(drawer)) => drawer.finish()?,
-            Some(MadeBy::Processor { upload, .. }) => uploads.push(&mut upload.uploads),
+            Some(MadeBy::Processor(made_by)) => uploads.push(&mut made_by.upload.uploads),
             None => {}
         }
         uploads.into_iter().try_for_each(Uploads::release)?;
@@ -543,7 +527,7 @@ impl Recording {
                 pending += drawer.pending();
                 took = [took[0].and(drawer.spent()), took[1].and(drawer.spent_on_anchors())];
             }
-            Some(MadeBy::Processor { upload, .. }) => uploads.push(upload),
+            Some(MadeBy::Processor(made_by)) => uploads.push(&made_by.upload),
             None => {}
         }
         for Upload { uploads, lists } in uploads {
@@ -575,14 +559,22 @@ impl Recording {
     }
 }
 
-/// What was prepared before: dropping it waits for its frames.
-pub(in crate::abi) struct Replaced(Box<DeviceDrawer>);
-
-impl Replaced {
-    /// Drops it, but for the frames that lists of the engine's may still read.
-    pub(in crate::abi) fn retire(self) -> RetiredFrames {
-        self.0.retire()
+/// Uses what was prepared from now on, and drops what was before, for which recording does not wait; whether that has freed memory.
+pub(in crate::abi) fn put(recording: &Mutex<Recording>, prepared: Option<Prepared>) -> bool {
+    let mut lock = recording.lock();
+    let Some(before) = std::mem::replace(&mut lock.prepared, prepared) else { return false };
+    match before.made_by {
+        MadeBy::Shaders(mut drawer) => {
+            let [frames, anchors] = [drawer.spent(), drawer.spent_on_anchors()];
+            lock.spent = [lock.spent[0].and(frames), lock.spent[1].and(anchors)];
+            drop(lock);
+            // Waits for its frames, but for those that lists of the engine's may still read.
+            let retired = drawer.retire();
+            recording.lock().retired.append(retired);
+        }
+        MadeBy::Processor(made_by) => lock.retired_uploads.push(made_by.upload.uploads),
     }
+    true
 }
 
 /// What became of a frame, where it was prepared.

@@ -156,11 +156,11 @@ impl Supply {
                     Err(why) => return Err(why),
                 }
             }
-            MotionSource::Paper if latent != [0; 3] => {
-                if self.from_latents.as_ref().is_none_or(|(_, of)| *of != latent) {
-                    let made = paper::GpuExtractor::new(&self.gpu, latent.map(|n| n as usize), false)?;
-                    self.from_latents = Some((made, latent));
-                }
+            MotionSource::Paper
+                if latent != [0; 3] && self.from_latents.as_ref().is_none_or(|(_, of)| *of != latent) =>
+            {
+                let made = paper::GpuExtractor::new(&self.gpu, latent.map(|n| n as usize), false)?;
+                self.from_latents = Some((made, latent));
             }
             _ => {}
         }
