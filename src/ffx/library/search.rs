@@ -103,6 +103,14 @@ mod tests {
     }
 
     #[test]
+    fn a_host_s_folder_is_the_one_that_is_named() {
+        let folder = Some(PathBuf::from("a folder of AMD's"));
+        let search = LibrarySearch { ffx: folder.clone(), ..LibrarySearch::for_tools() };
+        assert_eq!(named(&search), folder);
+        assert_eq!(named(&LibrarySearch::default()), None);
+    }
+
+    #[test]
     fn a_relative_folder_becomes_absolute() {
         let place = with("relative", &[Part::Loader]);
         let here = std::env::current_dir().expect("a folder");
