@@ -15,9 +15,15 @@ use super::{Body, Executor, Set, calling_thread};
 const CAPACITY: usize = 256;
 /// Parts of what is left of a loop for each thread that shares it.
 const PARTS_PER_THREAD: usize = 4;
-/// How often a thread that has nothing to do offers its processor to others before it sleeps: the loops of a frame follow
-/// closely upon each other.
-const YIELDS: usize = 32;
+/// How often a thread that has nothing to do looks for more, some ten microseconds in all, before it sleeps: the loops of a frame
+/// follow closely upon each other. It does not yield, as on a busy machine it would come back much later than one that was woken.
+const LOOKS: usize = 64;
+/// Pauses of the processor between two looks.
+const PAUSES: usize = 8;
+
+fn pause() {
+    (0..PAUSES).for_each(|_| std::hint::spin_loop());
+}
 
 /// A loop on the stack of the thread that started it.
 pub(super) struct Loop<'a> {
@@ -166,13 +172,11 @@ impl Loops {
 
     /// Takes a loop whose indices are all claimed out of the list when nobody is in it any more.
     fn withdraw(&self, ticket: usize) {
-        for _ in 0..YIELDS {
-            let mut list = self.list.lock();
-            if list.take_out(ticket) {
+        for _ in 0..LOOKS {
+            if self.list.lock().take_out(ticket) {
                 return;
             }
-            drop(list);
-            std::thread::yield_now();
+            pause();
         }
         let mut list = self.list.lock();
         while !list.take_out(ticket) {
@@ -199,11 +203,11 @@ impl Loops {
     pub(super) fn serve(&self, executor: Executor) {
         let mut seen = usize::MAX;
         loop {
-            for _ in 0..YIELDS {
+            for _ in 0..LOOKS {
                 if self.published.load(Ordering::Acquire) != seen {
                     break;
                 }
-                std::thread::yield_now();
+                pause();
             }
             let entered = {
                 let mut list = self.list.lock();
