@@ -151,6 +151,11 @@ unsafe extern "system" fn set_priority(
     S_OK
 }
 
+type Move = unsafe extern "system" fn(*mut c_void, u32, *const *mut c_void) -> HRESULT;
+type Enqueue =
+    unsafe extern "system" fn(*mut c_void, D3D12_RESIDENCY_FLAGS, u32, *const *mut c_void, *mut c_void, u64) -> HRESULT;
+type SetPriority =
+    unsafe extern "system" fn(*mut c_void, u32, *const *mut c_void, *const D3D12_RESIDENCY_PRIORITY) -> HRESULT;
 type Wait = unsafe extern "system" fn(*mut c_void, *mut c_void, u64) -> HRESULT;
 type Execute = unsafe extern "system" fn(*mut c_void, u32, *const *mut c_void);
 static THEIR_WAIT: OnceLock<Wait> = OnceLock::new();
@@ -180,21 +185,9 @@ unsafe extern "system" fn execute(this: *mut c_void, count: u32, lists: *const *
 
 /// Notes what devices like `gpu` are told, for the rest of the process, and of queues what its own for anchors is.
 pub(crate) fn install(gpu: &Gpu) {
-    static UNUSED: [OnceLock<unsafe extern "system" fn(*mut c_void, u32, *const *mut c_void) -> HRESULT>; 2] =
-        [const { OnceLock::new() }; 2];
-    static UNUSED_ENQUEUE: OnceLock<
-        unsafe extern "system" fn(
-            *mut c_void,
-            D3D12_RESIDENCY_FLAGS,
-            u32,
-            *const *mut c_void,
-            *mut c_void,
-            u64,
-        ) -> HRESULT,
-    > = OnceLock::new();
-    static UNUSED_PRIORITY: OnceLock<
-        unsafe extern "system" fn(*mut c_void, u32, *const *mut c_void, *const D3D12_RESIDENCY_PRIORITY) -> HRESULT,
-    > = OnceLock::new();
+    static UNUSED: [OnceLock<Move>; 2] = [const { OnceLock::new() }; 2];
+    static UNUSED_ENQUEUE: OnceLock<Enqueue> = OnceLock::new();
+    static UNUSED_PRIORITY: OnceLock<SetPriority> = OnceLock::new();
     let queue = gpu.anchors().d3d12();
     note(|notes| notes.queue = queue.as_raw() as usize);
     let device = Interface::vtable(gpu.device());
