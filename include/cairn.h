@@ -1333,6 +1333,8 @@ CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 #define CAIRN_FRAME_CUT 1
 /** A flag of cairn_frame: it is the very picture that was drawn before. */
 #define CAIRN_FRAME_REPEATED 2
+/** A flag of cairn_frame: an anchor is shown in its place, as cairn_presenter_prepare_d3d12 was not called for it. */
+#define CAIRN_FRAME_UNPREPARED 4
 
 /**
  * Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, generates it
@@ -1419,7 +1421,7 @@ typedef struct cairn_frame {
     uint64_t current;
     /** Intervals from the previous anchor, 0 to 1. */
     float t;
-    /** CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED */
+    /** CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED, CAIRN_FRAME_UNPREPARED */
     uint32_t flags;
 } cairn_frame;
 
@@ -1438,7 +1440,8 @@ CAIRN_API cairn_result cairn_presenter_create(const cairn_presenter_options *opt
 
 /**
  * Gives a presenter the next anchor. What comes without a number one above the last, or with CAIRN_ANCHOR_CUT, is a cut:
- * nothing is generated between it and the one before.
+ * nothing is generated between it and the one before. An anchor that a Direct3D 12 device still works on has come once its fence
+ * says so, which is looked at whenever a frame is asked for and no queue waits for; until then it is late.
  *
  * guidance: of the anchor before and this one; null to have the presenter find it.
  * now_ns: when it came, on the host's clock.
@@ -1871,8 +1874,8 @@ typedef struct cairn_rollout_statistics {
 typedef struct cairn_presenter_statistics {
     /** sizeof(cairn_presenter_statistics) */
     uint32_t struct_size;
-    /** 0 */
-    uint32_t reserved;
+    /** Anchors that were pushed and whose fences have not come. */
+    uint32_t anchors_under_way;
     /** Anchors that came. */
     uint64_t anchors;
     /** Those that came after they were due. */
@@ -1905,7 +1908,7 @@ typedef struct cairn_presenter_statistics {
     char preference[160];
     /** Anchors that wait for their time, as of the latest time that was heard of. */
     uint32_t waiting;
-    /** Frames for Direct3D 12 that are recorded and have not run. */
+    /** Frames for Direct3D 12 that the queue was given and has not made. */
     uint32_t under_way;
     /**
      * Frames for Direct3D 12 whose time on the device is known. What else the queue ran meanwhile is in their times.
@@ -1939,6 +1942,16 @@ typedef struct cairn_presenter_statistics {
     char upscaler[32];
     /** Why AMD's upscaler does not, for people; UTF-8. */
     char upscaling[160];
+    /** Frames for Direct3D 12 in whose place an anchor was shown: CAIRN_FRAME_UNPREPARED. */
+    uint64_t unprepared;
+    /**
+     * Objects of Direct3D and contexts of AMD's that were made while frames were recorded or submitted: none where all were prepared.
+     */
+    uint64_t objects_made;
+    /** Recorded frames whose fences have not come. */
+    uint32_t lists_pending;
+    /** 0 */
+    uint32_t reserved;
 } cairn_presenter_statistics;
 
 /**
@@ -1966,6 +1979,10 @@ CAIRN_API cairn_result cairn_presenter_get_statistics(
 
 /** A flag of cairn_d3d12_options: ONNX Runtime's deterministic kernels only, and no captured passes. */
 #define CAIRN_D3D12_DETERMINISTIC 1
+/** Recorded frames that may not have run, at most: see cairn_d3d12_preparation.lists. */
+#define CAIRN_MAX_LISTS 16
+/** A flag of cairn_d3d12_preparation: frames are submitted only, and no memory is kept for recorded ones. */
+#define CAIRN_PREPARE_SUBMIT_ONLY 1
 
 /** Direct3D 12's own, declared so that its header is not needed. */
 typedef struct ID3D12CommandQueue ID3D12CommandQueue;
@@ -2001,6 +2018,79 @@ typedef struct cairn_d3d12_options {
      */
     uint32_t longest_submission_us;
 } cairn_d3d12_options;
+
+/**
+ * Gives pipelines that cairn_pipelines_store_callback got in an earlier run, on the thread that prepares. Called first with null and 0, to
+ * return how many bytes there are, 0 for none; then with memory of that size, to fill it and return the same number.
+ */
+typedef uint64_t (*cairn_pipelines_load_callback)(void *bytes, uint64_t capacity, void *user);
+
+/**
+ * Gets the pipelines of a device, on the thread that prepares: bytes are valid during the call only. Bytes of another adapter, driver or
+ * version of the library, and damaged ones, are ignored when they are loaded.
+ */
+typedef void (*cairn_pipelines_store_callback)(const void *bytes, uint64_t size, void *user);
+
+/**
+ * What frames for Direct3D 12 are prepared for. All zero: frames of the presenter's size in any format, of the anchors that have come.
+ */
+typedef struct cairn_d3d12_preparation {
+    /** sizeof(cairn_d3d12_preparation) */
+    uint32_t struct_size;
+    /** DXGI_FORMAT of the targets; 0 for any that frames can be written in, with memory for the widest. */
+    uint32_t format;
+    /** Size of the targets in pixels; 0 both ways for that of the presenter's frames. */
+    uint32_t width;
+    /** See width. */
+    uint32_t height;
+    /** Size of the anchors in pixels, 1 to 16384 each way; 0 both ways for that of the anchors that have come. */
+    uint32_t anchor_width;
+    /** See anchor_width. */
+    uint32_t anchor_height;
+    /** Pictures that an anchor brings, as cairn_anchor_info.pictures; 0 for 1. */
+    uint32_t anchor_pictures;
+    /** As cairn_anchor_info has it; needed where options.motion is CAIRN_MOTION_PAPER, else 0. */
+    uint32_t latent_channels;
+    /** See latent_channels. */
+    uint32_t latent_height;
+    /** See latent_channels. */
+    uint32_t latent_width;
+    /**
+     * Frames recorded into the engine's lists that may not have run, 1 to CAIRN_MAX_LISTS; 0 for 4. Each costs the memory of a frame.
+     */
+    uint32_t lists;
+    /** CAIRN_PREPARE_SUBMIT_ONLY, or 0. */
+    uint32_t flags;
+    /** May be null. */
+    cairn_pipelines_load_callback load;
+    /** May be null. */
+    cairn_pipelines_store_callback store;
+    /** Handed to both. */
+    void *user;
+} cairn_d3d12_preparation;
+
+/** A list of the engine's that a frame is recorded into. */
+typedef struct cairn_d3d12_recording {
+    /** sizeof(cairn_d3d12_recording) */
+    uint32_t struct_size;
+    /** D3D12_RESOURCE_STATES of the target when the list comes to it. */
+    uint32_t state_before;
+    /** D3D12_RESOURCE_STATES that it is left in. */
+    uint32_t state_after;
+    /** 0 */
+    uint32_t reserved;
+    /** Open for recording, of the type of the device's queue. */
+    struct ID3D12GraphicsCommandList *list;
+    /**
+     * Of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and typeless ones
+     * included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR.
+     */
+    struct ID3D12Resource *target;
+    /** The host's own, of the same device. */
+    struct ID3D12Fence *fence;
+    /** The fence gets it on the queue that executes the list, after the list. */
+    uint64_t fence_value;
+} cairn_d3d12_recording;
 
 /**
  * Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library
@@ -2089,42 +2179,70 @@ CAIRN_API cairn_result cairn_anchor_get_d3d12(
     uint64_t *value);
 
 /**
- * Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Compute shaders make it
- * on the device unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does, and the list copies it from memory of
- * the presenter's: cairn_presenter_get_statistics says which, and why. target needs no view and no access for shaders. Shaders leave
- * another pipeline, compute root signature and descriptor heaps in the list. Waits where three lists before it have not run yet; work
- * on anchors is waited for on the queue and not here.
+ * Makes all that frames for Direct3D 12 need, on a thread of the host's that loads: pipelines, textures, memory, AMD's libraries with their
+ * contexts and the test that these must pass. Afterwards cairn_presenter_record_d3d12 and cairn_presenter_submit_d3d12 make nothing
+ * for frames of these sizes and this format. Blocks for as long as that takes, seconds at the first time.
+ *
+ * Until it was called, and for frames of another size, format or device, these show the nearest anchor in place of each frame, resized by
+ * the processor, with CAIRN_FRAME_UNPREPARED: so call it again when targets change their size. What was prepared before is used until
+ * the call is done, and longer where it fails.
+ *
+ * Pipelines are kept as long as the device, and shared by its presenters. With callbacks they are kept from one run of the program to the next, as
+ * far as the driver gives them away; the library writes no file. load is called once for a device, and store where
+ * pipelines were compiled that were neither loaded nor stored before, with all of the device's.
+ *
+ * device: the one on whose queue frames will be made.
+ *
+ * Ownership: preparation is read during the call; user stays the caller's; nothing is handed over, on success or on failure.
+ * Threads: any thread, also while another one pushes, queries, records or submits; a second one that prepares the same presenter gets
+ * CAIRN_ERROR_BUSY. Callbacks may call any function but those that destroy the presenter or the device.
+ * Results: CAIRN_OK; CAIRN_NOT_READY where no anchor has come and the preparation does not say how large anchors are;
+ * CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU
+ * device and where a required generator or upscaler cannot be used; CAIRN_ERROR_RUNTIME_MISSING where AMD's libraries are required and not
+ * there; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_prepare_d3d12(
+    const cairn_presenter *presenter, const cairn_device *device, const cairn_d3d12_preparation *preparation);
+
+/**
+ * Has the frame that is due made on the device's queue, as cairn_presenter_draw writes it into memory, and records its copy into the engine's
+ * command list. Compute shaders make it unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does:
+ * cairn_presenter_get_statistics says which, and why. The list gets a barrier, a copy and a barrier, and nothing else of it changes.
+ *
+ * The list may be executed early or late, in another order than it was recorded in, or never. What it copies from is used again once the
+ * fence has its value, and not before; nothing waits for it. The same value may stand for several lists if it comes after all of
+ * them. Of a list that is dropped the host signals the value itself, or calls cairn_presenter_release_d3d12.
  *
  * A cut that only the generator finds shows the nearer anchor as well, but frame says so only where the processor made it; the
- * statistics count it once the list has run.
+ * statistics count it once the frame has been made.
  *
- * device: the one on whose queue the list will run.
+ * device: the one on whose queue the list will run; on another queue it must wait for what the device's queue has been given before.
  * now_ns: when it will be shown, on the host's clock.
- * list: open for recording, of the queue's type; to be given to the queue before the next frame is recorded.
- * target: of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and
- * typeless ones included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR. In before on entry and in after on
- * exit, both D3D12_RESOURCE_STATES that the list can name: a compute list cannot name RENDER_TARGET. It and the presenter must live
- * until the list has run.
+ * recording: the target is in state_before on entry and in state_after on exit, both D3D12_RESOURCE_STATES that the list can name: a compute list
+ * cannot name RENDER_TARGET. The presenter must live until the list has run.
  * frame: may be null.
  *
- * Ownership: list and target stay the caller's, and the presenter may hold a reference to target until the frame after next but one is
- * recorded or cairn_presenter_release_d3d12 is called; frame is filled on success; on failure it is not written and no frame is recorded.
- * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
- * when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
- * a CPU device, and where options.shader is CAIRN_PREFER_REQUIRE and shaders cannot make it; CAIRN_ERROR_OUT_OF_MEMORY;
- * CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Ownership: all objects stay the caller's, and the presenter holds a reference to the fence until it has its value; frame is filled on
+ * success; on failure it is not written and no frame is recorded.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. Not waited for is a thread that prepares.
+ * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_QUEUE_FULL where as many lists as were prepared may not have run:
+ * nothing is recorded, and the target holds what it did; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also without a fence, for one of
+ * another device or that has the value already, and when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent;
+ * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU device; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE;
+ * CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_record_d3d12(
-    cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12GraphicsCommandList *list,
-    struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame);
+    cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, const cairn_d3d12_recording *recording,
+    cairn_frame *frame);
 
 /**
- * Has the frame that is due written to a texture on the device's queue, as cairn_presenter_record_d3d12 records it, in a list of the
- * presenter's own and behind all that the queue has been given.
+ * Has the frame that is due written to a texture on the device's queue, in a list of the presenter's own and behind all that the queue has been
+ * given. Waits where three frames before it have not run.
  *
- * device, now_ns, target, before, after, frame: as for cairn_presenter_record_d3d12.
+ * device, now_ns, frame: as for cairn_presenter_record_d3d12; target, before, after: as in cairn_d3d12_recording. The presenter may hold a
+ * reference to target until the third frame after it is made or cairn_presenter_release_d3d12 is called.
  * fence, value: get what to wait for before the frame is read elsewhere than on the queue, and before target is freed.
  *
  * Ownership: target stays the caller's; on success *fence has a reference more, for the caller to release, and frame is filled;
@@ -2138,8 +2256,8 @@ CAIRN_API cairn_result cairn_presenter_submit_d3d12(
     uint32_t before, uint32_t after, cairn_frame *frame, struct ID3D12Fence **fence, uint64_t *value);
 
 /**
- * Waits until all frames have run and lets go of their targets, as a swap chain wants it before its buffers are resized. Lists that were
- * recorded must have been given to the queue, or never will be.
+ * Waits until all frames have run and releases their targets, as a swap chain wants it before its buffers are resized. Every list that frames
+ * were recorded into must have been given to the queue, or never will be: their memory is free then, whatever their fences say.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.

@@ -135,7 +135,8 @@ extern "C" {
     X(cairn_result, cairn_device_get_d3d12, (const cairn_device *device, struct ID3D12Device **d3d12, struct ID3D12CommandQueue **queue)) \
     X(cairn_result, cairn_rollout_append_d3d12, (cairn_rollout *rollout, struct ID3D12Resource *picture, uint32_t state, cairn_step_info *info)) \
     X(cairn_result, cairn_anchor_get_d3d12, (const cairn_anchor *anchor, uint32_t index, struct ID3D12Resource **texture, struct ID3D12Fence **fence, uint64_t *value)) \
-    X(cairn_result, cairn_presenter_record_d3d12, (cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12GraphicsCommandList *list, struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame)) \
+    X(cairn_result, cairn_presenter_prepare_d3d12, (const cairn_presenter *presenter, const cairn_device *device, const cairn_d3d12_preparation *preparation)) \
+    X(cairn_result, cairn_presenter_record_d3d12, (cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, const cairn_d3d12_recording *recording, cairn_frame *frame)) \
     X(cairn_result, cairn_presenter_submit_d3d12, (cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame, struct ID3D12Fence **fence, uint64_t *value)) \
     X(cairn_result, cairn_presenter_release_d3d12, (cairn_presenter *presenter)) \
     X(cairn_result, cairn_swapchain_wrap, (const cairn_device *device, const cairn_swapchain_options *options, struct IDXGISwapChain **own, cairn_swapchain **swapchain)) \

@@ -97,8 +97,11 @@ namespace Cairn
         internal const int FRAME_HELD = 5;
         internal const int FRAME_CUT = 1;
         internal const int FRAME_REPEATED = 2;
+        internal const int FRAME_UNPREPARED = 4;
         internal const int MAX_BUDGET_WORLDS = 8;
         internal const int D3D12_DETERMINISTIC = 1;
+        internal const int MAX_LISTS = 16;
+        internal const int PREPARE_SUBMIT_ONLY = 1;
         internal const int FSR_ANY = 0;
         internal const int FSR_PREFER_ML = 1;
         internal const int FSR_PREFER_ANALYTIC = 2;
@@ -442,7 +445,7 @@ namespace Cairn
         internal struct presenter_statistics
         {
             internal uint struct_size;
-            internal uint reserved;
+            internal uint anchors_under_way;
             internal ulong anchors;
             internal ulong late_anchors;
             internal ulong slipped_ns;
@@ -471,6 +474,10 @@ namespace Cairn
             internal uint budget_changes;
             internal fixed byte upscaler[32];
             internal fixed byte upscaling[160];
+            internal ulong unprepared;
+            internal ulong objects_made;
+            internal uint lists_pending;
+            internal uint reserved;
         }
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
@@ -478,6 +485,12 @@ namespace Cairn
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate uint load_callback(load_progress* progress, void* user);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate ulong pipelines_load_callback(void* bytes, ulong capacity, void* user);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate void pipelines_store_callback(void* bytes, ulong size, void* user);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate uint abi_version_function();
