@@ -375,7 +375,7 @@ fn frames_are_shown_where_the_submission_thread_is_behind() {
 /// Movie rendering, a minimised window, a device that is far behind: lists run frames after they were recorded.
 #[test]
 fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
-    for (version, delay) in (5..=8).flat_map(|version| [(version, 2), (version, 5), (version, u64::MAX)]) {
+    for (version, delay) in [(5, u64::MAX), (6, 3), (8, 3), (8, u64::MAX)] {
         let unity = Running::start(version);
         unity.load();
         let scene = Scene::new();
@@ -436,41 +436,37 @@ fn numbers(bytes: &[u8], format: DXGI_FORMAT) -> Vec<f64> {
 /// Every format of a render texture that the package offers, in a project of either colour space.
 #[test]
 fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
-    let srgb = [
-        DXGI_FORMAT_R8G8B8A8_TYPELESS,
-        DXGI_FORMAT_B8G8R8A8_TYPELESS,
+    let all = [
         DXGI_FORMAT_R16G16B16A16_FLOAT,
         DXGI_FORMAT_R11G11B10_FLOAT,
+        DXGI_FORMAT_R8G8B8A8_TYPELESS,
+        DXGI_FORMAT_B8G8R8A8_TYPELESS,
     ];
-    let all = srgb.map(|format| (format, CAIRN_COLOUR_SRGB)).into_iter();
-    let light = srgb[2..].iter().map(|format| (*format, CAIRN_COLOUR_LINEAR));
-    for (format, colour_space) in all.chain(light) {
-        for version in [7, 8] {
-            let unity = Running::start(version);
-            unity.load();
-            let scene = Scene::of(colour_space);
-            let target = texture_of(&unity, SIZE, 1, format);
-            // An anchor, and one that is generated.
-            for now in [INTERVAL, INTERVAL * 5 / 4] {
-                assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
+    for (colour_space, formats) in [(CAIRN_COLOUR_SRGB, &all[..]), (CAIRN_COLOUR_LINEAR, &all[..2])] {
+        let unity = Running::start(8);
+        unity.load();
+        let scene = Scene::of(colour_space);
+        let targets: Vec<_> = formats.iter().map(|format| (texture_of(&unity, SIZE, 1, *format), *format)).collect();
+        // An anchor, and one that is generated.
+        for now in [INTERVAL, INTERVAL * 5 / 4] {
+            for (target, format) in &targets {
+                assert_eq!(scene.set(now, Some(target)), CAIRN_OK);
                 scene.show(&unity);
                 let (result, _, frame, message) = scene.get();
                 assert_eq!((result, frame.flags & CAIRN_FRAME_UNPREPARED), (CAIRN_OK, 0), "{format:?}: {message}");
                 let expected = drawn_in(scene.presenter, now, colour_space);
-                let found = numbers(&pixels(&unity, &target), format);
+                let found = numbers(&pixels(&unity, target), *format);
                 assert_eq!(found.len(), expected.len());
                 for (found, expected) in found.iter().zip(&expected) {
                     // Half a step of the format, and a level of eight bits.
-                    let step = if format == DXGI_FORMAT_R11G11B10_FLOAT { expected / 64.0 } else { expected / 2048.0 };
-                    assert!(
-                        (found - expected).abs() <= step + 0.012,
-                        "{format:?}, {colour_space}: {found} for {expected}"
-                    );
+                    let step = if *format == DXGI_FORMAT_R11G11B10_FLOAT { expected / 64.0 } else { expected / 2048.0 };
+                    let apart = (found - expected).abs();
+                    assert!(apart <= step + 0.012, "{format:?}, {colour_space}: {found} for {expected}");
                 }
             }
-            assert_eq!(unity.wrong(), [""; 0], "{format:?}");
-            scene.end();
         }
+        assert_eq!(unity.wrong(), [""; 0], "{colour_space}");
+        scene.end();
     }
 }
 

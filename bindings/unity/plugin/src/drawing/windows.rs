@@ -175,11 +175,7 @@ impl TargetRing {
     }
 
     /// A slot that nobody reads, with a texture as Unity's is but for what may be done with it; none where as many as may be are in use.
-    fn free(
-        &mut self,
-        drawing: &Drawing,
-        target: &ID3D12Resource,
-    ) -> Result<Option<(&mut Slot, &mut Option<usize>, usize)>, String> {
+    fn free(&mut self, drawing: &Drawing, target: &ID3D12Resource) -> Result<Option<(usize, ID3D12Resource)>, String> {
         let wanted = desc_of(target);
         if self.0.as_ref().is_none_or(|ring| ring.shape != shape(&wanted)) {
             if let Some(why) = refused(&wanted) {
@@ -188,7 +184,7 @@ impl TargetRing {
             let kept = drawing.kept.clone();
             self.0 = Some(Ring { slots: Vec::new(), newest: None, shape: shape(&wanted), kept });
         }
-        let Some(Ring { slots, newest, .. }) = &mut self.0 else { return Ok(None) };
+        let Some(Ring { slots, .. }) = &mut self.0 else { return Ok(None) };
         let place = match slots.iter().position(Slot::is_free) {
             Some(place) => place,
             None if slots.len() < RING => {
@@ -197,7 +193,15 @@ impl TargetRing {
             }
             None => return Ok(None),
         };
-        Ok(Some((&mut slots[place], newest, place)))
+        Ok(Some((place, slots[place].texture.clone())))
+    }
+
+    /// A slot holds the newest frame, once `written` is reached.
+    fn holds(&mut self, place: usize, written: FencePoint) {
+        if let Some(ring) = &mut self.0 {
+            ring.slots[place].written = Some(written);
+            ring.newest = Some(place);
+        }
     }
 }
 
@@ -277,7 +281,7 @@ impl Drawing {
         let mut ring = view.ring.lock();
         let Some((now, Target(target))) = view.wanted() else { return Ended::Nothing };
         self.tidy();
-        let (slot, newest, place) = match ring.free(self, &target) {
+        let (place, texture) = match ring.free(self, &target) {
             Ok(Some(found)) => found,
             // Frames go on when Unity's queue has run the copies of earlier ones.
             Ok(None) => return Ended::Nothing,
@@ -287,18 +291,16 @@ impl Drawing {
         let rest = D3D12_RESOURCE_STATE_COMMON.0.cast_unsigned();
         let presenter = std::ptr::without_provenance_mut::<cairn_presenter>(view.presenter);
         let device = std::ptr::without_provenance(view.device);
-        let texture = slot.texture.as_raw().cast();
+        let raw = texture.as_raw().cast();
         // SAFETY: handles are looked up; a live texture in its state; places for what is made.
         let result = unsafe {
-            cairn_presenter_submit_d3d12(
-                presenter, device, now, texture, rest, rest, &mut frame, &mut fence, &mut value,
-            )
+            cairn_presenter_submit_d3d12(presenter, device, now, raw, rest, rest, &mut frame, &mut fence, &mut value)
         };
         match result {
             CAIRN_OK => {
                 // SAFETY: the reference that the call gave, used once.
-                slot.written = Some(FencePoint(unsafe { ID3D12Fence::from_raw(fence.cast()) }, value));
-                *newest = Some(place);
+                let fence = unsafe { ID3D12Fence::from_raw(fence.cast()) };
+                ring.holds(place, FencePoint(fence, value));
                 Ended::Made(frame)
             }
             not_now if not_now > 0 => Ended::Nothing,

@@ -89,8 +89,7 @@ struct Unity {
     pending: VecDeque<Job>,
     /// Whether the submission thread calls the plugin at the end of a frame only, behind the frame's lists.
     lags: bool,
-    /// Frames that end before the queue is given a frame's lists. Events of the submission thread do not wait for them: nothing in the
-    /// interface says so of an event that neither flushes nor synchronises.
+    /// Frames that end before the queue is given a frame's lists. Events that do not flush do not wait for them.
     delay: u64,
     /// What lists that are under way need.
     alive: Vec<Recording>,
@@ -160,14 +159,11 @@ impl Unity {
     }
 }
 
-/// Has the submission thread do what waits for it, but for the last `delay` frames.
+/// Has the submission thread do its jobs, but for the last `delay` frames.
 fn submit(delay: u64) {
     loop {
-        let job = with(|unity| {
-            let waits = unity.next - 1 - unity.submitted <= delay;
-            if waits { None } else { unity.pending.pop_front() }
-        });
-        match job {
+        let is_due = |unity: &Unity| unity.next - 1 - unity.submitted > delay;
+        match with(|unity| is_due(unity).then(|| unity.pending.pop_front()).flatten()) {
             Some(Job::List(list, frame)) => with(|unity| {
                 lists::given(&list, frame);
                 // SAFETY: a closed list, which is kept until it has run.
@@ -466,8 +462,7 @@ impl Running {
         with(|unity| unity.lags = true);
     }
 
-    /// From now on the queue is given a frame's lists when so many later frames have ended; as while a window is minimised, never, until
-    /// [`Self::settle`].
+    /// From now on the queue is given a frame's lists when so many later frames have ended, or by [`Self::settle`].
     pub(crate) fn delay(&self, frames: u64) {
         with(|unity| unity.delay = frames);
     }
@@ -515,15 +510,11 @@ impl Running {
         let data = data.addr();
         match with(|unity| unity.configured.get(&number).copied()) {
             Some([1, flags, _]) => {
-                let lags = with(|unity| {
-                    assert_eq!(flags & 6, 0, "nothing is flushed and no thread is waited for");
-                    if unity.lags {
-                        unity.close();
-                        unity.pending.push_back(Job::Event(number, data));
-                    }
-                    unity.lags
-                });
-                if !lags {
+                assert_eq!(flags & 6, 0, "nothing is flushed and no thread is waited for");
+                if with(|unity| unity.lags) {
+                    with(Unity::close);
+                    with(|unity| unity.pending.push_back(Job::Event(number, data)));
+                } else {
                     on_thread(Place::Submitting, || run(number, data));
                 }
             }
