@@ -290,7 +290,7 @@ impl Recording {
 
     /// AMD's functions for an effect.
     fn amd(&mut self, effect: ffx::Effect) -> crate::Result<ffx::Api> {
-        let amd = self.amd.get_or_insert_with(|| ffx::Library::load(&ffx::LoadOptions::from_environment()));
+        let amd = self.amd.get_or_insert_with(|| ffx::Library::load(&ffx::LoadOptions::of_host()));
         amd.as_ref().map_err(Error::clone).and_then(|library| library.api(effect)).copied()
     }
 
@@ -392,7 +392,7 @@ pub(in crate::abi) fn requirements(onnxruntime_at: Option<&Path>) -> Vec<cairn_r
     };
     let needed = "compute shaders, for frames that the device makes; else the processor makes them";
     rows.push(row(CAIRN_REQUIREMENT_SHADERS, status, needed, &found));
-    rows.extend(ffx::requirements(&ffx::LoadOptions::from_environment(), &gpu).iter().map(|of_amd| {
+    rows.extend(ffx::requirements(&ffx::LoadOptions::of_host(), &gpu).iter().map(|of_amd| {
         let what = match of_amd.what {
             Needed::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,
             Needed::Provider => CAIRN_REQUIREMENT_FSR_PROVIDER,

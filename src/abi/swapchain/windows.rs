@@ -105,7 +105,7 @@ unsafe fn copied<T: Copy>(from: *const T, name: &str) -> Outcome<T> {
 fn make(device: &Device, options: &cairn_swapchain_options, from: Paced<'_>) -> Outcome<Showing> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     let options = of_host(options)?;
-    let library = Library::load(&LoadOptions::from_environment())?;
+    let library = Library::load(&LoadOptions::of_host())?;
     let api: Api = *library.api(Effect::FrameGeneration)?;
     Ok(Showing { swapchain: Swapchain::new(gpu, &api, &options, from)?, _library: library })
 }

@@ -1,6 +1,7 @@
 //! Loading, and the report of what was found.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::module::{FileVersion, Module};
 use super::{Part, search, signature};
@@ -8,7 +9,7 @@ use crate::ffx::{Api, Effect};
 use crate::{Error, ErrorKind, Result};
 
 /// Where AMD's libraries come from.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LoadOptions {
     /// Their folder; without one, that of this library, else the program's.
     pub directory: Option<PathBuf>,
@@ -16,12 +17,38 @@ pub struct LoadOptions {
     pub signed: bool,
 }
 
-impl LoadOptions {
-    /// What tools use, which have no host to tell them: the folder is what `CAIRN_FFX_DIR` names, where it is set.
-    pub fn from_environment() -> Self {
-        let named = std::env::var_os("CAIRN_FFX_DIR").filter(|folder| !folder.is_empty());
-        Self { directory: named.map(PathBuf::from), signed: false }
+/// Whether [`LoadOptions::of_host`] asks for signed libraries only.
+static HOST_WANTS_SIGNED: AtomicBool = AtomicBool::new(true);
+
+impl Default for LoadOptions {
+    /// Signed libraries beside this one, or beside the program.
+    fn default() -> Self {
+        Self { directory: None, signed: true }
     }
+}
+
+impl LoadOptions {
+    /// What tools use, which have no host to tell them: the folder is what `CAIRN_FFX_DIR` names, where it is set. Libraries that AMD
+    /// has not signed are loaded only where `CAIRN_FFX_UNSIGNED` is 1.
+    pub fn from_environment() -> Self {
+        let is_unsigned = std::env::var_os("CAIRN_FFX_UNSIGNED").is_some_and(|value| value == "1");
+        Self { directory: named_folder(), signed: !is_unsigned }
+    }
+
+    /// What the C interface uses: the folder as for tools, and signed libraries only, whatever the environment says.
+    pub fn of_host() -> Self {
+        Self { directory: named_folder(), signed: HOST_WANTS_SIGNED.load(Ordering::Relaxed) }
+    }
+}
+
+fn named_folder() -> Option<PathBuf> {
+    std::env::var_os("CAIRN_FFX_DIR").filter(|folder| !folder.is_empty()).map(PathBuf::from)
+}
+
+/// Has the C interface load libraries that AMD has not signed too, in this process from now on: for tests, and for programs in
+/// Rust whose user replaces AMD's libraries. C hosts cannot ask for it.
+pub fn allow_unsigned_in_host() {
+    HOST_WANTS_SIGNED.store(false, Ordering::Relaxed);
 }
 
 /// One of the files that were found.
