@@ -26,7 +26,7 @@ use mutants::{Mutant, Report, api, held, mutants as mutants_of, noticed};
 use pictures::{Kept, Textures};
 use stage::{ANALYTIC_20, ML, Stage};
 
-const SIZE: Dimensions = Dimensions { width: 32, height: 24 };
+const SIZE: Dimensions = Dimensions { width: 80, height: 64 };
 
 /// What a frame is made of, with all that can be told of one.
 struct Scene {
@@ -51,7 +51,7 @@ impl Scene {
                 let made = Textures::new(&gpu, SIZE).color;
                 textures.fill(&made, |x, y| {
                     let at = |phase: u32| ((x + moved) * phase * 5 + y * (9 - phase)) as u8;
-                    if interface == 0 && y > 20 { [255, 0, 255, 255] } else { [at(1), at(2), at(3), 255] }
+                    if interface == 0 && y > 56 { [255, 0, 255, 255] } else { [at(1), at(2), at(3), 255] }
                 });
                 made
             })
@@ -118,7 +118,7 @@ impl Scene {
                         jitter: Coordinates { x: 0.25, y: -0.5 },
                         motion_scale: Coordinates { x: 1.5, y: 1.25 },
                         camera: Camera { position: [3.0, 4.0, 5.0], ..Camera::default() },
-                        rect: Rect { left: 1, top: 2, width: 30, height: 21 },
+                        rect: Rect { left: 1, top: 2, width: 78, height: 59 },
                         transfer: TransferFunction::PQ,
                         luminance: [0.0, 10.0],
                         ..frame.shot
