@@ -163,8 +163,8 @@ fn what_is_written_otherwise_is_noticed_or_of_no_consequence() {
     let scene = Scene::new();
     let mut report = Report::default();
     for (role, family, of_prepare) in [
-        (["sdk 2.1", ML, "quiet"], Family::Ml, table::of_prepare_v2()),
-        (["sdk 2.0", ANALYTIC_20, "quiet"], Family::Analytic, table::of_prepare()),
+        (["sdk 2.1", ML, "quiet", "survives"], Family::Ml, table::of_prepare_v2()),
+        (["sdk 2.0", ANALYTIC_20, "quiet", "survives"], Family::Analytic, table::of_prepare()),
     ] {
         let stage = Stage::empty().with(Part::FrameGeneration, &role);
         let api = api(&stage, Part::FrameGeneration);
