@@ -22,24 +22,29 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
 
+#[path = "d3d12/amd.rs"]
+mod amd;
 mod common;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
 #[path = "d3d12/handles.rs"]
 mod handles;
+#[path = "d3d12/small.rs"]
+mod small;
 #[path = "d3d12/textures.rs"]
 mod textures;
 use engine::Engine;
 use handles::{made, of_a_tool, prepared};
 use textures::{Recording, Wanted};
 
-/// Frames' size; a row is no whole number of what copies align to.
-const SIZE: (u32, u32) = (37, 23);
+/// Frames' size; a row is no whole number of what copies align to, and AMD's libraries take it.
+const SIZE: (u32, u32) = (101, 67);
 /// Nanoseconds between anchors.
 const INTERVAL: u64 = 100_000_000;
 
 fn device(engine: &Engine, queue: &ID3D12CommandQueue) -> *mut cairn_device {
+    amd::prepare();
     let (device, queue) = (engine.device.as_raw().cast(), queue.as_raw().cast());
     // SAFETY: live objects, options of their size and a place for the handle.
     made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &of_a_tool(), to) })
@@ -274,7 +279,8 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
     let required = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_REQUIRE);
     let rest = [D3D12_RESOURCE_STATE_COMMON; 2];
     let texture = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
-    for (preference, name) in [(CAIRN_PREFER_AUTO, "shader"), (CAIRN_PREFER_NEVER, "cpu")] {
+    let half_way = amd::half_way(SIZE, &engine.device);
+    for (preference, name) in [(CAIRN_PREFER_AUTO, &*half_way), (CAIRN_PREFER_NEVER, "cpu")] {
         let presenter = presenter(CAIRN_COLOUR_SRGB, preference);
         let now = INTERVAL * 3 / 2;
         prepare(presenter, direct, 0);
@@ -296,13 +302,19 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
         }
         for texture in [&texture, &own] {
             let pixels = textures::read(&engine.device, &engine.direct, texture, rest[0]);
-            let apart = pixels.iter().zip(memory.rgba()).filter(|(a, b)| a.abs_diff(**b) > 1).count();
-            assert_eq!(apart, 0, "{name}: within a level of what is drawn into memory");
+            let is_same = pixels.iter().zip(memory.rgba()).all(|(a, b)| a.abs_diff(*b) <= 1);
+            let is_amd_s = !["shader", "cpu"].contains(&name) && amd::is_picture(&pixels);
+            assert!(is_same || is_amd_s, "{name}: within a level of what is drawn into memory");
         }
         let done = statistics(presenter);
         assert_eq!((done.anchors, done.waiting, done.under_way, done.shown_generated), (2, 1, 0, 3), "{name}");
-        // What the processor made took no time on the device; the second frame of the shaders' was the first again.
-        let (frames, lists) = if name == "shader" { (2, 4) } else { (0, 0) };
+        // What the processor made took no time on the device; the second frame of the shaders' was the first again. A list with what
+        // frames of a pair have in common is the shaders' alone.
+        let (frames, lists) = match name {
+            "cpu" => (0, 0),
+            "shader" => (2, 4),
+            _ => (2, 3),
+        };
         assert_eq!((done.device_frames, done.device_lists), (frames, lists), "{name}");
         assert_eq!(done.device_frames_ns > 0, frames > 0);
         assert!(
@@ -314,7 +326,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
         let alone = engine::references(&own);
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_presenter_release_d3d12(presenter) }, CAIRN_OK);
-        let held = u32::from(name == "shader");
+        let held = u32::from(name != "cpu");
         engine::comes_back(|| [engine::references(&own)], [alone - held]);
         end([presenter], []);
     }
@@ -355,6 +367,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let (flags, states) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, [D3D12_RESOURCE_STATE_PRESENT; 2]);
+    let half_way = amd::half_way(SIZE, &engine.device);
     let target = |size, format| Wanted { size, format, flags, ..Wanted::default() }.make(&engine.device);
     // A window's border that is dragged: its swap chain is made anew again and again, each time in another size and format, and an engine
     // may throw a list away then.
@@ -370,7 +383,10 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
         let now = INTERVAL + u64::from(i) * INTERVAL / 24;
         let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states };
         assert_eq!(call.record().0, CAIRN_OK, "{size:?}");
-        assert_eq!(generator(presenter).0, "shader", "{size:?}");
+        // Positions are quarters: an anchor, before which nothing but the frame half way is said, one, the half, and one more.
+        let is_half = (12..18).contains(&i);
+        let name = if i < 6 || is_half { &*half_way } else { "shader" };
+        assert_eq!(generator(presenter).0, name, "{size:?}");
         if i % 5 != 2 {
             recording.submit(&engine.direct);
         }
@@ -381,7 +397,8 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
             let pixels = textures::read(&engine.device, &engine.direct, &texture, states[1]);
             let memory = drawn_in(presenter, now, size);
             let apart = pixels.iter().zip(memory.rgba()).map(|(a, b)| a.abs_diff(*b)).max();
-            assert!(apart <= Some(1), "{size:?}: {apart:?} levels from what is drawn into memory");
+            let is_amd_s = name != "shader" && is_half && amd::is_picture(&pixels);
+            assert!(apart <= Some(1) || is_amd_s, "{size:?}: {apart:?} levels from what is drawn into memory");
         }
         kept.push((recording, texture));
     }
@@ -402,8 +419,10 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     let now = 29 * INTERVAL + INTERVAL / 2;
     let (frame, pixels) = frame_at(presenter, now);
     assert_eq!((frame.source, frame.previous, frame.t, frame.since_ns), (CAIRN_FRAME_GENERATED, 28, 0.5, now));
+    assert_eq!(generator(presenter).0, half_way);
     let memory = drawn(presenter, now);
-    assert!(pixels.iter().zip(memory.rgba()).all(|(a, b)| a.abs_diff(*b) <= 1), "what is drawn into memory");
+    let is_same = pixels.iter().zip(memory.rgba()).all(|(a, b)| a.abs_diff(*b) <= 1);
+    assert!(is_same || (half_way != "shader" && amd::is_picture(&pixels)), "what is drawn into memory");
     // No anchor comes: motion goes on for an interval and stands then, or stands at once; no call waits.
     for quarter in 0..12 {
         let (frame, _) = frame_at(presenter, 30 * INTERVAL + quarter * INTERVAL / 4);

@@ -23,6 +23,8 @@ mod pictures;
 #[path = "ffx/stage.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod stage;
+#[path = "ffx/tested.rs"]
+mod tested;
 #[path = "ffx/told.rs"]
 mod told;
 use pictures::{Kept, Textures, run, texture};
@@ -408,6 +410,8 @@ fn a_provider_that_makes_no_frames_between_is_found_out() {
         ("plays through", "passes frames through"),
         ("plays black", "it is black"),
         ("plays backwards", "the sign is wrong"),
+        ("plays upside-down", "against vertical motion"),
+        ("plays farthest", "the order of depths is wrong"),
     ] {
         let (stage, library) = playing(&[plays]);
         let refused = made(&gpu, &library, &tested).expect_err(plays);

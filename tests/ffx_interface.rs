@@ -143,9 +143,11 @@ fn libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_b
 /// In the program that has one of AMD's libraries beside it.
 fn look_in(places: &[PathBuf]) {
     let [program, beside, alone, given, empty] = places else { panic!("{places:?}") };
+    // The library finds them, and refuses them: AMD has not signed them.
     let is_in = |found: &str, place: &Path| {
         let file = place.join(Part::FrameGeneration.file_name());
         assert!(found.starts_with(&*file.display().to_string()), "{found}, and not {}", file.display());
+        assert!(found.contains("only AMD's own files are to be loaded"), "{found}");
     };
     let [with_one, without] = [beside, alone].map(|place| report_of(&place.join("cairn.dll")));
     // Nothing is given: beside the library, and then beside the program.

@@ -45,7 +45,7 @@ pub use fourfold::FourfoldGenerator;
 pub use generator::{Camera, Frame, Generator, Shot};
 pub use library::Part;
 #[cfg(windows)]
-pub use library::{File, FileVersion, Library, LoadOptions};
+pub use library::{File, FileVersion, Library, LoadOptions, allow_unsigned_in_host};
 pub use memory::{Reports, memory_needed};
 pub use provider::{Choice, Dialect, Family, Version, choose, versions};
 #[cfg(windows)]

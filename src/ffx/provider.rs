@@ -12,9 +12,9 @@ use crate::{Error, ErrorKind, Result};
 /// How providers work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Family {
-    /// By a trained network, releases from 4 on; AMD's newest hardware only.
+    /// By a trained network, releases 4.0 and 4.1; AMD's newest hardware only.
     Ml,
-    /// By written rules, releases up to 3; any hardware.
+    /// By written rules, releases up to 3.1; any hardware.
     Analytic,
 }
 
@@ -74,9 +74,16 @@ impl Version {
         Some(number)
     }
 
-    /// What it works by; None where its name does not tell.
+    /// What it works by, for the releases whose documents say so: ffx-api has no question for it, and a number alone says nothing of a
+    /// release to come. None for all others, which are neither preferred nor required as one of a family.
     pub fn family(&self) -> Option<Family> {
-        self.number().map(|[major, ..]| if major >= 4 { Family::Ml } else { Family::Analytic })
+        match self.number()? {
+            // Frame interpolation of SDK 1.1, FSR 2.3, and FSR 3 as of SDK 1.1 to 2.4.
+            [1, 0..=1, _] | [2, 3, _] | [3, 0..=1, _] => Some(Family::Analytic),
+            // FSR 4 and frame generation 4 of SDK 2.0 to 2.4.
+            [4, 0..=1, _] => Some(Family::Ml),
+            _ => None,
+        }
     }
 
     /// What it understands.
@@ -200,7 +207,7 @@ pub fn choose(offered: &[Version], choice: Choice) -> Result<Option<&Version>> {
 pub(super) fn unavailable(family: Family, instead: &str) -> Error {
     let (what, needs) = match family {
         Family::Ml => {
-            ("ml (4 and later)", "Use an RDNA 4 adapter on Windows 11 with SDK 2.1 or later, or choose analytic")
+            ("ml (4.0 and 4.1)", "Use an RDNA 4 adapter on Windows 11 with SDK 2.1 or later, or choose analytic")
         }
         Family::Analytic => ("analytic (3.1)", "Use AMD's libraries of SDK 1.1 to 2.4 that hold it, or choose ml"),
     };
@@ -232,8 +239,13 @@ mod tests {
             ("3.1.10-beta", Some([3, 1, 10]), Some(Analytic), Sdk21),
             ("FSR 4.0.2", Some([4, 0, 2]), Some(Ml), Sdk21),
             ("4.1.0.99", Some([4, 1, 0]), Some(Ml), Sdk21),
-            ("10", Some([10, 0, 0]), Some(Ml), Sdk21),
-            ("99999999999.1", Some([0, 1, 0]), Some(Analytic), Sdk11),
+            ("1.1.3", Some([1, 1, 3]), Some(Analytic), Sdk11),
+            ("2.3.4", Some([2, 3, 4]), Some(Analytic), Sdk11),
+            ("3.2.0", Some([3, 2, 0]), None, Sdk21),
+            ("4.2.0", Some([4, 2, 0]), None, Sdk21),
+            ("5.0.0", Some([5, 0, 0]), None, Sdk21),
+            ("10", Some([10, 0, 0]), None, Sdk21),
+            ("99999999999.1", Some([0, 1, 0]), None, Sdk11),
             ("preview", None, None, Sdk21),
             ("", None, None, Sdk21),
         ] {

@@ -1,61 +1,104 @@
-//! Whether a provider does what it is for: two frames of a picture that moves by a known way, and where it is in the one between.
-//! Windows only.
+//! Whether a provider does what it is for: two frames of two layers that move by known ways, one in front of the other, and where
+//! both are in the frame between. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT};
 
 use super::Shot;
-use super::bindings::{CreateFlags, Dimensions};
+use super::bindings::{Coordinates, CreateFlags, CreateFrameGeneration, Dimensions};
 use super::textures::{GROUP, Pictures, TextureGenerator, TextureOptions, texture};
 use crate::gpu::compute::{self, Frame, Frames, Kernel, Resting, Shape, View, Words, untyped};
 use crate::gpu::{Gpu, Heap, Shared, buffer};
 use crate::{Error, ErrorKind, Result};
 
-/// Frames with a shorter side are too small to tell.
-const SMALLEST: u32 = 64;
+/// What the shader writes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Mode {
+    /// The frame of that number: 0 and 1 are shown to the provider.
+    Frame(f32),
+    /// Two numbers for the background and two for the foreground, where both are in the frame of that number.
+    Values {
+        number: f32,
+        background: [f32; 2],
+        foreground: [f32; 2],
+    },
+    /// What a provider makes that believes in such motion from frame 0 to frame 1.
+    Generated(Believed),
+    /// What one makes of the right motion that takes near for far.
+    Reversed,
+    Black,
+}
 
-/// What the frame between may be: the picture so many steps from where it is in the first frame, and how many steps apart two of it lie
-/// over one another; without a place, black. The first is right.
-const CANDIDATES: [(Option<[f32; 2]>, &str); 8] = [
-    (Some([0.5, 0.0]), "it is far from where it belongs"),
-    (Some([1.0, 0.0]), "the frame itself comes back: it passes frames through"),
-    (Some([0.0, 0.0]), "the frame before comes back: it passes frames through"),
-    (Some([0.5, 0.5]), "both frames lie over one another: motion is not used"),
-    (Some([0.5, 1.0]), "both frames are moved against the motion: the sign is wrong"),
-    (Some([1.5, 0.0]), "it is moved against the motion: the sign is wrong"),
-    (Some([-0.5, 0.0]), "it is moved against the motion: the sign is wrong"),
-    (None, "it is black"),
+/// Motion that a provider may believe in: that of each layer times `factor`, component by component, plus `jitter` times what the
+/// cameras' jitter adds to motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Believed {
+    factor: [f32; 2],
+    jitter: f32,
+}
+
+const fn generated(factor: [f32; 2], jitter: f32) -> Mode {
+    Mode::Generated(Believed { factor, jitter })
+}
+
+/// What the frame between may be. The first is right.
+const CANDIDATES: [(Mode, &str); 14] = [
+    (generated([1.0, 1.0], 0.0), "it is far from where it belongs"),
+    (Mode::Frame(1.0), "the frame itself comes back: it passes frames through"),
+    (Mode::Frame(0.0), "the frame before comes back: it passes frames through"),
+    (generated([0.0, 0.0], 0.0), "both frames lie over one another: motion is not used"),
+    (generated([-1.0, -1.0], 0.0), "both frames are moved against the motion: the sign is wrong"),
+    (generated([-1.0, 1.0], 0.0), "both frames are moved against horizontal motion: the sign is wrong"),
+    (generated([1.0, -1.0], 0.0), "both frames are moved against vertical motion: the sign is wrong"),
+    (Mode::Frame(1.5), "it is moved against the motion: the sign is wrong"),
+    (Mode::Frame(-0.5), "it is moved against the motion: the sign is wrong"),
+    (Mode::Reversed, "what is far hides what is near: the order of depths is wrong"),
+    (Mode::Black, "it is black"),
+    (generated([1.0, 1.0], 1.0), "jitter is taken out of motion that holds none"),
+    (generated([1.0, 1.0], -2.0), "jitter that motion holds is added once more: the sign is wrong"),
+    (generated([1.0, 1.0], -1.0), "jitter is added to motion: the sign is wrong"),
 ];
 
+/// The candidate of a provider that leaves in motion what jitter has added to it, as AMD's 3.1.5 does. Where motion is said to hold
+/// jitter this is no reason to refuse one: real jitter is less than a pixel.
+const JITTER_LEFT: usize = 13;
+
 const STATE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
+
+/// Words of constants of the shader that draws.
+const CONSTANTS: usize = 19;
 
 /// Generates, compares, and leaves the generator as it was.
 ///
 /// # Errors
 /// `Unsupported`, of `provider`, for one that fails; what its calls answer; `DeviceRemoved`, `OutOfMemory`.
 pub(super) fn run(generator: &mut TextureGenerator, options: &TextureOptions) -> Result<()> {
-    let shown = options.head.display_size;
-    if shown.width.min(shown.height) < SMALLEST {
-        log::debug!(target: "cairn::ffx", "frames of {shown:?} are too small for a test");
-        return Ok(());
-    }
     let gpu = generator.gpu().clone();
     let stage = Stage::new(&gpu, options)?;
     let tested = stage.frames(generator).and_then(|()| stage.found());
     generator.forget();
     let sums = tested?;
-    let right = sums[0];
-    let nearest = sums.iter().zip(CANDIDATES).min_by_key(|(sum, _)| **sum).map_or("", |(_, (_, why))| why);
-    let others = sums[1..].iter().min().copied().unwrap_or(0);
+    log::debug!(target: "cairn::ffx", "distances of the frame between from what it may be: {sums:?}");
+    judge(&sums, options.head.flags.contains(CreateFlags::MOTION_JITTER)).map_err(|why| {
+        let why = format!("between two frames whose motion is known its frame is wrong: {why} (distances {sums:?})");
+        Error::new(ErrorKind::Unsupported, why)
+            .field("provider")
+            .remedy("Use another provider, a newer release of AMD's libraries or a newer driver, or another generator")
+    })
+}
+
+/// What is wrong, by the distance from each candidate.
+fn judge(sums: &[u32; CANDIDATES.len()], motion_holds_jitter: bool) -> Result<(), &'static str> {
+    let is_right = |index: usize| index == 0 || (index == JITTER_LEFT && motion_holds_jitter);
+    let least = |right: bool| {
+        let of_kind = sums.iter().enumerate().filter(|(index, _)| is_right(*index) == right);
+        of_kind.map(|(_, sum)| *sum).min().unwrap_or(0)
+    };
     // Twice as near as to anything else: providers sharpen and filter, each in its way.
-    if u64::from(right) * 2 < u64::from(others) {
+    if u64::from(least(true)) * 2 < u64::from(least(false)) {
         return Ok(());
     }
-    let why =
-        format!("of a picture that moves by a known way the frame between is wrong: {nearest} (distances {sums:?})");
-    Err(Error::new(ErrorKind::Unsupported, why)
-        .field("provider")
-        .remedy("Use another provider, a newer release of AMD's libraries or a newer driver, or another generator"))
+    Err(sums.iter().zip(CANDIDATES).min_by_key(|(sum, _)| **sum).map_or("", |(_, (_, why))| why))
 }
 
 /// What the frames are made in.
@@ -63,8 +106,10 @@ struct Stage<'a> {
     gpu: &'a Gpu,
     options: &'a TextureOptions,
     format: DXGI_FORMAT,
-    /// Pixels from one frame to the next, to the right.
-    step: f32,
+    /// From one frame to the next, in pixels: of the background, and of the blocks in front of it.
+    moved: [[f32; 2]; 2],
+    /// Of the camera in frame 0, in pixels shown; in frame 1 it is minus that.
+    jitter: [f32; 2],
     pattern: Kernel,
     compare: Kernel,
     color: ID3D12Resource,
@@ -80,24 +125,27 @@ impl<'a> Stage<'a> {
     fn new(gpu: &'a Gpu, options: &'a TextureOptions) -> Result<Self> {
         let head = &options.head;
         let (shown, rendered) = (head.display_size, head.max_render_size);
-        let moved = if head.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) { shown } else { rendered };
         let format = untyped(DXGI_FORMAT(head.back_buffer_format.to_dxgi().cast_signed()));
         let frame = || texture(gpu, shown, format);
         let bytes = CANDIDATES.len() * 4;
-        let pattern = Shape { constants: 8, inputs: 0, outputs: 1 };
+        // A number of four, so that halves of both components are whole pixels.
+        let step = (4 * (breadth(shown) / 160)).clamp(4, 64) as f32;
+        let pattern = Shape { constants: CONSTANTS as u32, inputs: 1, outputs: 1 };
         let compare = Shape { constants: 7, inputs: 2, outputs: 1 };
         let made = Self {
             gpu,
             options,
             format,
-            step: (2 * (shown.width / 80)).clamp(2, 64) as f32,
+            // Far from opposite, so that each wrong belief puts the blocks elsewhere.
+            moved: [[step, -step / 2.0], [-step, -step]],
+            jitter: [step / 8.0, -step / 8.0],
             pattern: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_pattern.dxbc"), pattern)?,
             compare: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_compare.dxbc"), compare)?,
             color: frame()?,
             output: frame()?,
             candidate: frame()?,
             depth: texture(gpu, rendered, DXGI_FORMAT_R32_FLOAT)?,
-            motion: texture(gpu, moved, DXGI_FORMAT_R16G16_FLOAT)?,
+            motion: texture(gpu, motion_size(head), DXGI_FORMAT_R16G16_FLOAT)?,
             sums: buffer(gpu, Heap::Device, bytes)?,
             back: Shared::new(gpu, Heap::Readback, bytes)?,
         };
@@ -108,17 +156,28 @@ impl<'a> Stage<'a> {
 
     /// Both frames, through the generator.
     fn frames(&self, generator: &mut TextureGenerator) -> Result<()> {
-        let mut ring = Frames::new(self.gpu, self.gpu.frames(), 4)?;
+        const DESCRIPTORS: u32 = 2;
+        let mut ring = Frames::new(self.gpu, self.gpu.frames(), 3 * DESCRIPTORS)?;
         let (motion, depth) = (resting(&self.motion), resting(&self.depth));
-        let shown = self.options.head.display_size;
-        for number in [0, 1] {
+        let head = &self.options.head;
+        let (shown, rendered, of_motion) = (head.display_size, head.max_render_size, motion_size(head));
+        let holds_jitter = head.flags.contains(CreateFlags::MOTION_JITTER);
+        let scaled = |[x, y]: [f32; 2], to: Dimensions| {
+            [x * to.width as f32 / shown.width as f32, y * to.height as f32 / shown.height as f32]
+        };
+        for (number, sign) in [(0.0, 1.0), (1.0, -1.0)] {
+            let jitter = self.jitter.map(|jitter| jitter * sign);
+            // From this frame to the one before; with what jitter was less what it is, where motion holds it.
+            let to_before = self.moved.map(|moved| {
+                let held = if holds_jitter { self.jitter_in_motion() } else { [0.0; 2] };
+                scaled([held[0] - moved[0], held[1] - moved[1]], of_motion)
+            });
             let mut frame = ring.begin()?;
-            if number == 0 {
-                let pixels = self.step * self.motion_size().width as f32 / shown.width as f32;
-                self.draw(&mut frame, &motion, DXGI_FORMAT_R16G16_FLOAT, [-pixels, 0.0, 0.0, 0.0, 0.0])?;
-                self.draw(&mut frame, &depth, DXGI_FORMAT_R32_FLOAT, [0.5, 0.0, 0.0, 0.0, 0.0])?;
-            }
-            self.picture(&mut frame, &resting(&self.color), Some([number as f32, 0.0]))?;
+            let values = |[background, foreground]: [[f32; 2]; 2]| Mode::Values { number, background, foreground };
+            self.draw(&mut frame, &motion, DXGI_FORMAT_R16G16_FLOAT, values(to_before), scaled(jitter, of_motion))?;
+            let depths = [BACKGROUND, FOREGROUND].map(|distance| [device_depth(distance, head.flags), 0.0]);
+            self.draw(&mut frame, &depth, DXGI_FORMAT_R32_FLOAT, values(depths), scaled(jitter, rendered))?;
+            self.draw(&mut frame, &resting(&self.color), self.format, Mode::Frame(number), [0.0; 2])?;
             frame.submit(self.gpu.frames())?;
             let pictures = Pictures {
                 color: resting(&self.color),
@@ -128,15 +187,21 @@ impl<'a> Stage<'a> {
                 hudless: None,
                 distortion: None,
             };
-            let shot = Shot { reset: number == 0, ..Shot::of(self.options.head.max_render_size) };
+            let [x, y] = scaled(jitter, rendered);
+            let shot = Shot { reset: number == 0.0, jitter: Coordinates { x, y }, ..Shot::of(rendered) };
             generator.generate(&pictures, &shot)?;
         }
         Ok(())
     }
 
+    /// What jitter adds to the motion of frame 1 where motion holds it, in pixels shown: what it was less what it is.
+    fn jitter_in_motion(&self) -> [f32; 2] {
+        self.jitter.map(|jitter| 2.0 * jitter)
+    }
+
     /// How far the frame between is from each candidate.
     fn found(&self) -> Result<[u32; CANDIDATES.len()]> {
-        const DESCRIPTORS: u32 = 4;
+        const DESCRIPTORS: u32 = 5;
         let mut ring = Frames::new(self.gpu, self.gpu.frames(), DESCRIPTORS * CANDIDATES.len() as u32)?;
         let mut frame = ring.begin()?;
         let shown = self.options.head.display_size;
@@ -153,9 +218,9 @@ impl<'a> Stage<'a> {
         frame.bring(&sums, D3D12_RESOURCE_STATE_COPY_DEST)?;
         // SAFETY: an open list, and buffers of that many bytes that live until it has run.
         unsafe { frame.list().CopyBufferRegion(&self.sums, 0, zeroes.resource(), 0, bytes as u64) };
-        for (index, (place, _)) in (0..).zip(CANDIDATES) {
+        for (index, (mode, _)) in (0..).zip(CANDIDATES) {
             let candidate = resting(&self.candidate);
-            self.picture(&mut frame, &candidate, place)?;
+            self.draw(&mut frame, &candidate, self.format, mode, [0.0; 2])?;
             let inputs = [View::Texture(resting(&self.output), self.format), View::Texture(candidate, self.format)];
             let output = View::Buffer(sums, Words { first: 0, count: CANDIDATES.len() as u32 });
             let constants =
@@ -173,34 +238,112 @@ impl<'a> Stage<'a> {
         Ok(sums)
     }
 
-    /// The picture as [`CANDIDATES`] says.
-    fn picture(&self, frame: &mut Frame<'_>, to: &Resting<'_>, place: Option<[f32; 2]>) -> Result<()> {
-        let told = place.map_or([0.0; 5], |[place, apart]| [0.5, 0.5, place * self.step, 0.4, apart * self.step]);
-        self.draw(frame, to, self.format, told)
-    }
-
-    /// Base of red and of the others, pixels moved, height of the waves, pixels apart.
-    fn draw(&self, frame: &mut Frame<'_>, to: &Resting<'_>, format: DXGI_FORMAT, told: [f32; 5]) -> Result<()> {
+    /// Draws into a texture of any size, seen with such a jitter in its pixels.
+    fn draw(
+        &self,
+        frame: &mut Frame<'_>,
+        to: &Resting<'_>,
+        format: DXGI_FORMAT,
+        mode: Mode,
+        jitter: [f32; 2],
+    ) -> Result<()> {
         // SAFETY: a live resource.
         let size = unsafe { to.resource.GetDesc() };
         let (width, height) = (size.Width as u32, size.Height);
-        let [red, others, moved, waves, apart] = told.map(f32::to_bits);
-        let scale = 640.0 / self.options.head.display_size.width as f32;
-        let constants = [width, height, red, others, moved, waves, scale.to_bits(), apart];
+        let head = &self.options.head;
+        let shown = head.display_size;
+        let scale = [shown.width as f32 / width as f32, shown.height as f32 / height as f32];
+        let believed = |Believed { factor, jitter }: Believed| {
+            let held = self.jitter_in_motion();
+            self.moved.map(|moved| [0, 1].map(|axis| moved[axis] * factor[axis] + held[axis] * jitter))
+        };
+        let is_drawn = matches!(mode, Mode::Frame(_)) && to.resource == &self.color;
+        let (kind, number, [background, foreground]) = match mode {
+            Mode::Frame(number) if is_drawn => (0, number, self.moved),
+            Mode::Values { number, background, foreground } => (1, number, [background, foreground]),
+            Mode::Frame(number) => (2, number, self.moved),
+            Mode::Generated(motion) => (2, BETWEEN, believed(motion)),
+            Mode::Reversed => (3, BETWEEN, self.moved),
+            Mode::Black => (4, 0.0, self.moved),
+        };
+        // Providers take the nearest depth of the neighbours, and what jitter moves is beside its edge.
+        let of_render =
+            shown.width.div_ceil(head.max_render_size.width).max(shown.height.div_ceil(head.max_render_size.height));
+        let margin = 1.0 + of_render as f32 + self.jitter[0].abs();
+        let numbers = [number].into_iter().chain(self.moved.into_iter().flatten());
+        let numbers = numbers.chain(background).chain(foreground);
+        let numbers = numbers.chain([self.side(), 640.0 / breadth(shown) as f32, margin]);
+        let words = scale.into_iter().chain(jitter).map(f32::to_bits);
+        let words = [width, height].into_iter().chain(words).chain([kind]).chain(numbers.map(f32::to_bits));
+        let mut constants = [0; CONSTANTS];
+        constants.iter_mut().zip(words).for_each(|(constant, word)| *constant = word);
         let groups = [width.div_ceil(GROUP), height.div_ceil(GROUP), 1];
-        frame.run(&self.pattern, &constants, &[], &[View::Texture(*to, format)], groups)
+        let found = View::Texture(resting(&self.output), self.format);
+        frame.run(&self.pattern, &constants, &[found], &[View::Texture(*to, format)], groups)
     }
 
-    fn motion_size(&self) -> Dimensions {
-        let head = &self.options.head;
-        if head.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) {
-            head.display_size
-        } else {
-            head.max_render_size
-        }
+    /// Of a block, in pixels: so that what moves the other way behind it would hide more than half of it.
+    fn side(&self) -> f32 {
+        2.0 * self.moved[0][0]
     }
+}
+
+/// The frame half way, as the shader has it.
+const BETWEEN: f32 = 0.5;
+
+/// How far away both layers are, in metres.
+const BACKGROUND: f32 = 10.0;
+const FOREGROUND: f32 = 1.0;
+
+/// Device depth of what is so many metres away from [`Camera::default`](super::Camera::default).
+fn device_depth(distance: f32, flags: CreateFlags) -> f32 {
+    let super::Camera { near, far, .. } = super::Camera::default();
+    let of_infinite = 1.0 - near / distance;
+    let depth =
+        if flags.contains(CreateFlags::DEPTH_INFINITE) { of_infinite } else { of_infinite * far / (far - near) };
+    if flags.contains(CreateFlags::DEPTH_INVERTED) { 1.0 - depth } else { depth }
+}
+
+/// By what the pattern is scaled: the width of a frame that is not far wider than high.
+fn breadth(shown: Dimensions) -> u32 {
+    shown.width.min(2 * shown.height)
+}
+
+fn motion_size(head: &CreateFrameGeneration) -> Dimensions {
+    super::textures::motion_size_at(head, head.max_render_size)
 }
 
 fn resting(resource: &ID3D12Resource) -> Resting<'_> {
     Resting { resource, state: STATE }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_right_frame_is_taken_and_one_with_jitter_where_motion_holds_it() {
+        for near in 0..CANDIDATES.len() {
+            let mut sums = [100; CANDIDATES.len()];
+            sums[near] = 49;
+            assert_eq!(judge(&sums, false).is_ok(), near == 0, "{near}");
+            assert_eq!(judge(&sums, true).is_ok(), near == 0 || near == JITTER_LEFT, "{near}");
+            sums[near] = 50;
+            assert_eq!(judge(&sums, true), Err(CANDIDATES[near].1));
+        }
+        assert!(judge(&[0; CANDIDATES.len()], false).is_err(), "a picture that tells nothing");
+    }
+
+    #[test]
+    fn near_is_near_in_every_kind_of_depth() {
+        let (inverted, infinite) = (CreateFlags::DEPTH_INVERTED, CreateFlags::DEPTH_INFINITE);
+        for flags in [CreateFlags::empty(), infinite] {
+            let [near, far] = [FOREGROUND, BACKGROUND].map(|distance| device_depth(distance, flags));
+            assert!(0.0 < near && near < far && far < 1.0, "{near} {far}");
+            let [near, far] = [FOREGROUND, BACKGROUND].map(|distance| device_depth(distance, flags | inverted));
+            assert!(1.0 > near && near > far && far > 0.0, "{near} {far}");
+        }
+        assert!((device_depth(0.1, CreateFlags::empty())).abs() < 1e-6);
+        assert!((device_depth(100.0, CreateFlags::empty()) - 1.0).abs() < 1e-6);
+    }
 }

@@ -5,12 +5,12 @@ use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8_UNORM, DXGI_FORMAT_R
 
 use super::each_pixel::EachPixel;
 use super::shader::TexturePair;
-use crate::Result;
-use crate::ffx::bindings::{Dimensions, SurfaceFormat};
+use crate::ffx::bindings::{CreateFrameGeneration, Dimensions, SurfaceFormat};
 use crate::ffx::{Api, Camera, Choice, Pictures, Shot, TextureGenerator, TextureOptions, Version};
 use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
 use crate::gpu::{Gpu, Moment, written_texture};
 use crate::guidance::Projection;
+use crate::{Error, ErrorKind, Result};
 
 /// Descriptors of a list that lays something over a frame.
 const ROOM: u32 = 3;
@@ -54,8 +54,17 @@ impl FsrGenerator {
     /// Makes it ready for pictures of `size`, whose motion and depth are of the size `rendered`, the same or smaller. Only a provider that puts a picture of known motion where it belongs is taken.
     ///
     /// # Errors
-    /// As of [`TextureGenerator::new`].
+    /// `Unsupported` for pictures with a side shorter than [`CreateFrameGeneration::SHORTEST_SIDE`]; as of
+    /// [`TextureGenerator::new`].
     pub fn new(gpu: &Gpu, api: &Api, choice: Choice, size: (u32, u32), rendered: (u32, u32)) -> Result<Self> {
+        let shortest = CreateFrameGeneration::SHORTEST_SIDE;
+        if size.0.min(size.1) < shortest {
+            let why =
+                format!("AMD's libraries crash on pictures of {} x {} pixels: a side is too short", size.0, size.1);
+            return Err(Error::new(ErrorKind::Unsupported, why)
+                .field("size")
+                .remedy(format!("Use pictures of at least {shortest} x {shortest} pixels, or another generator")));
+        }
         let (shown, at) = (dimensions(size), dimensions(rendered));
         let options = TextureOptions { choice, ..TextureOptions::new(shown, at, SurfaceFormat::R8G8B8A8_UNORM) };
         Ok(Self {

@@ -100,7 +100,7 @@ fn change_sizes() {
     // Shown at another size: another generator, while frames of the one before are on their way.
     let gate = Gate::before(&gpu);
     _ = generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated");
-    let size = Dimensions { width: SIZE.width / 2, height: SIZE.height / 2 };
+    let size = Dimensions { width: SIZE.width / 2, height: SIZE.height * 3 / 4 };
     let mut smaller = made(
         &gpu,
         &library,

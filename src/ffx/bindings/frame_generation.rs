@@ -25,6 +25,12 @@ described! {
     }
 }
 
+impl CreateFrameGeneration {
+    /// The shortest side of a picture shown, in pixels. AMD's optical flow keeps copies of it down to a 64th of its size, and a
+    /// texture without a pixel crashes the process: Direct3D 12 refuses to make it, and the library throws through its own interface.
+    pub const SHORTEST_SIDE: u32 = 64;
+}
+
 impl Creates for CreateFrameGeneration {
     type Version = CreateFrameGenerationVersion;
     /// 4.0.0, of SDK 2.1.
@@ -34,6 +40,9 @@ impl Creates for CreateFrameGeneration {
         let head = chain.head();
         if let Some(why) = head.display_size.fault() {
             return Some(("display_size", why));
+        }
+        if head.display_size.width.min(head.display_size.height) < Self::SHORTEST_SIDE {
+            return Some(("display_size", "AMD's libraries crash on pictures with a side of less than 64 pixels"));
         }
         if let Some(why) = head.max_render_size.fault() {
             return Some(("max_render_size", why));

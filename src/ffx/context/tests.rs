@@ -188,9 +188,11 @@ fn a_success_without_a_context_is_none() {
 #[test]
 fn what_no_provider_takes_is_refused_before_any_call() {
     type Spoil = fn(&mut CreateFrameGeneration);
-    let spoils: [(Spoil, &str); 5] = [
+    let spoils: [(Spoil, &str); 7] = [
         (|head| head.display_size.width = 0, "display_size"),
         (|head| head.display_size.height = 16385, "display_size"),
+        (|head| head.display_size.width = 63, "display_size"),
+        (|head| head.display_size.height = 63, "display_size"),
         (|head| head.max_render_size.height = 0, "max_render_size"),
         (|head| head.back_buffer_format = SurfaceFormat::UNKNOWN, "back_buffer_format"),
         (|head| head.back_buffer_format = SurfaceFormat::R32_FLOAT, "back_buffer_format"),

@@ -1,6 +1,7 @@
 //! Loading, and the report of what was found.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::module::{FileVersion, Module};
 use super::{Part, search, signature};
@@ -9,7 +10,7 @@ use crate::libraries::own_folders;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
 /// Where AMD's libraries come from.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LoadOptions {
     /// Their folder; without one, that of this library, else the program's.
     pub directory: Option<PathBuf>,
@@ -17,17 +18,35 @@ pub struct LoadOptions {
     pub signed: bool,
 }
 
+/// Whether [`LoadOptions::of_host`] asks for signed libraries only.
+static HOST_WANTS_SIGNED: AtomicBool = AtomicBool::new(true);
+
+impl Default for LoadOptions {
+    /// Signed libraries beside this one, or beside the program.
+    fn default() -> Self {
+        Self { directory: None, signed: true }
+    }
+}
+
 impl LoadOptions {
-    /// What tools use, which have no host to tell them: the folder is what `CAIRN_FFX_DIR` names, where it is set.
+    /// What tools use, which have no host to tell them: the folder is what `CAIRN_FFX_DIR` names, where it is set. Libraries that AMD
+    /// has not signed are loaded only where `CAIRN_FFX_UNSIGNED` is 1.
     pub fn from_environment() -> Self {
-        Self { directory: search::named(&LibrarySearch::for_tools()), ..Self::default() }
+        let is_unsigned = std::env::var_os("CAIRN_FFX_UNSIGNED").is_some_and(|value| value == "1");
+        Self { directory: search::named(&LibrarySearch::for_tools()), signed: !is_unsigned }
     }
 
     /// What the C interface uses: the folder that a host names; else what `CAIRN_FFX_DIR` names, where it is set and the host lets the
-    /// environment name libraries.
+    /// environment name libraries. Signed libraries only, whatever the environment says.
     pub fn of_host(search: &LibrarySearch) -> Self {
-        Self { directory: search::named(search), ..Self::default() }
+        Self { directory: search::named(search), signed: HOST_WANTS_SIGNED.load(Ordering::Relaxed) }
     }
+}
+
+/// Has the C interface load libraries that AMD has not signed too, in this process from now on: for tests, and for programs in
+/// Rust whose user replaces AMD's libraries. C hosts cannot ask for it.
+pub fn allow_unsigned_in_host() {
+    HOST_WANTS_SIGNED.store(false, Ordering::Relaxed);
 }
 
 /// One of the files that were found.

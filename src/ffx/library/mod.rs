@@ -11,7 +11,7 @@ mod signature;
 pub use search::Part;
 #[cfg(windows)]
 pub use {
-    loading::{File, Library, LoadOptions},
+    loading::{File, Library, LoadOptions, allow_unsigned_in_host},
     module::FileVersion,
 };
 

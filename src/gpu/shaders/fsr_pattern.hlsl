@@ -1,31 +1,99 @@
-// A picture whose true place is known: waves of three directions, moved to the right. Without waves, one colour. Two such lie over
-// one another where they are apart.
+// Two layers whose motion is known: a background, and in front of it a grid of square blocks that moves another way. Written are a
+// frame of them, their motion or depth, or what a provider makes half way between frames 0 and 1 of the motion that it believes in.
 
 cbuffer Constants : register(b0)
 {
-    uint2 Size;   // width, height
-    float2 Base;  // the mean of red, and of green and blue
-    float Moved;  // to the right, in pixels
-    float Waves;  // their height
-    float Scale;  // of a pixel: 1 for a picture of 640 columns
-    float Apart;  // of each from the middle of both, in pixels
+    uint2 Size;          // of the picture written, in its pixels
+    float2 Scale;        // pixels of a frame in one of the picture's
+    float2 Jitter;       // of the camera, in the picture's pixels
+    uint Mode;
+    float Number;        // of the frame; 0 and 1 are those that a provider is shown
+    float2 Background;   // from frame 0 to frame 1, in pixels of a frame
+    float2 Foreground;   // the same of the blocks
+    float2 OfBackground; // the value of its pixels, or how far the provider believes that it moves
+    float2 OfForeground; // the same of the blocks
+    float Side;          // of a block, in pixels of a frame
+    float Wave;          // 1 for frames of 640 columns: waves are as long in parts of the picture for every size
+    float Margin;        // pixels of a frame beside an edge of a block that are not compared
 };
 
+static const uint FRAME = 0, VALUES = 1, GENERATED = 2, REVERSED = 3, BLACK = 4;
+
+// What the provider made.
+Texture2D<float4> Found : register(t0);
 RWTexture2D<float4> Picture : register(u0);
 
-float3 waves_at(float2 at)
+// Whether a block of the grid, which repeats after two sides and has not moved, is there; a block that is larger by so much at each
+// edge.
+bool is_block(float2 at, float larger)
 {
-    float2 p = at * Scale;
-    return sin(float3(p.x * 0.05, p.y * 0.07 + p.x * 0.02, p.x * 0.03 - p.y * 0.04));
+    float2 from_centre = abs(at / (2 * Side) - 0.25 - round(at / (2 * Side) - 0.25)) * 2 * Side;
+    return all(from_centre < Side / 2 + larger);
+}
+
+float3 background(float2 at)
+{
+    float2 p = at * Wave;
+    return 0.5 + 0.4 * sin(float3(p.x * 0.05, p.y * 0.07 + p.x * 0.02, p.x * 0.03 - p.y * 0.04));
+}
+
+float3 foreground(float2 at)
+{
+    float2 p = at * Wave;
+    return 0.5 + 0.4 * sin(float3(p.y * 0.06 + 1, p.x * 0.05 - p.y * 0.03 + 2, p.x * 0.04 + p.y * 0.05 + 4));
+}
+
+float3 frame(float2 at, float number)
+{
+    float2 of_blocks = at - Foreground * number;
+    return is_block(of_blocks, 0) ? foreground(of_blocks) : background(at - Background * number);
+}
+
+float3 generated(float2 at)
+{
+    bool is_front = is_block(at - Foreground / 2, 0);
+    // With the order of depths reversed the background hides a block wherever its motion leads.
+    if (Mode == REVERSED && !is_block(at + OfBackground / 2 - Foreground, 0))
+    {
+        is_front = false;
+    }
+    float2 half_way = (is_front ? OfForeground : OfBackground) / 2;
+    return (frame(at + half_way, 1) + frame(at - half_way, 0)) / 2;
+}
+
+// Not what is hidden in one of the frames, which nobody can know, and not the edges, over which providers filter.
+bool is_compared(float2 at)
+{
+    bool is_front = is_block(at - Foreground / 2, -Margin);
+    bool is_behind = !is_block(at - Foreground / 2, Margin) && !is_block(at + Background / 2 - Foreground, Margin)
+        && !is_block(at - Background / 2, Margin);
+    return is_front || is_behind;
 }
 
 [numthreads(8, 8, 1)]
-void main(uint3 at : SV_DispatchThreadID)
+void main(uint3 id : SV_DispatchThreadID)
 {
-    if (any(at.xy >= Size))
+    if (any(id.xy >= Size))
     {
         return;
     }
-    float3 waves = (waves_at(float2(at.x - Moved - Apart, at.y)) + waves_at(float2(at.x - Moved + Apart, at.y))) / 2;
-    Picture[at.xy] = float4(Base.xyy + Waves * waves, 1);
+    float2 at = (float2(id.xy) + 0.5 - Jitter) * Scale - 0.5;
+    float3 colour = 0;
+    if (Mode == FRAME)
+    {
+        colour = frame(at, Number);
+    }
+    else if (Mode == VALUES)
+    {
+        colour.xy = is_block(at - Foreground * Number, 0) ? OfForeground : OfBackground;
+    }
+    else if (!is_compared(at))
+    {
+        colour = Found.Load(int3(id.xy, 0)).rgb;
+    }
+    else if (Mode != BLACK)
+    {
+        colour = Number != 0.5 ? frame(at, Number) : generated(at);
+    }
+    Picture[id.xy] = float4(colour, 1);
 }

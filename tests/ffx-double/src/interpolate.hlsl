@@ -17,7 +17,8 @@ cbuffer Constants : register(b0)
     uint Loops;         // how often it is done over
 };
 
-static const uint RESET = 1, HUDLESS = 2, DISTORTED = 4, INVERTED = 8, THROUGH = 16, BLACK = 32, WRONG_SIGN = 64;
+static const uint RESET = 1, HUDLESS = 2, DISTORTED = 4, INVERTED = 8, THROUGH = 16, BLACK = 32, WRONG_SIGN = 64,
+    UPSIDE_DOWN = 128, FARTHEST = 256, WRONG_JITTER = 512;
 
 Texture2D<float4> Shown : register(t0);
 Texture2D<float4> Hudless : register(t1);
@@ -82,8 +83,15 @@ float3 light(float2 now, float2 then)
     return sum;
 }
 
-// Pixels of the frames from this frame to the one before, by what is nearest among the neighbours.
-float2 motion(int2 at)
+// Whether a depth is in front of another.
+bool is_nearer(float a, float b)
+{
+    bool is_inverted = ((Flags & INVERTED) != 0) != ((Flags & FARTHEST) != 0);
+    return is_inverted ? a > b : a < b;
+}
+
+// Pixels of the frames from this frame to the one before, and the depth, by what is nearest among the neighbours.
+float3 motion_of(int2 at)
 {
     int2 centre = int2((float2(at) + 0.5) * float2(RenderSize) / float2(Size));
     int2 nearest = centre;
@@ -93,16 +101,40 @@ float2 motion(int2 at)
     {
         int2 place = clamp(centre + int2(uint2(i % 3, i / 3)) - 1, int2(0, 0), int2(RenderSize) - 1);
         float d = Depth.Load(int3(place, 0));
-        if ((Flags & INVERTED) != 0 ? d > depth : d < depth)
+        if (is_nearer(d, depth))
         {
             depth = d;
             nearest = place;
         }
     }
     int2 place = int2((float2(nearest) + 0.5) * float2(MotionSize) / float2(RenderSize));
-    float2 v = Motion.Load(int3(place, 0)) * Scale - Jitter;
+    float2 v = Motion.Load(int3(place, 0)) * Scale - ((Flags & WRONG_JITTER) != 0 ? -Jitter : Jitter);
     // Motion of the size shown is in its pixels already.
-    return all(MotionSize == Size) ? v : v * float2(Size) / float2(RenderSize);
+    v = all(MotionSize == Size) ? v : v * float2(Size) / float2(RenderSize);
+    return float3((Flags & WRONG_SIGN) != 0 ? -v.x : v.x, (Flags & (WRONG_SIGN | UPSIDE_DOWN)) != 0 ? -v.y : v.y, depth);
+}
+
+// Motion of what crosses a pixel half way, of the nearest where there are several: what is found around the pixel is traced to where
+// it would be now, and counts where the motion there is the same.
+float2 motion(int2 at)
+{
+    float3 best = motion_of(at);
+    bool is_found = false;
+    int reach = max(4, int(Size.x / 80));
+    [loop]
+    for (uint i = 0; i < 9; i++)
+    {
+        int2 around = clamp(at + (int2(uint2(i % 3, i / 3)) - 1) * reach, int2(0, 0), int2(Size) - 1);
+        float3 tried = motion_of(around);
+        int2 now = int2(round(float2(at) - 0.5 * tried.xy));
+        float3 there = motion_of(clamp(now, int2(0, 0), int2(Size) - 1));
+        if (all(abs(there.xy - tried.xy) < 0.5) && (!is_found || is_nearer(there.z, best.z)))
+        {
+            best = there;
+            is_found = true;
+        }
+    }
+    return best.xy;
 }
 
 [numthreads(8, 8, 1)]
@@ -125,7 +157,7 @@ void main(uint3 id : SV_DispatchThreadID)
         [loop]
         for (uint i = 0; i <= Loops; i++)
         {
-            float2 half_way = motion(at) * ((Flags & WRONG_SIGN) != 0 ? -0.5 : 0.5);
+            float2 half_way = motion(at) * 0.5;
             float2 from = float2(at);
             if ((Flags & DISTORTED) != 0)
             {

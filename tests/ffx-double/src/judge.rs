@@ -313,6 +313,12 @@ impl Judge {
         if sides.iter().any(|side| !(1..=16384).contains(side)) {
             return self.fault("create", &format!("sizes {sides:?}"), PARAMETER);
         }
+        // AMD's optical flow has copies of the picture shown down to a 64th of its size. A texture without a pixel ends the process: in
+        // the lab in a shader that writes it, and by an exception of theirs where Direct3D refuses it.
+        if first == id::GENERATION && sides[..2].iter().any(|side| side >> 6 == 0) {
+            let code = self.fault("create", &format!("sides {:?} end the process", &sides[..2]), RUNTIME);
+            return if self.role.survives { code } else { std::process::abort() };
+        }
         // Formats of three or four channels that are no integers.
         // SAFETY: the format stands at 36 of a frame generator's, and at 16 of the other struct.
         let format = (first == id::GENERATION).then(|| unsafe { get::<u32>(head, 36) });

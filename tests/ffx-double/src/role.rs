@@ -29,12 +29,15 @@ pub(crate) struct Role {
     pub(crate) answers: Vec<(String, u32, String)>,
     /// `refusing`: calls whose first struct has the id in `refuses.txt` fail: its line is `ID CODE TEXT`, and it may change.
     pub(crate) is_refusing: bool,
-    /// `plays FLAG`: what is wrong with its pictures, by the shader's flags: `through`, `black` or `backwards`.
+    /// `plays FLAG`: what is wrong with its pictures, by the shader's flags: `through`, `black`, `backwards`, `upside-down`, `farthest`
+    /// or `jitter`.
     pub(crate) plays: u32,
     /// `only NAME`: only the provider of that name plays so.
     pub(crate) only: Option<CString>,
     /// `slow COUNT`: how often more its shader does all over.
     pub(crate) slow: u32,
+    /// `survives`: what would end the process fails.
+    pub(crate) survives: bool,
     /// `quiet`: calls are not written down, only what was wrong with them.
     pub(crate) quiet: bool,
     /// `removes COUNT`: at which picture the device is taken away.
@@ -91,6 +94,7 @@ impl Role {
                     }
                 }
                 "quiet" => role.quiet = true,
+                "survives" => role.survives = true,
                 "loader" => role.is_loader = true,
                 "refusing" => role.is_refusing = true,
                 "cuts" => role.cuts = Some(word()?.parse().map_err(|e| format!("{e}"))?),
@@ -101,6 +105,9 @@ impl Role {
                         "through" => work::THROUGH,
                         "black" => work::BLACK,
                         "backwards" => work::WRONG_SIGN,
+                        "upside-down" => work::UPSIDE_DOWN,
+                        "farthest" => work::FARTHEST,
+                        "jitter" => work::WRONG_JITTER,
                         other => return Err(format!("{other} is nothing that is played")),
                     }
                 }

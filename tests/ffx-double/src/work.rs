@@ -24,10 +24,13 @@ pub(crate) const RESET: u32 = 1;
 pub(crate) const HUDLESS: u32 = 2;
 pub(crate) const DISTORTED: u32 = 4;
 pub(crate) const INVERTED: u32 = 8;
-/// The frame itself, black, and against the motion.
+/// The frame itself, black, against the motion, against vertical motion, far in front of near, and jitter taken out the wrong way.
 pub(crate) const THROUGH: u32 = 16;
 pub(crate) const BLACK: u32 = 32;
 pub(crate) const WRONG_SIGN: u32 = 64;
+pub(crate) const UPSIDE_DOWN: u32 = 128;
+pub(crate) const FARTHEST: u32 = 256;
+pub(crate) const WRONG_JITTER: u32 = 512;
 
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;

@@ -3,6 +3,7 @@
 
 use std::process::Command;
 
+use super::amd::Amd;
 use super::tally::Tally;
 use super::{Context, cargo, lab, python};
 use crate::shell::Log;
@@ -42,14 +43,17 @@ fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, St
     if !log.run(&mut build)?.success {
         return Ok(Tally::broken("the programs do not build for Windows"));
     }
-    tally.add(tests(context, log, STATES, is_short.then_some(&SHORT_STATES))?);
-    tally.add(tests(context, log, BUDGETS, is_short.then_some(&SHORT_BUDGETS))?);
-    tally.add(parity(context, log, is_short)?);
+    context.with_and_without_amd(&mut tally, |amd| {
+        let mut tally = tests(context, log, STATES, is_short.then_some(&SHORT_STATES), amd)?;
+        tally.add(tests(context, log, BUDGETS, is_short.then_some(&SHORT_BUDGETS), amd)?);
+        tally.add(parity(context, log, is_short, amd)?);
+        Ok(tally)
+    })?;
     Ok(tally)
 }
 
 /// A test program of the library, or some of its tests in their short form. One at a time, as each has worlds of its own.
-fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]>) -> Result<Tally, String> {
+fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]>, amd: &Amd) -> Result<Tally, String> {
     let mut command = context.clone.cargo(["test", "--no-fail-fast"]);
     command.args(PACKAGES).args(["--test", name]);
     lab::for_windows(&mut command)?;
@@ -58,11 +62,12 @@ fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]
         command.arg("--exact").args(short).env("CAIRN_TEST_SHORT", "1");
     }
     context.provide_windows_worlds(command.env("CAIRN_TEST_DEVICE", "d3d12"))?;
+    amd.provide(&mut command);
     Ok(cargo::count_named(&log.run(&mut command)?, short.unwrap_or_default()))
 }
 
 /// Rollouts against the whole history recomputed.
-fn parity(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, String> {
+fn parity(context: &Context<'_>, log: &mut Log, is_short: bool, amd: &Amd) -> Result<Tally, String> {
     let mut command = Command::new(context.python()?);
     command.env("PYTHONPATH", provision::python_path()).env("PARITY_DEVICE", "d3d12");
     let target = &context.clone.target;
@@ -74,6 +79,7 @@ fn parity(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally,
         command.env("PARITY_RUNNER", words.join(" ".as_ref()));
     }
     context.provide_windows_worlds(&mut command)?;
+    amd.provide(&mut command);
     // Whether a faulty world is told from a good one is a question to the comparison, which is the same for every device.
     let chosen: &[&str] = if is_short {
         command.env("PARITY_CASES", "short");

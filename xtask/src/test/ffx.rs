@@ -1,16 +1,15 @@
 //! AMD's ffx-api: the library's tests against the double that plays AMD's libraries, and against AMD's own where they are there.
 
+use std::fs;
 use std::path::PathBuf;
 
-use provision::Console;
+use provision::{Console, tools};
 
 use super::Context;
+use super::amd::Amd;
 use super::tally::Tally;
 use super::{cargo, lab};
 use crate::shell::Log;
-
-/// The folder of AMD's own libraries, which may not be redistributed.
-const VARIABLE: &str = "CAIRN_FFX_DIR";
 
 /// The test programs.
 const PROGRAMS: [&str; 9] = [
@@ -43,10 +42,60 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     // A device of the C interface runs worlds as well.
     let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
     command.env("CAIRN_ONNXRUNTIME", library);
-    if let Some(folder) = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()) {
-        let folder = std::path::absolute(PathBuf::from(folder)).map_err(|e| format!("{VARIABLE}: {e}"))?;
-        command.env(VARIABLE, folder);
-    }
+    let own = Amd::own()?;
+    own.as_ref().unwrap_or(&Amd::None).provide(&mut command);
     tally.add(cargo::count(&log.run(&mut command)?));
+    over_the_double(context, log, &mut tally)?;
     Ok(tally)
+}
+
+/// The double, and what it is called: AMD's name for the library that generates frames.
+pub(super) const DOUBLE: &str = "ffx_double.dll";
+pub(super) const AMD: &str = "amd_fidelityfx_framegeneration_dx12.dll";
+
+/// What a presenter and the plugin for Unity do with AMD's libraries, also where these are not there: tests of two programs by their
+/// names.
+const OVER_THE_DOUBLE: [&str; 4] = [
+    "a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on",
+    "small::anchors_that_are_too_small_for_amd_s_libraries_are_the_shaders",
+    "frames_are_held_to_a_budget_of_the_device_s_time",
+    "devices_come_and_go_and_nothing_of_them_is_kept",
+];
+
+/// What the double plays: the release of AMD's that comes with SDK 2.0.
+const ROLE: &str = "sdk 2.0\noffers 0xf600000000c01005 3.1.5\n";
+
+/// Runs those tests with the double in the place of AMD's libraries; it has nothing against its calls.
+fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let folder = context.clone.target.join("xtask").join("ffx-double");
+    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+    match fs::remove_dir_all(&folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(failed(e)),
+        _ => {}
+    }
+    fs::create_dir_all(&folder).map_err(failed)?;
+    fs::copy(built(context).join(DOUBLE), folder.join(AMD)).map_err(failed)?;
+    fs::write(folder.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
+    let mut command = context.clone.cargo(["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"]);
+    command.args(["--test", "d3d12_presenter", "--test", "host"]);
+    lab::for_windows(&mut command)?;
+    context.provide_windows_worlds(&mut command)?;
+    Amd::Double(folder.clone()).provide(&mut command);
+    command.args(["--", "--exact"]).args(OVER_THE_DOUBLE);
+    let counted = cargo::count(&log.run(&mut command)?);
+    let ran = counted.passed + counted.failures.len();
+    tally.add(counted);
+    let wanted = OVER_THE_DOUBLE.len();
+    tally.check((ran != wanted).then(|| format!("{ran} tests ran over the double, not {wanted}")));
+    let lines = |name: &str| fs::read_to_string(folder.join(name)).unwrap_or_default().lines().count();
+    tally.check((lines("calls.txt") == 0).then(|| "the double was never asked".to_owned()));
+    let judged = lines("judgement.txt");
+    tally.check((judged > 0).then(|| format!("{judged} calls of the double were not as they must be")));
+    Ok(())
+}
+
+/// Where programs for Windows are built.
+pub(super) fn built(context: &Context<'_>) -> PathBuf {
+    let target = &context.clone.target;
+    if cfg!(windows) { target.join("debug") } else { target.join(tools::WINDOWS_TARGET).join("debug") }
 }

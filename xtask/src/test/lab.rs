@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use provision::{Console, tools};
 
 use super::Context;
+use super::amd::Amd;
 use super::cargo;
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
@@ -26,7 +27,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     if !cfg!(windows) {
         passes_through(context, log, &mut tally)?;
     }
-    tally.add(own_tests(context, log)?);
+    context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
     Ok(tally)
 }
 
@@ -45,12 +46,13 @@ pub(super) fn lab_run() -> Result<Command, String> {
 }
 
 /// The library's tests of Direct3D 12 and DirectML, and the plugin's in a Unity of our own, built for Windows.
-fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
     let packages = ["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"];
     let mut command = context.clone.cargo(packages);
     command.args(["--test", "d3d12*", "--test", "directml", "--test", "host", "--test", "hostile"]);
     for_windows(&mut command)?;
     context.provide_windows_worlds(&mut command)?;
+    amd.provide(&mut command);
     Ok(cargo::count(&log.run(&mut command)?))
 }
 

@@ -1,6 +1,7 @@
 //! `cargo xtask test`: named runners, one after the other, and one sum.
 
 mod abi;
+mod amd;
 mod archive;
 mod blocks;
 mod book;
@@ -30,7 +31,7 @@ mod unity;
 mod unreal;
 mod wheels;
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -155,13 +156,16 @@ struct Context<'a> {
     training: OnceCell<Result<PathBuf, String>>,
     cluster: OnceCell<Result<PathBuf, String>>,
     built: OnceCell<Result<(), String>>,
+    /// It was named that AMD's own libraries are not there.
+    amd_skipped: Cell<bool>,
 }
 
 impl<'a> Context<'a> {
     fn new(clone: &'a Clone) -> Self {
         let (library, bundles, lpips) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
         let (python, training, cluster) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        Self { clone, library, bundles, lpips, python, training, cluster, built: OnceCell::new() }
+        let (built, amd_skipped) = (OnceCell::new(), Cell::new(false));
+        Self { clone, library, bundles, lpips, python, training, cluster, built, amd_skipped }
     }
 
     /// Provides something once; a failure is remembered too, so that an unreachable index is asked once.

@@ -7,6 +7,8 @@ use std::time::SystemTime;
 
 use serde_json::Value;
 
+use super::amd::Amd;
+use super::ffx::{self, AMD, DOUBLE};
 use super::study::missing;
 use super::tally::Tally;
 use super::{Context, cargo, lab};
@@ -20,9 +22,6 @@ const PROGRAMS: [&str; 5] = ["compare", "media", "program", "score", "sweep"];
 const LONG: [&str; 2] =
     ["a_comparison_is_made_once_and_goes_on_where_it_was_broken_off", "a_sweep_is_made_once_and_nothing_whole_again"];
 
-/// The double, and what it is called here: AMD's name for the library that generates frames.
-const DOUBLE: &str = "ffx_double.dll";
-const AMD: &str = "amd_fidelityfx_framegeneration_dx12.dll";
 /// What it plays: the provider that computes its frames as AMD's analytic one does.
 const ROLE: &str = "sdk 2.1\noffers 0xf600000000c01006 3.1.6\n";
 /// Where it writes what it was asked, and what was wrong with it.
@@ -53,7 +52,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     if !log.run(&mut build)?.success {
         return Ok(Tally::broken("the study does not build for Windows"));
     }
-    tally.add(own_tests(context, log)?);
+    context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
     let folder = context.clone.target.join("xtask").join("study-windows");
     match fs::remove_dir_all(&folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
@@ -62,6 +61,9 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let comparison = Comparison::new(context, &folder)?;
     comparison.by_shaders(log, &mut tally)?;
     comparison.by_amd(log, &mut tally)?;
+    if let Some(own) = Amd::own()? {
+        Comparison { out: folder.join("by-amd"), amd: own, ..comparison }.made("fsr", 0, log, &mut tally)?;
+    }
     Ok(tally)
 }
 
@@ -70,7 +72,7 @@ fn programs() -> impl Iterator<Item = &'static str> {
 }
 
 /// The study's tests of itself.
-fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
     let mut command = context.clone.cargo(["test", "--no-fail-fast"]);
     command.args(PACKAGES).arg("--lib").args(programs());
     lab::for_windows(&mut command)?;
@@ -78,6 +80,7 @@ fn own_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     command.args(["--", "--exact"]).args(LONG.iter().flat_map(|name| ["--skip", name]));
     context.provide_windows_tools(&mut command)?;
     context.provide_lpips(&mut command)?;
+    amd.provide(&mut command);
     Ok(cargo::count(&log.run(&mut command)?))
 }
 
@@ -86,29 +89,28 @@ struct Comparison<'a> {
     context: &'a Context<'a>,
     program: PathBuf,
     out: PathBuf,
-    /// The folder of the double.
-    amd: PathBuf,
+    /// The double, or AMD's own libraries.
+    amd: Amd,
 }
 
 impl<'a> Comparison<'a> {
     /// Has the double stand under AMD's name in a folder of its own.
     fn new(context: &'a Context<'a>, folder: &Path) -> Result<Self, String> {
-        let target = &context.clone.target;
-        let built = if cfg!(windows) { target.clone() } else { target.join(provision::tools::WINDOWS_TARGET) };
-        let built = built.join("debug");
+        let built = ffx::built(context);
         let amd = folder.join("amd");
         let failed = |e: std::io::Error| format!("{}: {e}", amd.display());
         fs::create_dir_all(&amd).map_err(failed)?;
         fs::copy(built.join(DOUBLE), amd.join(AMD)).map_err(failed)?;
         fs::write(amd.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
-        Ok(Self { context, program: built.join("study.exe"), out: folder.join("compare"), amd })
+        Ok(Self { context, program: built.join("study.exe"), out: folder.join("compare"), amd: Amd::Double(amd) })
     }
 
-    /// Runs the comparison with AMD's libraries from such a folder.
-    fn run(&self, generator: &str, amd: &Path, log: &mut Log) -> Result<Ended, String> {
+    /// Runs the comparison with such libraries of AMD's.
+    fn run(&self, generator: &str, amd: &Amd, log: &mut Log) -> Result<Ended, String> {
         let mut command = lab::lab_run()?;
         command.arg(&self.program).arg("compare").args(SHORT).args(["--quiet", "--generator", generator]);
-        command.arg("--out").arg(&self.out).current_dir(&self.context.clone.root).env("CAIRN_FFX_DIR", amd);
+        command.arg("--out").arg(&self.out).current_dir(&self.context.clone.root);
+        amd.provide(&mut command);
         self.context.provide_windows_tools(&mut command)?;
         self.context.provide_lpips(&mut command)?;
         log.run(&mut command)
@@ -145,7 +147,7 @@ impl<'a> Comparison<'a> {
     fn by_amd(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let (before, frames) = (files(&self.place())?, self.between()?);
         // Where they are missing that is told, and nothing is lost by it.
-        let nowhere = self.run("fsr", &self.out.join("figures"), log)?;
+        let nowhere = self.run("fsr", &Amd::Double(self.out.join("figures")), log)?;
         tally.check(nowhere.success.then(|| "frames were made by libraries that are not there".to_owned()));
         for words in ["sword 41, coherence: ", AMD, "AMD's libraries were not found"] {
             tally.check(lacks(&nowhere.output, words));
@@ -296,8 +298,9 @@ impl<'a> Comparison<'a> {
 
     /// How often the double was called, and how often it had something against it.
     fn calls(&self) -> Result<[usize; 2], String> {
+        let Amd::Double(amd) = &self.amd else { return Ok([0; 2]) };
         let lines = |name: &str| {
-            let path = self.amd.join(name);
+            let path = amd.join(name);
             match fs::read_to_string(&path) {
                 Ok(text) => Ok(text.lines().count()),
                 Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(0),

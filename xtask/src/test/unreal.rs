@@ -9,6 +9,7 @@ use provision::{Console, tools};
 
 use super::Context;
 use super::abi::STRICT;
+use super::amd::Amd;
 use super::blocks;
 use super::csharp;
 use super::host;
@@ -285,10 +286,15 @@ impl Place<'_> {
                 tally.failures.push(format!("the small engine does not compile as 5.{version}"));
                 continue;
             };
-            let mut command = in_lab(&program)?;
-            command.env_remove("CAIRN_ONNXRUNTIME");
-            let ended = log.run(command.arg(&plugin).arg("play").current_dir(&self.work))?;
-            tally.check((!ended.success).then(|| format!("the plugin in Unreal Engine 5.{version}: {}", ended.output)));
+            self.context.with_and_without_amd(tally, |amd| {
+                let mut command = in_lab(&program, amd)?;
+                command.env_remove("CAIRN_ONNXRUNTIME");
+                let ended = log.run(command.arg(&plugin).arg("play").current_dir(&self.work))?;
+                let mut tally = Tally::default();
+                let failed = || format!("the plugin in Unreal Engine 5.{version}: {}", ended.output);
+                tally.check((!ended.success).then(failed));
+                Ok(tally)
+            })?;
             newest = program;
         }
         for (name, library, says) in self.others(log)? {
@@ -298,14 +304,15 @@ impl Place<'_> {
             if let Some(library) = library {
                 fs::copy(&library, &file).map_err(|e| format!("{}: {e}", file.display()))?;
             }
-            let ended = log.run(in_lab(&newest)?.arg(&folder).arg("load").current_dir(&self.work))?;
+            let ended = log.run(in_lab(&newest, &Amd::None)?.arg(&folder).arg("load").current_dir(&self.work))?;
             let told = ended.success && ended.output.contains(says) && ended.output.contains("cairn.dll");
             tally.check((!told).then(|| format!("a plugin whose library is {name}: {:?}", ended.output)));
         }
         let second = self.work.join("second").join("cairn.dll");
         self.write("second/cairn.dll", "")?;
         fs::copy(self.work.join("other.dll"), &second).map_err(|e| format!("{}: {e}", second.display()))?;
-        let ended = log.run(in_lab(&newest)?.arg(&plugin).arg("load").arg(&second).current_dir(&self.work))?;
+        let ended =
+            log.run(in_lab(&newest, &Amd::None)?.arg(&plugin).arg("load").arg(&second).current_dir(&self.work))?;
         // Windows finds the one that was loaded first, which is told; Wine the last one, which is the plugin's own.
         let told = ended.output.contains("the process has loaded another cairn.dll");
         let right = told || ended.output.contains("its functions are those of the plugin's library: 1");
@@ -364,12 +371,12 @@ fn for_another_processor(library: &Path) -> Result<PathBuf, String> {
 }
 
 /// A program in the lab, or on Windows itself.
-fn in_lab(program: &Path) -> Result<Command, String> {
-    if cfg!(windows) {
-        return Ok(Command::new(program));
+fn in_lab(program: &Path, amd: &Amd) -> Result<Command, String> {
+    let mut command = if cfg!(windows) { Command::new(program) } else { lab::lab_run()? };
+    if !cfg!(windows) {
+        command.arg(program);
     }
-    let mut command = lab::lab_run()?;
-    command.arg(program);
+    amd.provide(&mut command);
     Ok(command)
 }
 

@@ -14,6 +14,7 @@ use super::frames::{Numbers, Ppm, hdr10, scrgb};
 use super::screen::{self, Rectangle};
 use crate::shell::Log;
 use crate::test::abi::STRICT;
+use crate::test::amd::Amd;
 use crate::test::tally::{Skip, Tally};
 use crate::test::{Context, lab};
 
@@ -45,22 +46,42 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
         tally.skips.push(Skip { name: SAMPLE.into(), reason: "needs cmake: apt install cmake".into() });
         return Ok(tally);
     };
-    let work = context.clone.target.join("xtask").join("host-d3d12");
-    match fs::remove_dir_all(&work) {
+    let place = context.clone.target.join("xtask").join("host-d3d12");
+    let mut built = None;
+    context.with_and_without_amd(&mut tally, |amd| {
+        let work = place.join(if matches!(amd, Amd::None) { "plain" } else { "amd" });
+        let program = match &built {
+            Some(program) => PathBuf::clone(program),
+            None => built.insert(anew(context, log, &cmake, &place)?).clone(),
+        };
+        fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+        shown(&Host { context, work, program, amd }, log)
+    })?;
+    Ok(tally)
+}
+
+/// The sample, built in an empty folder.
+fn anew(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
+    match fs::remove_dir_all(work) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
         _ => {}
     }
-    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
-    let program = build(context, log, &cmake, &work)?;
+    fs::create_dir_all(work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let program = build(context, log, cmake, work)?;
     lab::put_runtime(&program.with_file_name(""))?;
-    let host = Host { context, work, program };
-    recorded(&host, log, &mut tally)?;
-    high_range(&host, log, &mut tally)?;
-    on_the_device(&host, log, &mut tally)?;
-    scene(&host, log, &mut tally)?;
-    refusals(&host, log, &mut tally)?;
-    window(&host, log, &mut tally)?;
-    hands(&host, log, &mut tally)?;
+    Ok(program)
+}
+
+/// What it writes, and what is on the display.
+fn shown(host: &Host<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    recorded(host, log, &mut tally)?;
+    high_range(host, log, &mut tally)?;
+    on_the_device(host, log, &mut tally)?;
+    scene(host, log, &mut tally)?;
+    refusals(host, log, &mut tally)?;
+    window(host, log, &mut tally)?;
+    hands(host, log, &mut tally)?;
     Ok(tally)
 }
 
@@ -125,6 +146,7 @@ struct Host<'a> {
     context: &'a Context<'a>,
     work: PathBuf,
     program: PathBuf,
+    amd: &'a Amd,
 }
 
 impl Host<'_> {
@@ -135,6 +157,7 @@ impl Host<'_> {
             command.arg(&self.program);
         }
         command.args(arguments).current_dir(&self.work).env_remove("CAIRN_ONNXRUNTIME");
+        self.amd.provide(&mut command);
         Ok(command)
     }
 
@@ -353,6 +376,7 @@ fn hands(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     let mut command = lab::lab_run()?;
     command.arg(&program).arg("played/controls.txt").arg(&host.program);
     command.args(["--anchors", "cpu", "--rate", "4", "--record", "played"]);
+    host.amd.provide(&mut command);
     let ended = log.run(command.current_dir(&host.work).env_remove("CAIRN_ONNXRUNTIME"))?;
     tally.check((!ended.success).then(|| format!("keyboard and mouse: {}", ended.output)));
     let script = fs::read_to_string(host.work.join("played").join("controls.txt")).unwrap_or_default();

@@ -1,0 +1,74 @@
+//! With AMD's own libraries and without: what runs on Direct3D 12 is run both ways where `CAIRN_FFX_DIR` names their folder, and
+//! without them where it does not.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use super::Context;
+use super::tally::{Skip, Tally};
+
+/// The folder of AMD's own libraries, which may not be redistributed.
+const VARIABLE: &str = "CAIRN_FFX_DIR";
+/// Has tools load what AMD has not signed.
+const UNSIGNED: &str = "CAIRN_FFX_UNSIGNED";
+
+/// Which of AMD's libraries a program finds.
+#[derive(Debug, Clone)]
+pub(super) enum Amd {
+    None,
+    /// AMD's own, signed, in that folder.
+    Own(PathBuf),
+    /// A double in that folder.
+    Double(PathBuf),
+}
+
+impl Amd {
+    /// AMD's own libraries, where this machine has them.
+    pub(super) fn own() -> Result<Option<Self>, String> {
+        let folder = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()).map(PathBuf::from);
+        folder
+            .map(|folder| std::path::absolute(folder).map(Self::Own))
+            .transpose()
+            .map_err(|e| format!("{VARIABLE}: {e}"))
+    }
+
+    /// Has a command find these libraries and no others.
+    pub(super) fn provide(&self, command: &mut Command) {
+        command.env_remove(VARIABLE).env_remove(UNSIGNED);
+        match self {
+            Self::None => {}
+            Self::Own(folder) => {
+                command.env(VARIABLE, folder);
+            }
+            Self::Double(folder) => {
+                command.env(VARIABLE, folder).env(UNSIGNED, "1");
+            }
+        }
+    }
+}
+
+impl Context<'_> {
+    /// Runs something without AMD's libraries, and where they are there once more with them. That they are not is named once.
+    pub(super) fn with_and_without_amd(
+        &self,
+        tally: &mut Tally,
+        mut run: impl FnMut(&Amd) -> Result<Tally, String>,
+    ) -> Result<(), String> {
+        tally.add(run(&Amd::None)?);
+        match Amd::own()? {
+            Some(own) => {
+                let mut with = run(&own)?;
+                for failure in &mut with.failures {
+                    failure.push_str(" (with AMD's own libraries)");
+                }
+                tally.add(with);
+            }
+            None if !self.amd_skipped.replace(true) => {
+                let name = "programs on Direct3D 12 with AMD's own libraries".to_owned();
+                tally.skips.push(Skip { name, reason: format!("needs amd-dlls: {VARIABLE} names no folder") });
+            }
+            None => {}
+        }
+        Ok(())
+    }
+}
