@@ -196,7 +196,6 @@ pub(super) struct Taken {
 }
 
 /// What the processor draws.
-#[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "frames for Direct3D 12 alone may not be prepared"))]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Draws {
     /// Every frame.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::ffx::Effect;
 #[cfg(any(windows, test))]
-use crate::{Error, ErrorKind, Result};
+use crate::{Error, ErrorKind, LibrarySearch, Result};
 
 /// A library of AMD's by what it is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -44,7 +44,7 @@ impl Part {
 }
 
 /// The folder that a host names, or the environment where it may.
-#[cfg(windows)]
+#[cfg(any(windows, test))]
 pub(super) fn named(search: &LibrarySearch) -> Option<PathBuf> {
     search.ffx.clone().or_else(|| search.variable("CAIRN_FFX_DIR"))
 }
