@@ -11,6 +11,7 @@ use cairn::{ErrorKind, Picture};
 mod buffers;
 use buffers::{Buffers, List, bytes};
 #[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
 use engine::{comes_back, engine, queue, references};
 

@@ -122,6 +122,7 @@ fn misses(command: &mut Command, parts: &[&str]) {
 #[test]
 fn the_program_that_loads_the_library() {
     let Some(library) = std::env::var_os(LIBRARY) else { return };
+    type Exported = unsafe extern "system" fn() -> isize;
     type CreateCpu = unsafe extern "C" fn(*const cairn_device_options, *mut *mut cairn_device) -> cairn_result;
     type CreateD3d12 = unsafe extern "C" fn(
         *mut ID3D12Device,
@@ -142,10 +143,10 @@ fn the_program_that_loads_the_library() {
     // SAFETY: the functions of these names, as the header declares them.
     let (create_cpu, create_d3d12, destroy, last_error) = unsafe {
         (
-            std::mem::transmute::<_, CreateCpu>(function(c"cairn_device_create_cpu")),
-            std::mem::transmute::<_, CreateD3d12>(function(c"cairn_device_create_d3d12")),
-            std::mem::transmute::<_, Destroy>(function(c"cairn_device_destroy")),
-            std::mem::transmute::<_, LastError>(function(c"cairn_last_error")),
+            std::mem::transmute::<Exported, CreateCpu>(function(c"cairn_device_create_cpu")),
+            std::mem::transmute::<Exported, CreateD3d12>(function(c"cairn_device_create_d3d12")),
+            std::mem::transmute::<Exported, Destroy>(function(c"cairn_device_destroy")),
+            std::mem::transmute::<Exported, LastError>(function(c"cairn_last_error")),
         )
     };
     let message = || {

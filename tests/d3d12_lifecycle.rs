@@ -20,6 +20,7 @@ mod bare;
 mod buffers;
 use buffers::List;
 #[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
 use engine::{Engine, comes_back, references};
 

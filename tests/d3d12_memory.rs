@@ -12,6 +12,7 @@ use cairn::{ErrorKind, Result};
 mod common;
 use common::{bundle, controls, fingerprint, ort, picture, point};
 #[path = "d3d12/engine.rs"]
+#[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
 use engine::{Engine, comes_back, engine, references};
 #[path = "d3d12/faults.rs"]

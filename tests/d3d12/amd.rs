@@ -31,7 +31,8 @@ pub(crate) fn half_way(size: (u32, u32), device: &ID3D12Device) -> String {
     if !makes_half_way(size) {
         return "shader".to_owned();
     }
-    let library = Library::load(&LoadOptions::of_host()).expect("CAIRN_FFX_DIR names AMD's libraries");
+    let library = Library::load(&LoadOptions::of_host(&cairn::LibrarySearch::for_tools()))
+        .expect("CAIRN_FFX_DIR names AMD's libraries");
     let api = library.api(Effect::FrameGeneration).expect("the library of frame generation");
     // SAFETY: a live device.
     let offered = unsafe { versions(api, Effect::FrameGeneration, device.as_raw()) }.expect("a provider");

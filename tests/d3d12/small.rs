@@ -34,15 +34,18 @@ fn anchors_that_are_too_small_for_amd_s_libraries_are_the_shaders() {
         let texture = Wanted { size: SMALL, ..Wanted::default() }.make(&engine.device);
         let recording = Recording::on(&engine.device, &engine.direct);
         let now = INTERVAL * 3 / 2;
-        let call = Call { presenter, device: direct, now, list: recording.list(), target: &texture, states: rest };
-        let (result, frame) = call.record();
+        let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states: rest };
+        let wanted: cairn_d3d12_preparation = prepared(|p: &mut cairn_d3d12_preparation| &mut p.struct_size);
+        // SAFETY: live handles, and a struct that lives during the call.
+        let result = unsafe { cairn_presenter_prepare_d3d12(presenter, direct, &wanted) };
         if !amd::makes_half_way(SIZE) && fsr == CAIRN_PREFER_REQUIRE {
             assert_eq!(result, CAIRN_ERROR_RUNTIME_MISSING, "there are none");
         } else {
             assert_eq!(result, expected);
         }
         if result == CAIRN_OK {
-            assert_eq!((frame.source, frame.t), (CAIRN_FRAME_GENERATED, 0.5));
+            let (recorded, frame) = call.record();
+            assert_eq!((recorded, frame.source, frame.t), (CAIRN_OK, CAIRN_FRAME_GENERATED, 0.5));
             recording.submit(&engine.direct);
             let pixels = textures::read(&engine.device, &engine.direct, &texture, rest[0]);
             let memory = drawn_in(presenter, now, SMALL);

@@ -1,6 +1,6 @@
 //! Loading, and the report of what was found.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::module::{FileVersion, Module};
