@@ -541,7 +541,7 @@ CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, ui
  *
  * Ownership: the array stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time. Looks for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
- * CAIRN_DEVICE_D3D12 also for AMD's libraries, which stay loaded.
+ * CAIRN_DEVICE_D3D12 also for AMD's libraries, which stay loaded: only files that AMD has signed.
  * Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
  * Since: 0.1.0
  */

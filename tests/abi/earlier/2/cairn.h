@@ -255,7 +255,95 @@ typedef void (*cairn_log_callback)(uint32_t level, const char *target, const cha
  */
 CAIRN_API cairn_result cairn_set_log_callback(uint32_t level, cairn_log_callback callback, void *user);
 
-/* ---- 4. Create: devices ------------------------------------------------------------------------------------------ */
+/* ---- 4. Threads -------------------------------------------------------------------------------------------------- */
+
+/**
+ * Threads of the library's own have a priority below normal, so that a game's go first: THREAD_PRIORITY_BELOW_NORMAL on Windows, a
+ * nice value raised by 5 on Linux.
+ */
+#define CAIRN_PRIORITY_BELOW_NORMAL 0
+/** They have the normal priority; on Linux that of the thread whose call starts them. */
+#define CAIRN_PRIORITY_NORMAL 1
+/** They have the lowest priority: THREAD_PRIORITY_LOWEST on Windows, a nice value raised by 10 on Linux. */
+#define CAIRN_PRIORITY_LOWEST 2
+/** The most threads of the library's own, and the most that a host's job system may have. */
+#define CAIRN_MAX_THREADS 1024
+
+/**
+ * The library's own threads, which share work on pictures with the thread that calls: frame generation on the processor, motion,
+ * resampling.
+ */
+typedef struct cairn_thread_options {
+    /** sizeof(cairn_thread_options) */
+    uint32_t struct_size;
+    /**
+     * How many, 1 to CAIRN_MAX_THREADS, beside those that call; 0 for one less than the physical cores this process may use, at
+     * least one.
+     */
+    uint32_t threads;
+    /** CAIRN_PRIORITY_BELOW_NORMAL, CAIRN_PRIORITY_NORMAL or CAIRN_PRIORITY_LOWEST */
+    uint32_t priority;
+    /** 0 */
+    uint32_t reserved;
+} cairn_thread_options;
+
+/**
+ * Does a part of the library's work; data is what cairn_run_callback got. May be called on any thread. A call with data whose work is
+ * over returns at once, until the library is unloaded.
+ */
+typedef void (*cairn_job)(void *data);
+
+/**
+ * Calls job(data) up to jobs times, at the same time on as many threads as it likes, the calling one among them, and returns when
+ * these calls have returned. Each call takes a share of the work that no other has; what is left undone when it returns, whether it
+ * made too few calls or none, the library does on the calling thread, and it waits for calls that have not returned. user is what
+ * the scheduler has.
+ *
+ * It is called on threads that call the library, also on several at once, without any lock held, and never within a job. It may call
+ * Cairn, but must not destroy an object that a call further up is using, and must not throw.
+ */
+typedef void (*cairn_run_callback)(void *user, uint32_t jobs, cairn_job job, void *data);
+
+/** A host's job system. */
+typedef struct cairn_scheduler {
+    /** sizeof(cairn_scheduler) */
+    uint32_t struct_size;
+    /** The most jobs that run at the same time, 1 to CAIRN_MAX_THREADS. */
+    uint32_t concurrency;
+    /** Runs jobs; required. */
+    cairn_run_callback run;
+    /** Handed to the callback. */
+    void *user;
+} cairn_scheduler;
+
+/**
+ * Sets how many threads of its own the library has, and their priority, for the whole process. They start with the first work to be
+ * shared, and have ended when the call that destroys the last object returns. Results do not depend on how many there are.
+ *
+ * options: may be null for the defaults.
+ *
+ * Ownership: options stays the caller's, on success or on failure, which changes nothing.
+ * Threads: any thread, while there is no object of this library.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY while there is an object.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_set_threads(const cairn_thread_options *options);
+
+/**
+ * Sets the job system on which the library shares its work in place of threads of its own, which then are not started, for the whole
+ * process. Results do not depend on it.
+ *
+ * scheduler: null for the library's own threads.
+ *
+ * Ownership: scheduler stays the caller's and is copied; on success its user must live until another is set, on failure nothing
+ * changes.
+ * Threads: any thread, while there is no object of this library.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY while there is an object.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_set_scheduler(const cairn_scheduler *scheduler);
+
+/* ---- 5. Create: devices ------------------------------------------------------------------------------------------ */
 
 /** The host's processor, by ONNX Runtime's CPU provider. */
 #define CAIRN_DEVICE_CPU 1
@@ -453,7 +541,7 @@ CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, ui
  *
  * Ownership: the array stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time. Looks for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
- * CAIRN_DEVICE_D3D12 also for AMD's libraries, which stay loaded.
+ * CAIRN_DEVICE_D3D12 also for AMD's libraries, which stay loaded: only files that AMD has signed.
  * Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
  * Since: 0.1.0
  */
@@ -461,7 +549,7 @@ CAIRN_API cairn_result cairn_device_requirements(
     uint32_t kind, const cairn_device_options *options, cairn_requirement *requirements, size_t stride,
     uint32_t capacity, uint32_t *count);
 
-/* ---- 5. Create: worlds ------------------------------------------------------------------------------------------- */
+/* ---- 6. Create: worlds ------------------------------------------------------------------------------------------- */
 
 /** A stage of loading: files are read and checked; done and total count bytes. */
 #define CAIRN_LOAD_READING 1
@@ -657,7 +745,7 @@ CAIRN_API cairn_result cairn_world_get_licence(const cairn_world *world, char *t
  */
 CAIRN_API cairn_result cairn_world_destroy(cairn_world *world);
 
-/* ---- 6. Per frame: pictures and controls ------------------------------------------------------------------------- */
+/* ---- 7. Per frame: pictures and controls ------------------------------------------------------------------------- */
 
 /** Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default. */
 #define CAIRN_FORMAT_RGBA8 0
@@ -724,7 +812,7 @@ typedef struct cairn_controls {
     uint64_t keys[4];
 } cairn_controls;
 
-/* ---- 7. Per frame: anchors --------------------------------------------------------------------------------------- */
+/* ---- 8. Per frame: anchors --------------------------------------------------------------------------------------- */
 
 /**
  * A flag of cairn_anchor_info: nothing leads from the anchor before to this one, so that nothing may be generated between
@@ -822,7 +910,7 @@ CAIRN_API cairn_result cairn_anchor_read_latent(const cairn_anchor *anchor, floa
  */
 CAIRN_API cairn_result cairn_anchor_destroy(cairn_anchor *anchor);
 
-/* ---- 8. Per frame: rollouts -------------------------------------------------------------------------------------- */
+/* ---- 9. Per frame: rollouts -------------------------------------------------------------------------------------- */
 
 /** The longest queue there may be. */
 #define CAIRN_MAX_QUEUE 64
@@ -942,6 +1030,38 @@ CAIRN_API cairn_result cairn_rollout_append(
     cairn_rollout *rollout, const cairn_picture *picture, cairn_step_info *info);
 
 /**
+ * Appends pictures of any sizes that follow each other as one latent, as cairn_rollout_append does one, which is a still: a scene that moves
+ * goes on moving. On the calling thread.
+ *
+ * pictures: an array, the oldest first, with the same struct_size in each. count: 4, the pictures of a latent; or 1, for a still.
+ * info: may be null.
+ *
+ * Ownership: the pictures are copied; info stays the caller's and is filled on success; on failure it is not written and the
+ * rollout is as it was.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+ * CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED when a clock has run out.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_append_pictures(
+    cairn_rollout *rollout, const cairn_picture *pictures, uint32_t count, cairn_step_info *info);
+
+/**
+ * Says whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as it
+ * does unless told so here. The stream starts with this call, and again with cairn_rollout_reset; it is part of a saved state, which is
+ * restored only where this says the same.
+ *
+ * keep: 1 to keep the stream, 0 to start anew.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED where the
+ * bundle's encoder is not handed its memories; CAIRN_ERROR_DEVICE.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_keep_encoder_stream(cairn_rollout *rollout, uint32_t keep);
+
+/**
  * Makes the next latent with these controls, which stand for 1 / latents_per_second seconds of world time. On the calling
  * thread.
  *
@@ -967,6 +1087,21 @@ CAIRN_API cairn_result cairn_rollout_step(
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
+
+/**
+ * Lets the device's memory of a rollout that makes no latents for a while be used by others: its rings, latents and pictures are evicted,
+ * contents and all, after what is under way, which is waited for. The next call that needs them brings them back: the device's
+ * queue waits for that, no thread does where Windows has ID3D12Device3. Where there is no place for them that call answers
+ * CAIRN_ERROR_OUT_OF_MEMORY with all as it was, and may be made again. The world's weights stay, and so do anchors. On a CPU device
+ * nothing happens. cairn_rollout_pause has a rollout with a queue rest too.
+ *
+ * Ownership: nothing is handed over, on success or on failure.
+ * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK, also where it rests already; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE;
+ * CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_rest(cairn_rollout *rollout);
 
 /**
  * Holds latents to so much wall time each, decoding and all: they are made by the first of the schedules until that takes too long, then by
@@ -996,7 +1131,7 @@ CAIRN_API cairn_result cairn_rollout_set_budget(cairn_rollout *rollout, uint64_t
  */
 CAIRN_API cairn_result cairn_rollout_get_anchor(const cairn_rollout *rollout, cairn_anchor **anchor);
 
-/* ---- 9. Per frame: the queue of a rollout ------------------------------------------------------------------------ */
+/* ---- 10. Per frame: the queue of a rollout ----------------------------------------------------------------------- */
 
 /** A timeout that never comes. */
 #define CAIRN_FOREVER UINT64_MAX
@@ -1031,6 +1166,20 @@ CAIRN_API cairn_result cairn_rollout_submit_picture(
     const cairn_rollout *rollout, const cairn_picture *picture, uint64_t *ticket);
 
 /**
+ * Queues the append of pictures, as cairn_rollout_append_pictures does it.
+ *
+ * pictures, count: as there. ticket: gets the number to ask for the result with.
+ *
+ * Ownership: the pictures are copied; *ticket is written on success only, not on failure.
+ * Threads: any thread, at any time. Returns at once.
+ * Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
+ * CAIRN_ERROR_OUT_OF_MEMORY.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_rollout_submit_pictures(
+    const cairn_rollout *rollout, const cairn_picture *pictures, uint32_t count, uint64_t *ticket);
+
+/**
  * Asks for the result of a queued step, without waiting. Every ticket has one result, which is given once and makes room in
  * the queue; a failed step's message becomes the last error of the thread that asks.
  *
@@ -1053,7 +1202,8 @@ CAIRN_API cairn_result cairn_rollout_poll(
  *
  * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
  * Threads: any thread, at any time. Destroying the rollout ends the wait with CAIRN_ERROR_CANCELLED.
- * Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; and all others of cairn_rollout_poll.
+ * Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; CAIRN_ERROR_BUSY from within a callback of a call or a step of the rollout,
+ * which would wait for itself; and all others of cairn_rollout_poll.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_wait(
@@ -1072,7 +1222,8 @@ CAIRN_API cairn_result cairn_rollout_wait(
 CAIRN_API cairn_result cairn_rollout_cancel(const cairn_rollout *rollout);
 
 /**
- * Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued.
+ * Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued. A rollout whose queue was used
+ * then rests, as cairn_rollout_rest has it, until its memory is needed; while that is done it is in use, as while a step is running.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: any thread, at any time.
@@ -1102,7 +1253,7 @@ CAIRN_API cairn_result cairn_rollout_resume(const cairn_rollout *rollout);
  */
 CAIRN_API cairn_result cairn_rollout_single_step(const cairn_rollout *rollout);
 
-/* ---- 10. Per frame: the state of a rollout ----------------------------------------------------------------------- */
+/* ---- 11. Per frame: the state of a rollout ----------------------------------------------------------------------- */
 
 /**
  * Copies the whole state of a rollout: its memory, clocks, seed, operating point and last pictures. A rollout that takes it up
@@ -1157,7 +1308,7 @@ CAIRN_API cairn_result cairn_rollout_restore(cairn_rollout *rollout, const void 
  */
 CAIRN_API cairn_result cairn_rollout_restore_file(cairn_rollout *rollout, const char *path);
 
-/* ---- 11. Per frame: guidance ------------------------------------------------------------------------------------- */
+/* ---- 12. Per frame: guidance ------------------------------------------------------------------------------------- */
 
 /** Motion from what scores best (docs/motion.md); today CAIRN_MOTION_PICTURES. */
 #define CAIRN_MOTION_AUTO 0
@@ -1297,7 +1448,7 @@ CAIRN_API cairn_result cairn_guidance_read_depth(const cairn_guidance *guidance,
  */
 CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 
-/* ---- 12. Per frame: presenters ----------------------------------------------------------------------------------- */
+/* ---- 13. Per frame: presenters ----------------------------------------------------------------------------------- */
 
 /** The generator is used where it can be. */
 #define CAIRN_PREFER_AUTO 0
@@ -1328,7 +1479,10 @@ CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 #define CAIRN_PRESENTER_LETTERBOX 8
 /** Display-referred sRGB, as pictures are. */
 #define CAIRN_COLOUR_SRGB 0
-/** Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F only. */
+
+/**
+ * Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F, and textures of R11G11B10_FLOAT, only.
+ */
 #define CAIRN_COLOUR_LINEAR 1
 /** scRGB: linear light of the same primaries, 1 being 80 nits; for CAIRN_FORMAT_RGBA16F only. */
 #define CAIRN_COLOUR_SCRGB 2
@@ -1348,6 +1502,8 @@ CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 #define CAIRN_FRAME_CUT 1
 /** A flag of cairn_frame: it is the very picture that was drawn before. */
 #define CAIRN_FRAME_REPEATED 2
+/** A flag of cairn_frame: an anchor is shown in its place, as cairn_presenter_prepare_d3d12 was not called for it. */
+#define CAIRN_FRAME_UNPREPARED 4
 
 /**
  * Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, generates it
@@ -1434,7 +1590,7 @@ typedef struct cairn_frame {
     uint64_t current;
     /** Intervals from the previous anchor, 0 to 1. */
     float t;
-    /** CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED */
+    /** CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED, CAIRN_FRAME_UNPREPARED */
     uint32_t flags;
 } cairn_frame;
 
@@ -1453,7 +1609,8 @@ CAIRN_API cairn_result cairn_presenter_create(const cairn_presenter_options *opt
 
 /**
  * Gives a presenter the next anchor. What comes without a number one above the last, or with CAIRN_ANCHOR_CUT, is a cut:
- * nothing is generated between it and the one before.
+ * nothing is generated between it and the one before. An anchor that a Direct3D 12 device still works on has come once its fence
+ * says so, which is looked at whenever a frame is asked for and no queue waits for; until then it is late.
  *
  * guidance: of the anchor before and this one; null to have the presenter find it.
  * now_ns: when it came, on the host's clock.
@@ -1563,7 +1720,7 @@ CAIRN_API cairn_result cairn_presenter_reset(const cairn_presenter *presenter);
  */
 CAIRN_API cairn_result cairn_presenter_destroy(cairn_presenter *presenter);
 
-/* ---- 13. Per frame: budgets -------------------------------------------------------------------------------------- */
+/* ---- 14. Per frame: budgets -------------------------------------------------------------------------------------- */
 
 /** The most worlds of a budget. */
 #define CAIRN_MAX_BUDGET_WORLDS 8
@@ -1625,7 +1782,7 @@ typedef struct cairn_budget {
  */
 CAIRN_API cairn_result cairn_rollout_govern(cairn_rollout *rollout, const cairn_budget *budget);
 
-/* ---- 14. Per frame: input written down, and played again --------------------------------------------------------- */
+/* ---- 15. Per frame: input written down, and played again --------------------------------------------------------- */
 
 /** What a player does, by world time, in the format of docs/control-script.md. It does not change. */
 typedef struct cairn_script cairn_script;
@@ -1789,7 +1946,7 @@ CAIRN_API cairn_result cairn_recorder_make_script(
  */
 CAIRN_API cairn_result cairn_recorder_destroy(cairn_recorder *recorder);
 
-/* ---- 15. Queries: statistics ------------------------------------------------------------------------------------- */
+/* ---- 16. Queries: statistics ------------------------------------------------------------------------------------- */
 
 /** What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time. */
 typedef struct cairn_rollout_statistics {
@@ -1886,8 +2043,8 @@ typedef struct cairn_rollout_statistics {
 typedef struct cairn_presenter_statistics {
     /** sizeof(cairn_presenter_statistics) */
     uint32_t struct_size;
-    /** 0 */
-    uint32_t reserved;
+    /** Anchors that were pushed and whose fences have not come. */
+    uint32_t anchors_under_way;
     /** Anchors that came. */
     uint64_t anchors;
     /** Those that came after they were due. */
@@ -1920,7 +2077,7 @@ typedef struct cairn_presenter_statistics {
     char preference[160];
     /** Anchors that wait for their time, as of the latest time that was heard of. */
     uint32_t waiting;
-    /** Frames for Direct3D 12 that are recorded and have not run. */
+    /** Frames for Direct3D 12 that the queue was given and has not made. */
     uint32_t under_way;
     /**
      * Frames for Direct3D 12 whose time on the device is known. What else the queue ran meanwhile is in their times.
@@ -1954,6 +2111,16 @@ typedef struct cairn_presenter_statistics {
     char upscaler[32];
     /** Why AMD's upscaler does not, for people; UTF-8. */
     char upscaling[160];
+    /** Frames for Direct3D 12 in whose place an anchor was shown: CAIRN_FRAME_UNPREPARED. */
+    uint64_t unprepared;
+    /**
+     * Objects of Direct3D and contexts of AMD's that were made while frames were recorded or submitted: none where all were prepared.
+     */
+    uint64_t objects_made;
+    /** Recorded frames whose fences have not come. */
+    uint32_t lists_pending;
+    /** 0 */
+    uint32_t reserved;
 } cairn_presenter_statistics;
 
 /**
@@ -1971,16 +2138,21 @@ CAIRN_API cairn_result cairn_rollout_get_statistics(const cairn_rollout *rollout
  *
  * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
  * Threads: any thread, at any time.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY from within a
+ * callback of a call that records frames of the presenter.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_get_statistics(
     const cairn_presenter *presenter, cairn_presenter_statistics *statistics);
 
-/* ---- 16. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
+/* ---- 17. Experimental: Direct3D 12 ------------------------------------------------------------------------------- */
 
 /** A flag of cairn_d3d12_options: ONNX Runtime's deterministic kernels only, and no captured passes. */
 #define CAIRN_D3D12_DETERMINISTIC 1
+/** Recorded frames that may not have run, at most: see cairn_d3d12_preparation.lists. */
+#define CAIRN_MAX_LISTS 16
+/** A flag of cairn_d3d12_preparation: frames are submitted only, and no memory is kept for recorded ones. */
+#define CAIRN_PREPARE_SUBMIT_ONLY 1
 
 /** Direct3D 12's own, declared so that its header is not needed. */
 typedef struct ID3D12CommandQueue ID3D12CommandQueue;
@@ -2016,6 +2188,79 @@ typedef struct cairn_d3d12_options {
      */
     uint32_t longest_submission_us;
 } cairn_d3d12_options;
+
+/**
+ * Gives pipelines that cairn_pipelines_store_callback got in an earlier run, on the thread that prepares. Called first with null and 0, to
+ * return how many bytes there are, 0 for none; then with memory of that size, to fill it and return the same number.
+ */
+typedef uint64_t (*cairn_pipelines_load_callback)(void *bytes, uint64_t capacity, void *user);
+
+/**
+ * Gets the pipelines of a device, on the thread that prepares: bytes are valid during the call only. Bytes of another adapter, driver or
+ * version of the library, and damaged ones, are ignored when they are loaded.
+ */
+typedef void (*cairn_pipelines_store_callback)(const void *bytes, uint64_t size, void *user);
+
+/**
+ * What frames for Direct3D 12 are prepared for. All zero: frames of the presenter's size in any format, of the anchors that have come.
+ */
+typedef struct cairn_d3d12_preparation {
+    /** sizeof(cairn_d3d12_preparation) */
+    uint32_t struct_size;
+    /** DXGI_FORMAT of the targets; 0 for any that frames can be written in, with memory for the widest. */
+    uint32_t format;
+    /** Size of the targets in pixels; 0 both ways for that of the presenter's frames. */
+    uint32_t width;
+    /** See width. */
+    uint32_t height;
+    /** Size of the anchors in pixels, 1 to 16384 each way; 0 both ways for that of the anchors that have come. */
+    uint32_t anchor_width;
+    /** See anchor_width. */
+    uint32_t anchor_height;
+    /** Pictures that an anchor brings, as cairn_anchor_info.pictures; 0 for 1. */
+    uint32_t anchor_pictures;
+    /** As cairn_anchor_info has it; needed where options.motion is CAIRN_MOTION_PAPER, else 0. */
+    uint32_t latent_channels;
+    /** See latent_channels. */
+    uint32_t latent_height;
+    /** See latent_channels. */
+    uint32_t latent_width;
+    /**
+     * Frames recorded into the engine's lists that may not have run, 1 to CAIRN_MAX_LISTS; 0 for 4. Each costs the memory of a frame.
+     */
+    uint32_t lists;
+    /** CAIRN_PREPARE_SUBMIT_ONLY, or 0. */
+    uint32_t flags;
+    /** May be null. */
+    cairn_pipelines_load_callback load;
+    /** May be null. */
+    cairn_pipelines_store_callback store;
+    /** Handed to both. */
+    void *user;
+} cairn_d3d12_preparation;
+
+/** A list of the engine's that a frame is recorded into. */
+typedef struct cairn_d3d12_recording {
+    /** sizeof(cairn_d3d12_recording) */
+    uint32_t struct_size;
+    /** D3D12_RESOURCE_STATES of the target when the list comes to it. */
+    uint32_t state_before;
+    /** D3D12_RESOURCE_STATES that it is left in. */
+    uint32_t state_after;
+    /** 0 */
+    uint32_t reserved;
+    /** Open for recording, of the type of the device's queue. */
+    struct ID3D12GraphicsCommandList *list;
+    /**
+     * Of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2, RGBA16F or R11G11B10_FLOAT, views for
+     * sRGB and typeless ones included; RGBA16F or R11G11B10_FLOAT where the presenter's colour space is CAIRN_COLOUR_LINEAR.
+     */
+    struct ID3D12Resource *target;
+    /** The host's own, of the same device. */
+    struct ID3D12Fence *fence;
+    /** The fence gets it on the queue that executes the list, after the list. */
+    uint64_t fence_value;
+} cairn_d3d12_recording;
 
 /**
  * Makes a device of an engine's own. Experimental: this chapter may change without a new CAIRN_ABI_VERSION, and where the library
@@ -2108,42 +2353,70 @@ CAIRN_API cairn_result cairn_anchor_get_d3d12(
     uint64_t *value);
 
 /**
- * Records the frame that is due into the engine's command list, as cairn_presenter_draw writes it into memory. Compute shaders make it
- * on the device unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does, and the list copies it from memory of
- * the presenter's: cairn_presenter_get_statistics says which, and why. target needs no view and no access for shaders. Shaders leave
- * another pipeline, compute root signature and descriptor heaps in the list. Waits where three lists before it have not run yet; work
- * on anchors is waited for on the queue and not here.
+ * Makes all that frames for Direct3D 12 need, on a thread of the host's that loads: pipelines, textures, memory, AMD's libraries with their
+ * contexts and the test that these must pass. Afterwards cairn_presenter_record_d3d12 and cairn_presenter_submit_d3d12 make nothing
+ * for frames of these sizes and this format. Blocks for as long as that takes, seconds at the first time.
+ *
+ * Until it was called, and for frames of another size, format or device, these show the nearest anchor in place of each frame, resized by
+ * the processor, with CAIRN_FRAME_UNPREPARED: so call it again when targets change their size. What was prepared before is used until
+ * the call is done, and longer where it fails.
+ *
+ * Pipelines are kept as long as the device, and shared by its presenters. With callbacks they are kept from one run of the program to the next, as
+ * far as the driver gives them away; the library writes no file. load is called once for a device, and store where
+ * pipelines were compiled that were neither loaded nor stored before, with all of the device's.
+ *
+ * device: the one on whose queue frames will be made.
+ *
+ * Ownership: preparation is read during the call; user stays the caller's; nothing is handed over, on success or on failure.
+ * Threads: any thread, also while another one pushes, queries, records or submits; a second one that prepares the same presenter gets
+ * CAIRN_ERROR_BUSY. Callbacks may call any function but those that destroy the presenter or the device.
+ * Results: CAIRN_OK; CAIRN_NOT_READY where no anchor has come and the preparation does not say how large anchors are;
+ * CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU
+ * device and where a required generator or upscaler cannot be used; CAIRN_ERROR_RUNTIME_MISSING where AMD's libraries are required and not
+ * there; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_presenter_prepare_d3d12(
+    const cairn_presenter *presenter, const cairn_device *device, const cairn_d3d12_preparation *preparation);
+
+/**
+ * Has the frame that is due made on the device's queue, as cairn_presenter_draw writes it into memory, and records its copy into the engine's
+ * command list. Compute shaders make it unless options.shader is CAIRN_PREFER_NEVER; where they cannot, the processor does:
+ * cairn_presenter_get_statistics says which, and why. The list gets a barrier, a copy and a barrier, and nothing else of it changes.
+ *
+ * The list may be executed early or late, in another order than it was recorded in, or never. What it copies from is used again once the
+ * fence has its value, and not before; nothing waits for it. The same value may stand for several lists if it comes after all of
+ * them. Of a list that is dropped the host signals the value itself, or calls cairn_presenter_release_d3d12.
  *
  * A cut that only the generator finds shows the nearer anchor as well, but frame says so only where the processor made it; the
- * statistics count it once the list has run.
+ * statistics count it once the frame has been made.
  *
- * device: the one on whose queue the list will run.
+ * device: the one on whose queue the list will run; on another queue it must wait for what the device's queue has been given before.
  * now_ns: when it will be shown, on the host's clock.
- * list: open for recording, of the queue's type; to be given to the queue before the next frame is recorded.
- * target: of the frames' size, two-dimensional with one level, slice and sample; RGBA8, BGRA8, RGB10A2 or RGBA16F, views for sRGB and
- * typeless ones included; RGBA16F where the presenter's colour space is CAIRN_COLOUR_LINEAR. In before on entry and in after on
- * exit, both D3D12_RESOURCE_STATES that the list can name: a compute list cannot name RENDER_TARGET. It and the presenter must live
- * until the list has run.
+ * recording: the target is in state_before on entry and in state_after on exit, both D3D12_RESOURCE_STATES that the list can name: a compute list
+ * cannot name RENDER_TARGET. The presenter must live until the list has run.
  * frame: may be null.
  *
- * Ownership: list and target stay the caller's, and the presenter may hold a reference to target until the frame after next but one is
- * recorded or cairn_presenter_release_d3d12 is called; frame is filled on success; on failure it is not written and no frame is recorded.
- * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
- * when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for
- * a CPU device, and where options.shader is CAIRN_PREFER_REQUIRE and shaders cannot make it; CAIRN_ERROR_OUT_OF_MEMORY;
- * CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
+ * Ownership: all objects stay the caller's, and the presenter holds a reference to the fence until it has its value; frame is filled on
+ * success; on failure it is not written and no frame is recorded.
+ * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. Not waited for is a thread that prepares.
+ * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_QUEUE_FULL where as many lists as were prepared may not have run:
+ * nothing is recorded, and the target holds what it did; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also without a fence, for one of
+ * another device or that has the value already, and when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent;
+ * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED, also for a CPU device; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE;
+ * CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_record_d3d12(
-    cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, struct ID3D12GraphicsCommandList *list,
-    struct ID3D12Resource *target, uint32_t before, uint32_t after, cairn_frame *frame);
+    cairn_presenter *presenter, const cairn_device *device, uint64_t now_ns, const cairn_d3d12_recording *recording,
+    cairn_frame *frame);
 
 /**
- * Has the frame that is due written to a texture on the device's queue, as cairn_presenter_record_d3d12 records it, in a list of the
- * presenter's own and behind all that the queue has been given.
+ * Has the frame that is due written to a texture on the device's queue, in a list of the presenter's own and behind all that the queue has been
+ * given. Waits where three frames before it have not run.
  *
- * device, now_ns, target, before, after, frame: as for cairn_presenter_record_d3d12.
+ * device, now_ns, frame: as for cairn_presenter_record_d3d12; target, before, after: as in cairn_d3d12_recording. The presenter may hold a
+ * reference to target until the third frame after it is made or cairn_presenter_release_d3d12 is called.
  * fence, value: get what to wait for before the frame is read elsewhere than on the queue, and before target is freed.
  *
  * Ownership: target stays the caller's; on success *fence has a reference more, for the caller to release, and frame is filled;
@@ -2157,8 +2430,8 @@ CAIRN_API cairn_result cairn_presenter_submit_d3d12(
     uint32_t before, uint32_t after, cairn_frame *frame, struct ID3D12Fence **fence, uint64_t *value);
 
 /**
- * Waits until all frames have run and lets go of their targets, as a swap chain wants it before its buffers are resized. Lists that were
- * recorded must have been given to the queue, or never will be.
+ * Waits until all frames have run and releases their targets, as a swap chain wants it before its buffers are resized. Every list that frames
+ * were recorded into must have been given to the queue, or never will be: their memory is free then, whatever their fences say.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
@@ -2167,7 +2440,7 @@ CAIRN_API cairn_result cairn_presenter_submit_d3d12(
  */
 CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter);
 
-/* ---- 17. Experimental: AMD's swap chain -------------------------------------------------------------------------- */
+/* ---- 18. Experimental: AMD's swap chain -------------------------------------------------------------------------- */
 
 /** The provider that AMD's libraries and the driver prefer. */
 #define CAIRN_FSR_ANY 0
@@ -2536,7 +2809,8 @@ CAIRN_API cairn_result cairn_swapchain_fit(cairn_swapchain *swapchain);
  *
  * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
  * Threads: any thread, at any time; waits for another call on the swap chain.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_DEVICE.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_DEVICE;
+ * CAIRN_ERROR_BUSY from within a callback of a call on it.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_swapchain_get_statistics(
