@@ -22,6 +22,8 @@ mod common;
 #[path = "d3d12/engine.rs"]
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
+#[path = "d3d12/late.rs"]
+mod late;
 #[path = "d3d12/tables.rs"]
 mod tables;
 #[path = "d3d12/textures.rs"]
@@ -525,128 +527,4 @@ fn a_list_that_an_engine_drops_leaves_nothing_that_is_copied_later() {
         }
         assert_eq!(both.device.statistics().cuts, 0, "what never ran tells of no cut");
     }
-}
-
-/// Frames of three pairs of anchors in lists that an engine holds back until all are recorded, and then submits in the order that it is
-/// told; how many pixels of each are wrong.
-fn late(order: impl Fn(&mut Vec<usize>)) -> Vec<usize> {
-    let engine = engine::engine();
-    let gpu = device_of(&engine, &engine.direct);
-    let size = (96, 64);
-    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
-    let mut held = Vec::new();
-    for number in 0..4 {
-        let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + 3 * number), number, false));
-        both.push(&anchor, None, number * INTERVAL);
-        if number == 0 {
-            continue;
-        }
-        let now = number * INTERVAL + INTERVAL / 4;
-        let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
-        let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
-        let recording = Recording::on(&engine.device, &engine.direct);
-        let made = record(&both.device, now, &mut both.drawer, &recording, &target);
-        assert!(made.made().is_some());
-        textures::wait(&engine.device, &engine.direct);
-        let mut expected = None;
-        both.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("it is drawn");
-        held.push((recording, texture, expected.expect("a picture")));
-    }
-    let mut places: Vec<usize> = (0..held.len()).collect();
-    order(&mut places);
-    places.iter().for_each(|place| held[*place].0.submit(&engine.direct));
-    textures::wait(&engine.device, &engine.direct);
-    let read = |texture| textures::read(&engine.device, &engine.direct, texture, PRESENT);
-    held.iter().map(|(_, texture, expected)| far(&read(texture), expected, DXGI_FORMAT_R8G8B8A8_UNORM)).collect()
-}
-
-#[test]
-fn lists_that_an_engine_submits_late_show_what_was_recorded() {
-    for (name, is_reversed) in [("in order", false), ("the last first", true)] {
-        let wrong = late(|places| {
-            if is_reversed {
-                places.reverse()
-            }
-        });
-        assert!(wrong.iter().all(|far| far * 1000 <= 96 * 64), "{name}: {wrong:?} pixels of each are wrong");
-    }
-}
-
-/// What a queue is held back by, and no longer than its test.
-struct Gate(ID3D12Fence);
-
-impl Gate {
-    fn open(&self) {
-        // SAFETY: a live fence.
-        unsafe { self.0.Signal(1) }.expect("a signal");
-    }
-}
-
-impl Drop for Gate {
-    fn drop(&mut self) {
-        self.open();
-    }
-}
-
-#[test]
-fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() {
-    let engine = engine::engine();
-    let gpu = device_of(&engine, &engine.direct);
-    waits::count(&engine.direct);
-    let options_of_device = DirectMlOptions { deterministic: true, ..Default::default() };
-    let device = Device::directml(&common::ort(), &gpu, options_of_device).expect("DirectML");
-    let precision = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
-    let world = World::load(&device, &common::bundle("tiny"), precision).expect("a world");
-    let mut rollout = common::seeded(&world, &common::point(&world), 7);
-    let gate = Gate(engine::fence(&engine.device));
-    // The last anchor's copy is held back.
-    let anchors: Vec<_> = (0..3)
-        .map(|i| {
-            rollout.step(&common::controls(i)).expect("a step");
-            if i == 2 {
-                // SAFETY: a live queue and fence.
-                unsafe { gpu.anchors().d3d12().Wait(&gate.0, 1) }.expect("it takes a wait");
-            }
-            Arc::new(KeptAnchor::of(&mut rollout, false).expect("an anchor"))
-        })
-        .collect();
-    assert_eq!([0, 1, 2].map(|i: usize| anchors[i].has_arrived() || i < 2), [true, true, false]);
-    while !anchors[..2].iter().all(|anchor| anchor.has_arrived()) {
-        std::thread::yield_now();
-    }
-    let latent = anchors[0].latent_shape();
-    for motion in [MotionSource::PictureFlow, MotionSource::Paper] {
-        let mut both = Both::of_latents(&gpu, anchors[0].size(), &options(motion), latent);
-        (0..2).for_each(|i| both.push(&anchors[i], None, i as u64 * INTERVAL));
-        for quarter in 4..12 {
-            if quarter == 8 {
-                // One that has not come is not counted, for the processor either.
-                both.push(&anchors[2], None, 2 * INTERVAL);
-                for presenter in [&both.host, &both.device] {
-                    assert_eq!((presenter.statistics().anchors, presenter.arriving()), (2, 1));
-                }
-            }
-            // Each frame is compared once the queue has made it: it waits for nothing.
-            let shown = both.compare(&engine, quarter * INTERVAL / 4, KINDS[0], quarter % 2 == 0);
-            let source = match quarter {
-                4 | 8 => ShownSource::Anchor,
-                5..8 => ShownSource::Generated,
-                _ => ShownSource::Extrapolated,
-            };
-            assert_eq!(shown.source, source, "{shown:?}");
-        }
-        both.check();
-        assert_eq!(waits::counted(), 0, "the engine's queue waits for nothing");
-        if motion == MotionSource::Paper {
-            // It comes, is due when that is seen, and is shown then.
-            gate.open();
-            while !anchors[2].has_arrived() {
-                std::thread::yield_now();
-            }
-            let shown = both.compare(&engine, 13 * INTERVAL / 4, KINDS[0], false);
-            assert_eq!((shown.source, shown.previous), (ShownSource::Anchor, anchors[2].number()), "{shown:?}");
-            assert_eq!((both.device.statistics().late, both.device.arriving()), (1, 0));
-        }
-    }
-    assert_eq!(waits::counted(), 0);
 }

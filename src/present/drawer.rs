@@ -187,3 +187,12 @@ fn of_size(buffer: &mut Option<Picture>, size: (u32, u32)) -> Result<&mut Pictur
 fn nothing_made() -> Error {
     Error::new(ErrorKind::InvalidState, "nothing was generated yet")
 }
+
+/// What the processor draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Draws {
+    /// Every frame.
+    Frames,
+    /// The nearest anchor in place of a frame that would be generated.
+    Anchors,
+}

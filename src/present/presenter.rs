@@ -6,6 +6,7 @@ use std::sync::{Arc, Weak};
 use parking_lot::Mutex;
 
 use super::drawer::Drawer;
+pub(crate) use super::drawer::Draws;
 use super::governor::Governor;
 pub use super::motion::{MotionSource, extract};
 use super::pacing::{Due, DueFrame, Interval, Pacer, Pacing};
@@ -193,15 +194,6 @@ pub(super) struct Taken {
     /// What lies over the anchors.
     pub(super) overlay: Option<Arc<Overlay>>,
     pub(super) key: Drawn,
-}
-
-/// What the processor draws.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Draws {
-    /// Every frame.
-    Frames,
-    /// The nearest anchor in place of a frame that would be generated.
-    Anchors,
 }
 
 impl Presenter {

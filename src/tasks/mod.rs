@@ -1,7 +1,7 @@
 //! Loops that several threads share: over the library's own pool, over a host's job system, or on the calling thread alone.
 //!
 //! A loop's pieces are claimed by index from one counter, so each runs exactly once, on whichever thread comes first, and no
-//! result depends on which one that was. The pool's threads start with the first loop that runs while a [`Use`] lives, and are
+//! result depends on which one that was. The pool's threads start with the first loop that runs while a `Use` lives, and are
 //! joined when the last one is dropped: nothing of the library runs after its last object.
 
 mod jobs;

@@ -224,8 +224,7 @@ class WorldOptions(Sized):
         ("memory_limit", c_uint64),
         ("progress", load_callback),
         ("user", c_void_p),
-        ("flags", c_uint32),
-        ("reserved", c_uint32),
+        *_each(c_uint32, "flags reserved"),
     ]
 
 
@@ -245,21 +244,16 @@ class WorldInfo(Sized):
 
 class WorldMemory(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("reserved", c_uint32),
+        *_each(c_uint32, "struct_size reserved"),
         *_each(c_uint64, "bundle weights ring slabs intermediates autoencoder arena total"),
     ]
 
 
 class Picture(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("format", c_uint32),
-        ("width", c_uint32),
-        ("height", c_uint32),
+        *_each(c_uint32, "struct_size format width height"),
         ("pixels", c_void_p),
-        ("size", c_uint64),
-        ("row_pitch", c_uint64),
+        *_each(c_uint64, "size row_pitch"),
     ]
 
 

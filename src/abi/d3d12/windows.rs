@@ -1,5 +1,7 @@
 //! What stands behind the doors of Direct3D 12 where it is there.
 
+mod adapters;
+
 use std::ffi::c_void;
 use std::time::Duration;
 
@@ -22,13 +24,15 @@ use crate::ffx::{self, Needed};
 use crate::framegen::shader::ShaderGenerator;
 use crate::gpu::compute::pictures::Format;
 use crate::gpu::compute::{Frames, Spent};
-use crate::gpu::{Gpu, Moment, Target, Uploads, adapters, read_texture};
+use crate::gpu::{Gpu, Moment, Target, Uploads, read_texture};
 use crate::object_count::counted;
 use crate::present::device::{DeviceDrawer, FrameResult, LISTS, Preparation, RetiredFrames, ScaledBy, check_recording};
 use crate::present::presenter::{Draws, Presenter};
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::{KeptAnchor, Rollout};
 use crate::{ErrorKind, LibrarySearch, Picture};
+use adapters::load_pipelines;
+pub(in crate::abi) use adapters::{list, requirements};
 
 /// A device of an engine's objects.
 ///
@@ -374,29 +378,6 @@ impl Amd {
     }
 }
 
-/// Has the host give pipelines that a device had in an earlier run. What is wrong with them is no failure: they are made anew.
-fn load_pipelines(gpu: &Gpu, load: unsafe extern "C" fn(*mut c_void, u64, *mut c_void) -> u64, user: *mut c_void) {
-    /// More than all pipelines could take.
-    const MOST: u64 = 1 << 30;
-    // SAFETY: a function of the host's, asked for the size as its documentation says.
-    let size = unsafe { load(std::ptr::null_mut(), 0, user) };
-    if size == 0 {
-        return;
-    }
-    let mut bytes = Vec::new();
-    let has_room = size <= MOST && bytes.try_reserve_exact(size as usize).is_ok();
-    if !has_room {
-        log::warn!("{size} bytes of pipelines are not loaded: they are too many");
-        return;
-    }
-    bytes.resize(size as usize, 0);
-    // SAFETY: as above, with so many bytes that may be written.
-    let given = unsafe { load(bytes.as_mut_ptr().cast(), size, user) };
-    if given != size || !gpu.pipelines().load(gpu, &bytes) {
-        log::info!("pipelines are made anew: those that were loaded are damaged, or of another driver or version");
-    }
-}
-
 impl Recording {
     /// Records the frame that is due at `now` as it was prepared, or else the nearest anchor. Without a list of an engine's the queue is
     /// given one of ours; then also what guards the target.
@@ -599,60 +580,6 @@ fn times(spent: Spent) -> DeviceTimes {
 /// A moment as an engine waits for it, with a reference.
 fn guard(moment: &Moment) -> Guard {
     Guard { fence: moment.fence().clone().into_raw().cast(), value: moment.value() }
-}
-
-/// The adapters, in the system's order.
-pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
-    let found = adapters().unwrap_or_else(|e| {
-        log::warn!("the adapters of Direct3D 12 cannot be listed: {e}");
-        Vec::new()
-    });
-    let row = |(index, adapter): (u32, crate::gpu::Adapter)| cairn_adapter {
-        struct_size: 0,
-        kind: CAIRN_DEVICE_D3D12,
-        index,
-        reserved: 0,
-        luid: adapter.luid,
-        memory: adapter.memory,
-        name: fixed_text(&adapter.description),
-    };
-    (0..).zip(found).map(row).collect()
-}
-
-/// What a device on the first adapter needs, and what of AMD's could run on it.
-pub(in crate::abi) fn requirements(options: DeviceOptions) -> Vec<cairn_requirement> {
-    let needed = "a Direct3D 12 adapter";
-    let gpu = match Gpu::on_adapter(None) {
-        Ok(gpu) => gpu,
-        Err(error) => {
-            let found = format!("{}: {error}", platform());
-            return vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_NOT_MET, needed, &found)];
-        }
-    };
-    let found = format!("{}, adapter {:#x}", platform(), gpu.luid());
-    let amd = ffx::LoadOptions::of_host(&options.libraries);
-    let tried = running(&gpu, options).map(|(_, ort)| ort);
-    let mut rows =
-        vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, needed, &found), onnxruntime(tried), memory()];
-    // Of a small size: what may be refused does not depend on it.
-    let (status, found) = match ShaderGenerator::new(&gpu, (64, 64)) {
-        Ok(_) => (CAIRN_REQUIREMENT_MET, "they run".to_owned()),
-        Err(why) => (CAIRN_REQUIREMENT_OPTIONAL, why.to_string()),
-    };
-    let needed = "compute shaders, for frames that the device makes; else the processor makes them";
-    rows.push(row(CAIRN_REQUIREMENT_SHADERS, status, needed, &found));
-    rows.extend(ffx::requirements(&amd, &gpu).iter().map(|of_amd| {
-        let what = match of_amd.what {
-            Needed::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,
-            Needed::Provider => CAIRN_REQUIREMENT_FSR_PROVIDER,
-            Needed::System => CAIRN_REQUIREMENT_FSR_SYSTEM,
-            Needed::Direct3d => CAIRN_REQUIREMENT_FSR_DIRECT3D,
-            Needed::ShaderModel => CAIRN_REQUIREMENT_FSR_SHADER_MODEL,
-        };
-        let status = if of_amd.met { CAIRN_REQUIREMENT_MET } else { CAIRN_REQUIREMENT_OPTIONAL };
-        row(what, status, of_amd.needed, &of_amd.found)
-    }));
-    rows
 }
 
 /// The interface `I` of a COM object that is not null.

@@ -1,0 +1,117 @@
+//! Frames of a presenter, recorded into an engine's list or submitted in one of ours.
+
+use super::*;
+
+impl Presenter {
+    /// Has the frame that is due at `now` made, and records its copy into `list`, an engine's open one, over `target`: what
+    /// [`draw`](Self::draw) writes into memory. A cut that only the generator finds is counted once the frame has run.
+    ///
+    /// Nothing of the list changes but the state of the target. Its memory is used again once `until` is reached, a fence of the engine's that has
+    /// its value when the list has run: early or late, in whatever order. Where no memory is left nothing waits.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a list or target that frames cannot be recorded into, for a fence that has its value already, or where latents are
+    /// needed and the anchors have none; `OutOfMemory`; `DeviceRemoved`. No frame is recorded then.
+    pub fn record(
+        &self,
+        now: u64,
+        drawer: &mut DeviceDrawer,
+        list: &ID3D12GraphicsCommandList,
+        target: &Target,
+        until: &Moment,
+    ) -> Result<FrameResult<Shown>> {
+        check_recording(&drawer.gpu, list, until)?;
+        if drawer.recorded.is_empty() {
+            return Ok(FrameResult::NotPrepared);
+        }
+        let ready = match self.begin(now, drawer, target)? {
+            FrameResult::Made(ready) => ready,
+            FrameResult::NoAnchor => return Ok(FrameResult::NoAnchor),
+            FrameResult::NotPrepared => return Ok(FrameResult::NotPrepared),
+            FrameResult::QueueFull => return Ok(FrameResult::QueueFull),
+        };
+        let Ready { taken, format, .. } = &ready;
+        let (slot, times) = match drawer.recorded.again(taken.key, *format) {
+            Some(slot) => {
+                drawer.copied += 1;
+                (slot, PresenterStatistics::default())
+            }
+            None => {
+                let Some(slot) = drawer.recorded.free() else { return Ok(FrameResult::QueueFull) };
+                let times = self.finish(drawer, &ready, To::Recorded(slot))?.1;
+                drawer.recorded.holds(slot, taken.key, *format);
+                (slot, times)
+            }
+        };
+        drawer.recorded.record(slot, list, target, until);
+        self.count(&taken.shown, &times);
+        Ok(FrameResult::Made(taken.shown))
+    }
+
+    /// Has the frame that is due at `now` made on the device's queue for frames, behind what that has been given; also the moment when
+    /// `target` holds it.
+    ///
+    /// # Errors
+    /// As for [`record`](Self::record).
+    pub fn submit(&self, now: u64, drawer: &mut DeviceDrawer, target: &Target) -> Result<FrameResult<(Shown, Moment)>> {
+        let ready = match self.begin(now, drawer, target)? {
+            FrameResult::Made(ready) => ready,
+            FrameResult::NoAnchor => return Ok(FrameResult::NoAnchor),
+            FrameResult::NotPrepared => return Ok(FrameResult::NotPrepared),
+            FrameResult::QueueFull => return Ok(FrameResult::QueueFull),
+        };
+        let (moment, times) = self.finish(drawer, &ready, To::Target(target))?;
+        self.count(&ready.taken.shown, &times);
+        Ok(FrameResult::Made((ready.taken.shown, moment)))
+    }
+
+    /// The frame that is due at `now`, where it can be made.
+    fn begin(&self, now: u64, drawer: &mut DeviceDrawer, target: &Target) -> Result<FrameResult<Ready>> {
+        if let Some(gone) = drawer.gpu.removed() {
+            return Err(gone);
+        }
+        self.look(drawer);
+        let Some(mut taken) = self.take(now, Some(Phases::Any)) else { return Ok(FrameResult::NoAnchor) };
+        let anchors = taken.plan.size();
+        let size = taken.size.unwrap_or(anchors);
+        if anchors != drawer.size {
+            return Ok(FrameResult::NotPrepared);
+        }
+        target.check(&drawer.gpu, drawer.gpu.frames().kind(), size, drawer.colours)?;
+        let resting = Resting { resource: &target.texture, state: target.before };
+        let format = format_of(&drawer.gpu, &resting, [size.0, size.1])?;
+        if !drawer.is_prepared(size, format.bytes, self.keeps_shape()) {
+            return Ok(FrameResult::NotPrepared);
+        }
+        taken.shown.repeated = drawer.drawn == Some(taken.key);
+        Ok(FrameResult::Made(Ready { taken, format }))
+    }
+
+    /// Has it made.
+    fn finish(
+        &self,
+        drawer: &mut DeviceDrawer,
+        Ready { taken, format }: &Ready,
+        to: To<'_>,
+    ) -> Result<(Moment, PresenterStatistics)> {
+        drawer.drawn = None;
+        let mut times = PresenterStatistics::default();
+        let moment = drawer.make(taken, self, *format, to, &mut times)?;
+        drawer.drawn = Some(taken.key);
+        Ok((moment, times))
+    }
+
+    /// Looks at what has happened in frames that have run meanwhile, so that [`statistics`](Self::statistics) has it.
+    pub fn look(&self, drawer: &mut DeviceDrawer) {
+        self.count_cuts(drawer.reports.cuts());
+        let (frames, lists) = (drawer.spent(), drawer.spent_on_anchors());
+        let known = (frames.frames + drawer.copied, frames.total.saturating_add(lists.total));
+        let (before, spent) = std::mem::replace(&mut drawer.noted, known);
+        if known.0 > before {
+            self.note_spent(known.0 - before, known.1.saturating_sub(spent));
+        } else {
+            // It counts with the next frame.
+            drawer.noted.1 = spent;
+        }
+    }
+}
