@@ -5,7 +5,7 @@ use cairn::world::{ControlScript, WorldTime};
 
 use crate::render::{Frame, Moment, Quality, render};
 use crate::scene::Scene;
-use crate::walk::Walker;
+use crate::walk::{Start, Walker};
 
 /// The walker takes the fewest steps in a second of world time that both this and the rate divide: pictures are drawn
 /// at steps, never between two.
@@ -27,11 +27,13 @@ pub struct ClipOptions {
     pub aspect: f32,
     /// How it is drawn.
     pub quality: Quality,
+    /// Where the walk starts; on the path at the origin unless given.
+    pub start: Option<Start>,
 }
 
 impl Default for ClipOptions {
     fn default() -> Self {
-        Self { width: 640, height: 360, rate: 30, aspect: 16.0 / 9.0, quality: Quality::default() }
+        Self { width: 640, height: 360, rate: 30, aspect: 16.0 / 9.0, quality: Quality::default(), start: None }
     }
 }
 
@@ -50,10 +52,11 @@ pub struct Clip<'a> {
 }
 
 impl<'a> Clip<'a> {
-    /// A walk that starts on the path. None when the rate is out of range.
+    /// A walk from its start. None when the rate is out of range.
     pub fn new(scene: &'a Scene, script: &'a ControlScript, options: ClipOptions) -> Option<Self> {
         let pace = (1..=MAX_RATE).contains(&options.rate).then(|| common_multiple(STEPS, options.rate))?;
-        Some(Self { scene, script, options, walker: Walker::new(scene), pace, steps: 0, before: None })
+        let walker = options.start.map_or_else(|| Walker::new(scene), |start| Walker::standing(scene, start));
+        Some(Self { scene, script, options, walker, pace, steps: 0, before: None })
     }
 
     /// Walks to the next frame's time and says what is seen there, and what was seen in the frame before.
@@ -116,6 +119,20 @@ mod tests {
             let apart = usual.camera.position.distance(other.camera.position);
             assert!(apart < 0.02 && (usual.camera.yaw - other.camera.yaw).abs() < 1e-4, "{rate}: {apart} m");
         }
+    }
+
+    #[test]
+    fn a_walk_starts_where_it_is_told() {
+        let script = ControlScript::parse("cairn-controls 1\n0..1 hold W\n1 end\n").unwrap();
+        let scene = Scene::new(Family::Desert, 1);
+        let start = Start { at: glam::Vec2::new(-31.0, 17.0), yaw: std::f32::consts::FRAC_PI_2 };
+        let options = ClipOptions { start: Some(start), ..ClipOptions::default() };
+        let mut clip = Clip::new(&scene, &script, options).unwrap();
+        let first = clip.advance().unwrap().0.camera;
+        assert_eq!((first.position.x, first.position.z, first.yaw), (-31.0, 17.0, start.yaw));
+        let last = (0..30).map(|_| clip.advance().unwrap().0.camera).last().unwrap();
+        let east = last.position.x - first.position.x;
+        assert!((1.2..2.0).contains(&east) && (last.position.z - first.position.z).abs() < 0.5, "{last:?}");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::time::Instant;
 use cairn::Picture;
 use cairn::world::{ControlScript, Key, WorldTime};
 use clap::{Args, Parser, Subcommand};
-use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, MAX_RATE, Quality, Scene};
+use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, MAX_RATE, Quality, Scene, Start};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -54,6 +54,10 @@ struct ClipArguments {
     /// How long, in seconds of world time.
     #[arg(long, default_value_t = 4.0)]
     seconds: f64,
+    /// Where the walk starts, EAST,NORTH,YAW: metres from the origin, and degrees from north to the east. On the path
+    /// at the origin unless given.
+    #[arg(long, value_parser = start, allow_hyphen_values = true)]
+    start: Option<Start>,
     /// Pictures per second, 1 to 960.
     #[arg(long, default_value_t = 30)]
     rate: u32,
@@ -82,6 +86,17 @@ fn size(text: &str) -> Result<(u32, u32), String> {
     text.split_once('x')
         .and_then(|(w, h)| Some((parse(w)?, parse(h)?)))
         .ok_or_else(|| format!("{text} is no size. Write WIDTHxHEIGHT, each 1 to 8192, such as 640x360"))
+}
+
+/// Metres that a walk may start from the origin, east or north: the finely meshed ground.
+const FARTHEST_START: f32 = 96.0;
+
+fn start(text: &str) -> Result<Start, String> {
+    let wrong = || format!("{text} is no start. Write EAST,NORTH,YAW in metres, at most {FARTHEST_START}, and degrees");
+    let numbers: Vec<f32> = text.split(',').map(|t| t.parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+    let &[east, north, yaw] = numbers.as_slice() else { return Err(wrong()) };
+    let inside = [east, north].iter().all(|metres| metres.abs() <= FARTHEST_START) && yaw.is_finite();
+    inside.then(|| Start { at: glam::Vec2::new(east, north), yaw: yaw.to_radians() }).ok_or_else(wrong)
 }
 
 /// The script that belongs to a scene.
@@ -164,6 +179,7 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
         height: a.size.1,
         rate: a.rate,
         quality: Quality { samples: a.samples },
+        start: a.start,
         ..Default::default()
     };
     let mut walk = Clip::new(&scene, &script, options).ok_or_else(|| format!("--rate must be from 1 to {MAX_RATE}"))?;
@@ -224,6 +240,15 @@ fn write_frame(out: &Path, n: u64, frame: &Frame) -> Outcome<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_start_is_two_distances_and_an_angle() {
+        let found = start("-12.5,96,180").unwrap();
+        assert_eq!((found.at.x, found.at.y, found.yaw), (-12.5, 96.0, std::f32::consts::PI));
+        for wrong in ["", "1,2", "1,2,3,4", "a,0,0", "97,0,0", "0,-97,0", "NaN,0,0", "0,0,inf"] {
+            assert!(start(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn controls_are_listed_for_each_latent_step() {

@@ -20,6 +20,27 @@ pub const MAX_PITCH: f32 = 1.2;
 /// Time constant of starting and stopping, in seconds.
 pub const EASE: f32 = 0.12;
 
+/// Where a walk starts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// East and north of the origin, in metres.
+    pub at: Vec2,
+    /// Direction of view in radians: 0 is north, positive turns to the east.
+    pub yaw: f32,
+}
+
+/// `at`, moved to the edge of each obstacle that it lies in.
+fn out_of_obstacles(scene: &Scene, mut at: Vec2) -> Vec2 {
+    for &(centre, radius) in &scene.obstacles {
+        let away = at - centre;
+        let room = radius + 0.25;
+        if away.length_squared() < room * room {
+            at = centre + away.normalize_or(Vec2::X) * room;
+        }
+    }
+    at
+}
+
 /// Somebody who walks through a scene.
 #[derive(Debug, Clone)]
 pub struct Walker {
@@ -37,12 +58,18 @@ impl Walker {
     /// Stands on the path at the origin and looks along it.
     pub fn new(scene: &Scene) -> Self {
         let ahead = scene.terrain.path(9.0);
+        Self::standing(scene, Start { at: Vec2::ZERO, yaw: (ahead / 9.0).atan() })
+    }
+
+    /// Stands at `start`, or beside the obstacle that is there.
+    pub fn standing(scene: &Scene, start: Start) -> Self {
+        let at = out_of_obstacles(scene, start.at);
         Self {
-            at: Vec2::ZERO,
+            at,
             velocity: Vec2::ZERO,
-            yaw: (ahead / 9.0).atan(),
+            yaw: start.yaw,
             pitch: -0.03,
-            ground: scene.terrain.height(Vec2::ZERO),
+            ground: scene.terrain.height(at),
             walked: 0.0,
             time: 0.0,
             fov: 62_f32.to_radians(),
@@ -64,14 +91,7 @@ impl Walker {
         let pace = if keys.contains(Key(16)) { WALK * RUN } else { WALK };
         let wish = (Vec2::new(cos, -sin) * wish.x + Vec2::new(sin, cos) * wish.y) * pace;
         self.velocity += (wish - self.velocity) * (1.0 - (-dt / EASE).exp());
-        let mut to = self.at + self.velocity * dt;
-        for &(centre, radius) in &scene.obstacles {
-            let away = to - centre;
-            let room = radius + 0.25;
-            if away.length_squared() < room * room {
-                to = centre + away.normalize_or(Vec2::X) * room;
-            }
-        }
+        let to = out_of_obstacles(scene, self.at + self.velocity * dt);
         self.walked += to.distance(self.at);
         self.at = to;
         // Legs take up small bumps: the eye follows the ground over a quarter of a second.

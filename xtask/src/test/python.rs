@@ -66,6 +66,9 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
         .env("PARITY_TRACE", context.clone.program("debug", "parity-trace"))
         .env("SCENES", context.clone.program("debug", "scenes"));
     context.provide_worlds(&mut command)?;
+    if folder == TRAINING {
+        context.provide_lpips(&mut command)?;
+    }
     pytest(context, log, command, folder, (&folder.replace('/', "-"), &[]))
 }
 

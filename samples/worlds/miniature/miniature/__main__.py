@@ -16,7 +16,7 @@ runs them one after the other. A command that has done its work ends with status
 """
 UNFINISHED = 3
 # The world inside the library.
-PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "smoke")
+PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "smoke")
 SHIPPED = Path(__file__).resolve().parents[2] / "miniature.cairn"
 # Walks that are drawn side by side.
 DRAWN_AT_ONCE = 3
@@ -37,7 +37,8 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--bundle", type=Path, default=SHIPPED, help="the world that `begin` and `--share` take (%(default)s)")
     top.add_argument("--share", type=share, default=1.0, metavar="S", help="`checkpoint`: S of the trained weights, the rest of --bundle's (1)")
     top.add_argument("--minutes", type=float, default=float("inf"), help="stop training after so many minutes, to go on later")
-    top.add_argument("--until", type=int, default=sys.maxsize, metavar="N", help="`world`: end at step N of the plan (its last)")
+    top.add_argument("--until", type=int, default=sys.maxsize, metavar="N", help="`autoencoder`, `world`: end at step N of the plan; `clips`: end with clip N (the last)")
+    top.add_argument("--walks", type=int, default=8, choices=range(1, 9), metavar="N", help="`score-autoencoder`: held-out walks of each level (8)")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (_, what) in COMMANDS.items():
         commands.add_parser(name, help=what)
@@ -66,6 +67,7 @@ class Job:
         self.minutes: float = options.minutes
         self.until: int = options.until
         self.share: float = options.share
+        self.walks: int = options.walks
         self.preset = PRESETS[options.preset]
         self.geometry = self.preset.geometry
         self.autoencoder = self.folder / "autoencoder.npz"
@@ -80,35 +82,51 @@ class Job:
 
 def draw_clips(job: Job) -> bool:
     """The clips of the autoencoder."""
-    from . import clips
-    from .shapes import CLIP_SECONDS
+    from . import clips, levels
 
-    for number in job.preset.clips:
-        clips.render(job.renderer, job.folder / "clips", number, CLIP_SECONDS, job.geometry.decoded)
+    render = levels.draw_training_clip if job.preset.levels else clips.render
+    for number in job.preset.clips[: job.until]:
+        render(job.renderer, job.folder / "clips", number, job.preset.autoencoder.seconds, job.geometry.decoded)
     return True
 
 
 def train_autoencoder(job: Job) -> bool:
     """The autoencoder, on the clips that are there."""
-    from . import clips, train_autoencoder
+    from . import clips, levels, train_autoencoder
 
     found = clips.ready(job.folder / "clips", job.geometry.decoded)
+    if job.preset.levels:
+        levels.require_trainable(found)
     if len(found) < job.preset.autoencoder.clips:
         job.say(f"{len(found)} of {job.preset.autoencoder.clips} clips are there: the weights will be others than with all")
     plan = job.preset.autoencoder
-    state = train_autoencoder.train(job.autoencoder, job.geometry, plan, found, job.minutes, job.say)
-    return int(state.step) >= plan.steps
+    state = train_autoencoder.train(job.autoencoder, job.geometry, plan, found, job.minutes, job.say, job.until)
+    return int(state.step) >= min(plan.steps, job.until)
 
 
 def score_autoencoder(job: Job) -> bool:
-    """PSNR of places that were never seen."""
-    from . import score, store
+    """PSNR, LPIPS and detail of places, or of walks through the levels, that were never seen."""
+    from . import levels, perceptual, score, store
 
-    parameters = store.mean_parameters(job.autoencoder)
-    found = score.held_out_clips(job.renderer, job.folder / "held-out", job.geometry.decoded)
-    figures = {clip.family: score.psnr(*score.reconstruct(parameters, clip)) for clip in found}
-    each = "  ".join(f"{family} {value:.2f}" for family, value in figures.items())
-    job.say(f"autoencoder, held-out seed {score.SEED}: {each}  mean {sum(figures.values()) / len(figures):.2f} dB")
+    parameters, folder, size = store.mean_parameters(job.autoencoder), job.folder / "held-out", job.geometry.decoded
+    if job.preset.levels:
+        found = levels.held_out_clips(job.renderer, folder, job.walks, score.WALK_SECONDS, size)
+        shown = f"{job.walks} held-out walks of each level, {score.WALK_SECONDS:g} s"
+    else:
+        found = score.held_out_clips(job.renderer, folder, size)
+        shown = f"held-out seed {score.SEED}"
+    networks = {}
+    try:
+        if min(size) >= perceptual.SMALLEST:
+            networks = {name: perceptual.load(name) for name in perceptual.NETWORKS}
+    except perceptual.MissingWeights as error:
+        job.say(f"no LPIPS: {error}")
+    judge = score.Judge(parameters, networks)
+    figures = {clip.path.name: judge.figures(clip) for clip in found}
+    job.say(f"autoencoder, {shown}")
+    for family in dict.fromkeys(clip.family for clip in found):
+        job.say(f"{family:8} {score.Figures.mean([figures[clip.path.name] for clip in found if clip.family == family])}")
+    job.say(f"mean     {score.Figures.mean(list(figures.values()))}")
     return True
 
 
@@ -193,7 +211,7 @@ def begin(job: Job) -> bool:
     for state in (job.autoencoder, job.world):
         if state.is_file():
             raise SystemExit(f"error: {state} is there already. Name another folder with --folder, or remove it.")
-    begin.states(job.bundle, job.geometry, job.autoencoder, job.world)
+    begin.states(job.bundle, job.geometry, job.preset.autoencoder, job.autoencoder, job.world)
     job.say(f"begun with the weights of {job.bundle.name}")
     return True
 
@@ -223,7 +241,7 @@ def put_together(job: Job) -> bool:
 COMMANDS = {
     "clips": (draw_clips, "draw the clips of the autoencoder"),
     "autoencoder": (train_autoencoder, "train the autoencoder on the clips that are there"),
-    "score-autoencoder": (score_autoencoder, "PSNR of the autoencoder on places it has never seen"),
+    "score-autoencoder": (score_autoencoder, "PSNR, LPIPS and detail of the autoencoder on places, or walks through its levels, that it has never seen"),
     "walks": (encode_walks, "draw the walks of the transformer, and keep them as latents"),
     "world": (train_world, "train the transformer on the latents that are there"),
     "checkpoint": (write_checkpoint, "write both networks in Waypoint-1.5's released layout"),

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 from cairn.build import archive
-from cairn.build.geometry import Geometry
-from cairn.build.weights import Placed
+from cairn.build.geometry import MEMORIES_PER_STAGE, Geometry
+from cairn.build.weights import DECODER_GROWTH, ENCODER_POOLING, Placed, autoencoder_weights
 from cairn.build.writer import layouts
 
-from . import optimiser, store, train_world
+from . import autoencoder as networks
+from . import optimiser, store, train_autoencoder, train_world
+from .shapes import AutoencoderPlan
 
 
 class OtherShapes(ValueError):
@@ -23,21 +25,64 @@ Parameters = dict[str, np.ndarray]
 
 def weights(bundle: Path, g: Geometry) -> tuple[Parameters, Parameters]:
     """The numbers of `bundle`, a folder or one file, as training has them: the transformer's and the autoencoder's."""
-    if (found := archive.read_geometry(bundle)) != g:
+    found = archive.read_geometry(bundle)
+    if found.with_(encoder_width=g.encoder_width, decoder_widths=g.decoder_widths) != g:
         raise OtherShapes(f"{bundle} has other shapes than this preset: {found}, not {g}")
+    here = (found.encoder_width, *found.decoder_widths)
+    if any(wide < narrow for wide, narrow in zip((g.encoder_width, *g.decoder_widths), here)):
+        raise OtherShapes(f"{bundle} has a wider autoencoder than this preset: {found}, not {g}")
     with tempfile.TemporaryDirectory() as name:
         folder = bundle if bundle.is_dir() else archive.unpack(bundle, Path(name) / "bundle")
-        transformer, pictures = ({name: _read(folder, placed) for name, placed in group.items()} for group in layouts(g))
+        transformer, pictures = ({name: _read(folder, placed) for name, placed in group.items()} for group in layouts(found))
     # The bundle has the last bias once for each pixel of a patch, training once for each channel.
     transformer["unpatchify.bias"] = transformer["unpatchify.bias"][:: g.patch[0] * g.patch[1]]
-    return transformer, pictures
+    return transformer, widened(pictures, g)
 
 
-def states(bundle: Path, g: Geometry, autoencoder: Path, world: Path) -> None:
+def widened(narrow: Parameters, g: Geometry) -> Parameters:
+    """An autoencoder of `g` that computes what `narrow` does: its channels are kept, and what reads a new one starts at zero.
+
+    A new channel itself starts at random, so that the zeros that read it learn from the first step on.
+    """
+    out, start = {}, networks.initial(g, train_autoencoder.SEED)
+    parts = _parts()
+    for weight in autoencoder_weights(g):
+        old, new = narrow[weight.name], start[weight.name].copy()
+        outputs, inputs = parts.get(weight.name, (1, 1))
+        kept = _kept(old.shape[0], new.shape[0], outputs)
+        if new.ndim == 1:
+            new[kept] = old
+        else:
+            new[kept] = 0
+            new[np.ix_(kept, _kept(old.shape[1], new.shape[1], inputs))] = old
+        out[weight.name] = new
+    return out
+
+
+def _parts() -> dict[str, tuple[int, int]]:
+    """Tensors whose outputs or inputs are several frames' channels one after the other, and how many."""
+    out = {}
+    for stage, frames in enumerate(ENCODER_POOLING):
+        first = 2 + stage * (2 + MEMORIES_PER_STAGE)
+        out[f"encoder.{first}.conv.weight"] = (1, frames)
+        out |= {f"encoder.{first + 2 + m}.conv.0.weight": (1, 2) for m in range(MEMORIES_PER_STAGE)}
+    for stage, frames in enumerate(DECODER_GROWTH):
+        first = 3 + stage * (3 + MEMORIES_PER_STAGE)
+        out |= {f"decoder.{first + m}.conv.0.weight": (1, 2) for m in range(MEMORIES_PER_STAGE)}
+        out[f"decoder.{first + MEMORIES_PER_STAGE + 1}.conv.weight"] = (frames, 1)
+    return out
+
+
+def _kept(narrow: int, wide: int, parts: int) -> np.ndarray:
+    """Where the channels of a narrow axis lie in a wide one, each of `parts` parts being widened at its end."""
+    return np.concatenate([part * (wide // parts) + np.arange(narrow // parts) for part in range(parts)])
+
+
+def states(bundle: Path, g: Geometry, plan: AutoencoderPlan, autoencoder: Path, world: Path) -> None:
     """Writes the states before a first step from the numbers of `bundle`."""
     transformer, pictures = weights(bundle, g)
     facts = {"seconds": 0.0, "flops": 0.0, "begun": bundle.name}
-    store.save(autoencoder, optimiser.start(pictures), facts)
+    store.save(autoencoder, train_autoencoder.start(pictures, plan), facts)
     store.save(world, optimiser.start(transformer, train_world.by_muon), facts)
 
 

@@ -30,9 +30,9 @@ AWAY_SECONDS = (0.5, 8.0)
 TILT = 0.35
 
 
-def random_script(rng: np.random.Generator, seconds: float) -> str:
-    """A script of `seconds`: keys and looks, each in their own rhythm."""
-    lines = ["cairn-controls 1", *_keys(rng, seconds), *_looks(rng, seconds), f"{seconds:.3f} end"]
+def random_script(rng: np.random.Generator, seconds: float, first_look: float = 1.5) -> str:
+    """A script of `seconds`: keys and looks, each in their own rhythm. Looks begin within `first_look` seconds."""
+    lines = ["cairn-controls 1", *_keys(rng, seconds), *_looks(rng, seconds, first_look), f"{seconds:.3f} end"]
     return "\n".join(lines) + "\n"
 
 
@@ -48,9 +48,9 @@ def _keys(rng: np.random.Generator, seconds: float) -> list[str]:
     return lines
 
 
-def _looks(rng: np.random.Generator, seconds: float) -> list[str]:
+def _looks(rng: np.random.Generator, seconds: float, first: float) -> list[str]:
     lines: list[str] = []
-    now, tilt = rng.uniform(0.0, 1.5), 0.0
+    now, tilt = rng.uniform(0.0, first), 0.0
 
     def move(length: float, yaw: float, pitch: float) -> None:
         nonlocal now

@@ -47,6 +47,12 @@ class AutoencoderPlan:
     latents: int  # in a sequence
     crop: tuple[int, int]  # width and height of what is cut out
     rate: float
+    seconds: float = CLIP_SECONDS  # length of a clip
+    perceptual: float = 0.0  # weight of LPIPS (AlexNet)
+    adversary: float = 0.0  # the discriminator's pull on the pictures, over that of all other losses
+    adversary_from: int = 0  # the step from which the discriminator learns,
+    adversary_alone: int = 0  # and how many steps later the decoder begins to learn from it
+    equivariance: float = 0.0  # weight of the difference between latents of shifted pictures and shifted latents
 
 
 @dataclass(frozen=True)
@@ -125,6 +131,8 @@ class Preset:
     world: WorldPlan
     # Number of the first clip: a training that goes on from a bundle draws places that the bundle has not seen.
     first: int = 0
+    # Clips of the four levels, not of endless places.
+    levels: bool = False
 
     @property
     def clips(self) -> range:
@@ -210,6 +218,26 @@ PRESETS = {
     "longer": further_still(220, more_of="snow", times=3.0),
     # And from what that left, which turns light in forests: the same with windows of all kinds.
     "balanced": further_still(300),
+    # From the bundle that is there: a wider autoencoder, sharp in four levels.
+    "levels": Preset(
+        WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
+        AutoencoderPlan(
+            clips=480,
+            steps=40_000,
+            batch=2,
+            latents=3,
+            crop=(128, 128),
+            rate=0.8e-3,
+            seconds=1.0,
+            perceptual=1.0,
+            adversary=0.3,
+            adversary_from=2500,
+            adversary_alone=500,
+            equivariance=0.05,
+        ),
+        WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
+        levels=True,
+    ),
     "smoke": Preset(
         SMOKE,
         AutoencoderPlan(clips=4, steps=30, batch=2, latents=2, crop=(64, 32), rate=2e-3),

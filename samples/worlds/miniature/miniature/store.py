@@ -13,10 +13,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .adversary import PREFIX
 from .optimiser import State
 
 # Seconds between two writings of the state.
-KEEP_EVERY = 150.0
+KEEP_EVERY = 110.0
 _PARTS = ("parameters", "mean", "first", "second")
 
 
@@ -46,9 +47,10 @@ def load(path: Path) -> tuple[State, dict]:
 
 
 def mean_parameters(path: Path) -> dict[str, np.ndarray]:
-    """The running mean alone: what is evaluated and exported."""
+    """The running mean alone, without the discriminator: what is evaluated and exported."""
     with np.load(path) as file:
-        return {key.partition("/")[2]: file[key] for key in file.files if key.startswith("mean/")}
+        names = [key.removeprefix("mean/") for key in file.files if key.startswith("mean/")]
+        return {name: file[f"mean/{name}"] for name in names if not name.startswith(PREFIX)}
 
 
 class Interrupted:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -9,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from cairn.build.geometry import AUTOENCODER_TEMPORAL, Geometry
-from jax import Array
+from jax import Array, lax
 
-from . import autoencoder, optimiser, store
+from . import adversary, autoencoder, optimiser, perceptual, store
 from .clips import Clip
 from .shapes import AutoencoderPlan
 
@@ -26,6 +27,15 @@ SQUARED, ABSOLUTE, EDGES = 100.0, 1.0, 1.0
 NOISE = 0.15
 # Pull of the latents' channels to mean 0 and variance 1.
 UNIT = 0.01
+# Pictures of each latent that LPIPS and the discriminator see: all four would cost more than the autoencoder itself.
+PERCEIVED = 2
+# AlexNet's first layer moves by four pixels: cutting at random within that many keeps the decoder from learning its grid.
+GRID = 4
+# Latent cells at the border of a cut, which see the zeros outside.
+BORDER = 1
+# The discriminator's loss is small beside the autoencoder's, so that the norm that clips the gradient is the latter's; Adam's steps
+# do not depend on a loss's scale.
+QUIET = 1e-3
 
 
 def sample(rng: np.random.Generator, clips: list[Clip], plan: AutoencoderPlan) -> np.ndarray:
@@ -49,48 +59,139 @@ def sample(rng: np.random.Generator, clips: list[Clip], plan: AutoencoderPlan) -
     return out
 
 
-def loss(p: dict[str, Array], pictures: Array, key: Array) -> tuple[Array, dict[str, Array]]:
-    """What training lowers, and what its line shows."""
+def pixel_loss(made: Array, rgb: Array) -> Array:
+    """Differences of `[n, L, 4, H, W, 3]` in the pixels and in how neighbours differ."""
+    L = rgb.shape[1]
+    weight = jnp.where(jnp.arange(L) == 0, FIRST, 1.0)
+    weight = (weight / weight.mean())[None, :, None, None, None, None]
+    error = made - rgb
+    edges = jnp.mean(weight * jnp.abs(jnp.diff(error, axis=3))) + jnp.mean(weight * jnp.abs(jnp.diff(error, axis=4)))
+    return SQUARED * jnp.mean(weight * error**2) + ABSOLUTE * jnp.mean(weight * jnp.abs(error)) + EDGES * edges
+
+
+def perceptual_loss(weights: perceptual.Weights, made: Array, rgb: Array, key: Array) -> Array:
+    """LPIPS of some pictures of every latent, at a random place of AlexNet's grid."""
+    n, L, frames, H, W, _ = rgb.shape
+    which, row, column = jax.random.split(key, 3)
+    chosen = jax.vmap(lambda k: jax.random.permutation(k, frames)[:PERCEIVED])(jax.random.split(which, n * L))
+    at = (0, *(jax.random.randint(k, (), 0, GRID) for k in (row, column)), 0)
+
+    def cut(pictures: Array) -> Array:
+        some = jnp.take_along_axis(pictures.reshape(n * L, frames, H, W, 3), chosen[:, :, None, None, None], axis=1)
+        return lax.dynamic_slice(some.reshape(-1, H, W, 3), at, (n * L * PERCEIVED, H - GRID, W - GRID, 3))
+
+    distances = perceptual.distance(weights, "alex", cut(rgb), cut(made)).reshape(n, L, PERCEIVED)
+    weight = jnp.where(jnp.arange(L) == 0, FIRST, 1.0)
+    return jnp.mean((weight / weight.mean())[None, :, None] * distances)
+
+
+def consecutive(pictures: Array, key: Array) -> Array:
+    """Three pictures in a row of every sequence `[n, L, 4, H, W, 3]`, none of them of the first latent."""
+    n, L, frames, H, W, _ = pictures.shape
+    at = jax.random.randint(key, (n,), frames, L * frames - adversary.PICTURES + 1)
+    flat = pictures.reshape(n, L * frames, H, W, 3)
+    return jax.vmap(lambda sequence, start: lax.dynamic_slice_in_dim(sequence, start, adversary.PICTURES))(flat, at)
+
+
+def equivariance(p: dict[str, Array], rgb: Array, z: Array, key: Array) -> Array:
+    """How far the latent of a picture shifted by less than a cell is from the latent shifted as far, for one latent of the batch."""
+    n, L, frames, H, W, _ = rgb.shape
+    cell = H // z.shape[2]
+    which, by = jax.random.split(key)
+    chosen = jax.random.randint(which, (), 0, n * L)
+    down, right = jax.random.randint(by, (2,), 0, cell)
+    quad = lax.dynamic_index_in_dim(rgb.reshape(n * L, frames, H, W, 3), chosen)
+    whole = lax.dynamic_index_in_dim(z.reshape(n * L, *z.shape[2:]), chosen)
+    cut = lax.dynamic_slice(quad, (0, 0, down, right, 0), (1, frames, H - cell, W - cell, 3))
+    found = autoencoder.encode(p, cut)
+    y, x = down / cell, right / cell
+    rows = (1 - y) * whole[:, :-1] + y * whole[:, 1:]
+    expected = (1 - x) * rows[:, :, :-1] + x * rows[:, :, 1:]
+    return jnp.mean((found - expected)[:, BORDER:-BORDER, BORDER:-BORDER] ** 2)
+
+
+def detail(pictures: Array) -> Array:
+    """Mean absolute difference of neighbouring pixels."""
+    return jnp.mean(jnp.abs(jnp.diff(pictures, axis=-3))) + jnp.mean(jnp.abs(jnp.diff(pictures, axis=-2)))
+
+
+def loss(
+    p: dict[str, Array], plan: AutoencoderPlan, weights: perceptual.Weights | None, pictures: Array, key: Array, now: Array
+) -> tuple[Array, dict[str, Array]]:
+    """What training lowers at step `now`, and what its line shows.
+
+    The adversary's pull on the decoder is scaled to `plan.adversary` times that of all other differences of pictures, so that
+    neither has to be balanced by hand as pictures become sharper.
+    """
     n, L, frames, H, W, _ = pictures.shape
     rgb = pictures.astype(jnp.float32) / 255
     z = autoencoder.encode(p, rgb.reshape(n * L, frames, H, W, 3))
     mean, variance = z.mean((0, 1, 2)), z.var((0, 1, 2))
     unit = jnp.mean(mean**2) + jnp.mean(jnp.log(variance + 1e-6) ** 2)
-    level_key, noise_key = jax.random.split(key)
+    level_key, noise_key, seen_key, judged_key, shift_key = jax.random.split(key, 5)
     level = jax.random.uniform(level_key, (n * L, 1, 1, 1), maxval=NOISE)
-    noisy = z + level * jax.random.normal(noise_key, z.shape)
-    made = autoencoder.decode(p, noisy.reshape(n, L, *z.shape[1:])).reshape(rgb.shape)
-    weight = jnp.where(jnp.arange(L) == 0, FIRST, 1.0)
-    weight = (weight / weight.mean())[None, :, None, None, None, None]
-    error = made - rgb
-    squared = jnp.mean(weight * error**2)
-    edges = jnp.mean(weight * jnp.abs(jnp.diff(error, axis=3))) + jnp.mean(weight * jnp.abs(jnp.diff(error, axis=4)))
-    absolute = jnp.mean(weight * jnp.abs(error))
-    total = SQUARED * squared + ABSOLUTE * absolute + EDGES * edges + UNIT * unit
+    noisy = (z + level * jax.random.normal(noise_key, z.shape)).reshape(n, L, *z.shape[1:])
+    made = autoencoder.decode(p, noisy).reshape(rgb.shape)
+
+    def seen(made: Array) -> tuple[Array, Array]:
+        if weights is None:
+            return pixel_loss(made, rgb), jnp.zeros(())
+        lpips = perceptual_loss(weights, made, rgb, seen_key)
+        return pixel_loss(made, rgb) + plan.perceptual * lpips, lpips
+
+    figures, more = {}, jnp.zeros(())
+    if plan.adversary:
+        fixed = lax.stop_gradient(p)
+        true = consecutive(rgb, judged_key)
+        (differing, lpips), pull = jax.value_and_grad(seen, has_aux=True)(lax.stop_gradient(made))
+        fooling = lambda made: adversary.fooling_loss(fixed, true, consecutive(made, judged_key))
+        push = jax.grad(fooling)(lax.stop_gradient(made))
+        scale = plan.adversary * jnp.linalg.norm(pull) / (jnp.linalg.norm(push) + 1e-12)
+        pull += jnp.where(now >= plan.adversary_from + plan.adversary_alone, scale, 0.0) * push
+        # The gradient of this sum is the pull on the pictures; its value means nothing.
+        surrogate = jnp.sum(lax.stop_gradient(pull) * made)
+        judged = adversary.own_loss(p, true, lax.stop_gradient(consecutive(made, judged_key)))
+        more = surrogate - lax.stop_gradient(surrogate) + jnp.where(now >= plan.adversary_from, QUIET, 0.0) * judged
+        figures["adversary"] = judged
+    else:
+        differing, lpips = seen(made)
+    total = differing + UNIT * unit
+    if plan.equivariance:
+        figures["shift"] = equivariance(p, rgb, z.reshape(n, L, *z.shape[1:]), shift_key)
+        total += plan.equivariance * figures["shift"]
     psnr = -10 * jnp.log10(jnp.mean((jnp.clip(made[:, 1:], 0, 1) - rgb[:, 1:]) ** 2))
-    return total, {"loss": total, "psnr": psnr, "deviation": jnp.sqrt(variance.mean())}
+    if weights is not None:
+        figures["lpips"] = lpips
+    figures |= {"detail": detail(made[:, 1:]) / detail(rgb[:, 1:]), "deviation": jnp.sqrt(variance.mean())}
+    return total + more, {"loss": total, "psnr": psnr, **figures}
 
 
-@partial(jax.jit, static_argnums=0, donate_argnums=1)
-def step(settings: optimiser.Settings, state: optimiser.State, pictures: Array, key: Array):
+@partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
+def step(settings: optimiser.Settings, plan: AutoencoderPlan, weights: perceptual.Weights | None, state: optimiser.State, pictures: Array, key: Array):
     """One step of training on one batch."""
-    (_, figures), gradient = jax.value_and_grad(loss, has_aux=True)(state.parameters, pictures, key)
+    gradient_of = jax.value_and_grad(loss, has_aux=True)
+    (_, figures), gradient = gradient_of(state.parameters, plan, weights, pictures, key, state.step)
     state, norm = optimiser.update(settings, state, gradient)
     return state, {**figures, "gradient": norm}
 
 
-def train(path: Path, g: Geometry, plan: AutoencoderPlan, clips: list[Clip], minutes: float, say=print) -> optimiser.State:
+def start(parameters: dict, plan: AutoencoderPlan) -> optimiser.State:
+    """The state before the first step."""
+    return optimiser.start(parameters | (adversary.initial(SEED) if plan.adversary else {}))
+
+
+def train(path: Path, g: Geometry, plan: AutoencoderPlan, clips: list[Clip], minutes: float, say=print, until: int = sys.maxsize) -> optimiser.State:
     """Trains from the state at `path`, or from nothing, and leaves the state there."""
     settings = optimiser.Settings(rate=plan.rate, steps=plan.steps)
     count = flops(g, plan)
+    weights = perceptual.load("alex") if plan.perceptual else None
 
     def one_step(state: optimiser.State, n: int):
         pictures = sample(np.random.default_rng([SEED, n]), clips, plan)
-        return step(settings, state, pictures, jax.random.fold_in(jax.random.key(SEED), n))
+        return step(settings, plan, weights, state, pictures, jax.random.fold_in(jax.random.key(SEED), n))
 
-    return store.train(
-        path, lambda: optimiser.start(autoencoder.initial(g, SEED)), one_step, plan.steps, minutes, lambda _: count, say
-    )
+    initial = lambda: start(autoencoder.initial(g, SEED), plan)
+    return store.train(path, initial, one_step, min(plan.steps, until), minutes, lambda _: count, say)
 
 
 def flops(g: Geometry, plan: AutoencoderPlan) -> float:
