@@ -12,7 +12,7 @@ from jax import Array, lax
 
 PREFIX = "adversary."
 PICTURES = 3
-# Width, kernel and stride of each layer; each logit sees 46 x 46 pixels.
+# Width, kernel and stride of each layer; each logit sees 54 x 54 pixels.
 LAYERS = ((32, 4, 2), (64, 4, 2), (96, 4, 2), (96, 3, 1), (1, 3, 1))
 LEAK = 0.2
 
