@@ -2043,8 +2043,8 @@ typedef struct cairn_rollout_statistics {
 typedef struct cairn_presenter_statistics {
     /** sizeof(cairn_presenter_statistics) */
     uint32_t struct_size;
-    /** Anchors that were pushed and whose fences have not come. */
-    uint32_t anchors_under_way;
+    /** 0 */
+    uint32_t reserved;
     /** Anchors that came. */
     uint64_t anchors;
     /** Those that came after they were due. */
@@ -2119,8 +2119,8 @@ typedef struct cairn_presenter_statistics {
     uint64_t objects_made;
     /** Recorded frames whose fences have not come. */
     uint32_t lists_pending;
-    /** 0 */
-    uint32_t reserved;
+    /** Anchors that were pushed and whose fences have not come. */
+    uint32_t anchors_under_way;
 } cairn_presenter_statistics;
 
 /**
@@ -2397,8 +2397,8 @@ CAIRN_API cairn_result cairn_presenter_prepare_d3d12(
  * cannot name RENDER_TARGET. The presenter must live until the list has run.
  * frame: may be null.
  *
- * Ownership: all objects stay the caller's, and the presenter holds a reference to the fence until it has its value; frame is filled on
- * success; on failure it is not written and no frame is recorded.
+ * Ownership: all objects stay the caller's, and the presenter holds a reference to the fence until it has its value; on success frame is
+ * filled; on failure it is not written and no frame is recorded.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. Not waited for is a thread that prepares.
  * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_QUEUE_FULL where as many lists as were prepared may not have run:
  * nothing is recorded, and the target holds what it did; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also without a fence, for one of

@@ -434,8 +434,8 @@ describe!(cairn_d3d12_recording, [], {
 /// cannot name RENDER_TARGET. The presenter must live until the list has run.
 /// frame: may be null.
 ///
-/// Ownership: all objects stay the caller's, and the presenter holds a reference to the fence until it has its value; frame is filled on
-/// success; on failure it is not written and no frame is recorded.
+/// Ownership: all objects stay the caller's, and the presenter holds a reference to the fence until it has its value; on success frame is
+/// filled; on failure it is not written and no frame is recorded.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY. Not waited for is a thread that prepares.
 /// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_QUEUE_FULL where as many lists as were prepared may not have run:
 /// nothing is recorded, and the target holds what it did; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also without a fence, for one of

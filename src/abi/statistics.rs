@@ -176,8 +176,8 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
 pub struct cairn_presenter_statistics {
     /// sizeof(cairn_presenter_statistics)
     pub struct_size: u32,
-    /// Anchors that were pushed and whose fences have not come.
-    pub anchors_under_way: u32,
+    /// 0
+    pub reserved: u32,
     /// Anchors that came.
     pub anchors: u64,
     /// Those that came after they were due.
@@ -242,15 +242,15 @@ pub struct cairn_presenter_statistics {
     pub objects_made: u64,
     /// Recorded frames whose fences have not come.
     pub lists_pending: u32,
-    /// 0
-    pub reserved: u32,
+    /// Anchors that were pushed and whose fences have not come.
+    pub anchors_under_way: u32,
 }
 describe!(cairn_presenter_statistics, [304, 376, 568], {
-    struct_size, anchors_under_way, anchors, late_anchors, slipped_ns, shown_anchors, shown_decoded, shown_generated,
+    struct_size, reserved, anchors, late_anchors, slipped_ns, shown_anchors, shown_decoded, shown_generated,
     shown_extrapolated, shown_held, repeated, cuts, guidance_ns, generate_ns, resize_ns, generator, preference, waiting,
     under_way, device_frames, device_frames_ns, device_frame_longest_ns, device_frame_last_ns, device_lists, device_lists_ns,
     device_list_longest_ns, made_to_anchor, budget_changes, upscaler, upscaling, unprepared, objects_made, lists_pending,
-    reserved,
+    anchors_under_way,
 });
 
 /// Says what a presenter has done, and with what.
@@ -278,7 +278,7 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         drop(recording);
         statistics.write(&cairn_presenter_statistics {
             struct_size: 0,
-            anchors_under_way: u32::try_from(presenting.presenter.arriving()).unwrap_or(u32::MAX),
+            reserved: 0,
             anchors: done.anchors,
             late_anchors: done.late,
             slipped_ns: done.slipped_ns,
@@ -310,7 +310,7 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
             unprepared: done.unprepared,
             objects_made: done.objects_made,
             lists_pending: device.lists_pending,
-            reserved: 0,
+            anchors_under_way: u32::try_from(presenting.presenter.arriving()).unwrap_or(u32::MAX),
         });
         Ok(CAIRN_OK)
     })

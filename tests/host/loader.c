@@ -18,14 +18,18 @@ static int use(const cairn_ld *cairn, const char *path)
     cairn_world *world = NULL;
     cairn_rollout *rollout = NULL;
     cairn_device_info info;
+    cairn_device_options tool;
     cairn_world_options options;
     cairn_picture picture;
     cairn_controls controls;
     memset(&info, 0, sizeof info);
+    memset(&tool, 0, sizeof tool);
     memset(&options, 0, sizeof options);
     memset(&picture, 0, sizeof picture);
     memset(&controls, 0, sizeof controls);
     info.struct_size = sizeof info;
+    tool.struct_size = sizeof tool;
+    tool.flags = CAIRN_DEVICE_ENVIRONMENT;
     options.struct_size = sizeof options;
     options.path = path;
     picture.struct_size = sizeof picture;
@@ -35,8 +39,7 @@ static int use(const cairn_ld *cairn, const char *path)
     picture.size = sizeof grey;
     controls.struct_size = sizeof controls;
     cairn_result r = cairn->cairn_set_log_callback(CAIRN_LOG_TRACE, on_log, &messages);
-    cairn_device_options options = {.struct_size = sizeof options, .flags = CAIRN_DEVICE_ENVIRONMENT};
-    if (r == CAIRN_OK) r = cairn->cairn_device_create_cpu(&options, &device);
+    if (r == CAIRN_OK) r = cairn->cairn_device_create_cpu(&tool, &device);
     if (r == CAIRN_OK) r = cairn->cairn_device_get_info(device, &info);
     if (r == CAIRN_OK) r = cairn->cairn_world_load(device, &options, &world);
     if (r == CAIRN_OK) r = cairn->cairn_rollout_create(world, NULL, &rollout);

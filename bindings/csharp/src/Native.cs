@@ -469,7 +469,7 @@ namespace Cairn
         internal struct presenter_statistics
         {
             internal uint struct_size;
-            internal uint anchors_under_way;
+            internal uint reserved;
             internal ulong anchors;
             internal ulong late_anchors;
             internal ulong slipped_ns;
@@ -501,7 +501,7 @@ namespace Cairn
             internal ulong unprepared;
             internal ulong objects_made;
             internal uint lists_pending;
-            internal uint reserved;
+            internal uint anchors_under_way;
         }
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]

@@ -481,8 +481,7 @@ class Frame(Sized):
 
 class PresenterStatistics(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("anchors_under_way", c_uint32),
+        *_each(c_uint32, "struct_size reserved"),
         *_each(
             c_uint64,
             "anchors late_anchors slipped_ns shown_anchors shown_decoded shown_generated shown_extrapolated "
@@ -501,10 +500,8 @@ class PresenterStatistics(Sized):
         ("budget_changes", c_uint32),
         ("upscaler", c_char * 32),
         ("upscaling", c_char * 160),
-        ("unprepared", c_uint64),
-        ("objects_made", c_uint64),
-        ("lists_pending", c_uint32),
-        ("reserved", c_uint32),
+        *_each(c_uint64, "unprepared objects_made"),
+        *_each(c_uint32, "lists_pending anchors_under_way"),
     ]
 
 

@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn an_unknown_world_is_refused_with_the_names_of_the_known_ones() {
         let refused = bundle("huge", &Silent).unwrap_err().to_string();
-        assert!(refused.contains("huge") && refused.contains("tiny, window, demo"), "{refused}");
+        assert!(refused.contains("huge") && refused.contains("tiny, window, stream, demo"), "{refused}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 use cairn::gpu::{Gpu, Target, read_texture, texture_of};
 use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
-use cairn::present::device::DeviceDrawer;
+use cairn::present::device::{DeviceDrawer, Preparation};
 use cairn::present::pacing::Interval;
 use cairn::present::presenter::{Presenter, PresenterOptions, ShownSource};
 use cairn::world::{ControlScript, KeptAnchor};
@@ -110,15 +110,20 @@ struct Maker {
 }
 
 impl Maker {
-    fn new(name: &str, drawer: Option<(Gpu, DeviceDrawer)>) -> Outcome<Self> {
+    /// Frames of `size`.
+    fn new(name: &str, size: (u32, u32), mut drawer: Option<(Gpu, DeviceDrawer)>) -> Outcome<Self> {
         let options = PresenterOptions {
             interval: Some(Interval::per_second(RATE)?),
             extrapolate: false,
             decoded: false,
             ..PresenterOptions::default()
         };
-        let presenter = match drawer {
-            Some(_) => Presenter::new(options, None)?,
+        let presenter = match &mut drawer {
+            Some((_, drawer)) => {
+                let presenter = Presenter::new(options, None)?;
+                drawer.prepare(&presenter, &Preparation::new(size))?;
+                presenter
+            }
             None => Presenter::new(options, Some(Box::new(CpuGenerator::new())))?,
         };
         Ok(Self { name: name.to_owned(), presenter, drawer, decibels: Default::default() })
@@ -153,7 +158,7 @@ impl Maker {
                 moment.wait()?;
                 let rest = D3D12_RESOURCE_STATE_COMMON;
                 let target = Target { texture: texture.clone(), before: rest, after: rest };
-                let shown = self.presenter.submit(now, drawer, &target)?.map(|(shown, _)| shown);
+                let shown = self.presenter.submit(now, drawer, &target)?.made().map(|(shown, _)| shown);
                 made = Some(read_texture(gpu, &texture, rest)?);
                 shown
             }
@@ -175,12 +180,12 @@ pub(crate) fn run() -> Outcome<()> {
             let mut drawer = drawer()?;
             drawer.use_fsr(library.api(Effect::FrameGeneration)?, Choice::Any, true)?;
             let version = drawer.made_by_fsr().map(|version| version.name.clone()).unwrap_or_default();
-            makers.push(Maker::new(&format!("fsr {version}"), Some((gpu.clone(), drawer)))?);
+            makers.push(Maker::new(&format!("fsr {version}"), asked.size, Some((gpu.clone(), drawer)))?);
         }
         Err(why) => eprintln!("without fsr: {why}"),
     }
-    makers.push(Maker::new("shader", Some((gpu.clone(), drawer()?)))?);
-    makers.push(Maker::new("cpu", None)?);
+    makers.push(Maker::new("shader", asked.size, Some((gpu.clone(), drawer()?)))?);
+    makers.push(Maker::new("cpu", asked.size, None)?);
     for family in asked.families {
         let walk = Walk::new(*family, &asked)?;
         for maker in &mut makers {
