@@ -1,7 +1,8 @@
 //! With AMD's own libraries and without: what runs on Direct3D 12 is run both ways where `CAIRN_FFX_DIR` names their folder, and
 //! without them where it does not.
 
-use std::path::PathBuf;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::Context;
@@ -32,6 +33,21 @@ impl Amd {
             .map_err(|e| format!("{VARIABLE}: {e}"))
     }
 
+    /// Runs something with AMD's own libraries beside another library, where a plugin for an engine looks for them, and with none there
+    /// otherwise: plugins read no variable.
+    pub(super) fn beside<T>(&self, folder: &Path, run: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+        take_away(folder)?;
+        if let Self::Own(own) = self {
+            for file in of_amd(own)? {
+                let to = folder.join(file.file_name().unwrap_or_default());
+                fs::copy(&file, &to).map_err(|e| format!("{}: {e}", to.display()))?;
+            }
+        }
+        let ran = run();
+        take_away(folder)?;
+        ran
+    }
+
     /// Has a command find these libraries and no others.
     pub(super) fn provide(&self, command: &mut Command) {
         command.env_remove(VARIABLE).env_remove(UNSIGNED);
@@ -45,6 +61,24 @@ impl Amd {
             }
         }
     }
+}
+
+/// Files in a folder that are called as AMD's libraries are.
+fn of_amd(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let names = entries.flatten().map(|entry| entry.path());
+    let is_amd_s = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        name.starts_with("amd_fidelityfx_") && name.ends_with(".dll")
+    };
+    Ok(names.filter(is_amd_s).collect())
+}
+
+fn take_away(folder: &Path) -> Result<(), String> {
+    for file in of_amd(folder)? {
+        fs::remove_file(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+    }
+    Ok(())
 }
 
 impl Context<'_> {

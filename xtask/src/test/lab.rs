@@ -11,8 +11,8 @@ use provision::{Console, tools};
 
 use super::Context;
 use super::amd::Amd;
-use super::cargo;
 use super::tally::{Skip, Tally};
+use super::{cargo, ffx};
 use crate::shell::Log;
 
 /// How long a program that is not to end may take to start and, once told, to be gone.
@@ -53,7 +53,10 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
     for_windows(&mut command)?;
     context.provide_windows_worlds(&mut command)?;
     amd.provide(&mut command);
-    Ok(cargo::count(&log.run(&mut command)?))
+    // Where the test programs lie, for the plugin that is linked into one.
+    let programs = ffx::built(context).join("deps");
+    fs::create_dir_all(&programs).map_err(|e| format!("{}: {e}", programs.display()))?;
+    Ok(cargo::count(&amd.beside(&programs, || log.run(&mut command))?))
 }
 
 /// A command that runs a program as [`lab_run`] does, with nothing in its environment but what Windows itself puts there.
