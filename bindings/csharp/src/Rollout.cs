@@ -134,7 +134,7 @@ namespace Cairn
 
     /// <summary>One running instance of a world: its memory of the past, its clocks and its noise.</summary>
     /// <remarks>
-    /// <see cref="Append"/>, <see cref="Step"/>, <see cref="Reset"/>, <see cref="Restore"/> and what sets a budget are one at a time:
+    /// <see cref="Append(PictureView)"/>, <see cref="Step"/>, <see cref="Reset"/>, <see cref="Restore"/> and what sets a budget are one at a time:
     /// beside another of them, or while steps are queued, they throw <see cref="Result.Busy"/> and do nothing. All else may be called from
     /// any thread at any time; queries throw <see cref="Result.Busy"/> while a step is running.
     /// </remarks>
