@@ -85,6 +85,8 @@ fn structs(text: &mut String) {
     one::<cairn_rollout_statistics>(text);
     one::<cairn_budget>(text);
     one::<cairn_d3d12_options>(text);
+    one::<cairn_d3d12_preparation>(text);
+    one::<cairn_d3d12_recording>(text);
     one::<cairn_swapchain_options>(text);
     one::<cairn_swapchain_frame>(text);
     one::<cairn_swapchain_pacing>(text);

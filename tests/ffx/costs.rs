@@ -58,9 +58,9 @@ fn memory_is_reported_before_and_afterwards_where_the_release_can_say() {
         let stage = Stage::empty().with(part, &release);
         let library = stage.load().expect("loaded");
         let api = library.api(Effect::FrameGeneration).expect("there");
-        let small = Dimensions { width: SIZE.width / 2, height: SIZE.height / 2 };
+        let large = Dimensions { width: 2 * SIZE.width, height: 2 * SIZE.height };
         let mut last = 0;
-        for size in [small, SIZE] {
+        for size in [SIZE, large] {
             let wanted =
                 TextureOptions { self_test: false, ..TextureOptions::new(size, size, SurfaceFormat::R8G8B8A8_UNORM) };
             // SAFETY: a live device.

@@ -82,7 +82,7 @@ namespace Cairn.Tests
             // A library is loaded once: what comes before that is first.
             var classes = new[]
             {
-                typeof(InterfaceTests), typeof(LoadingTests), typeof(ObjectTests), typeof(RolloutTests), typeof(PresenterTests), typeof(PageTests),
+                typeof(InterfaceTests), typeof(LoadingTests), typeof(ThreadTests), typeof(ObjectTests), typeof(RolloutTests), typeof(PresenterTests), typeof(PageTests),
             };
             var failed = 0;
             foreach (Type type in classes)

@@ -92,7 +92,7 @@ namespace Cairn.Tests
             Expect.True(error < 0.5 * nearest, $"{error}, and the nearer anchor {nearest}");
         }
 
-        private static byte[] HalfWay()
+        internal static byte[] HalfWay()
         {
             var pixels = new byte[Width * Height * 4];
             using (var presenter = new Presenter(new PresenterOptions { Multiplier = 4, IntervalNs = Second }))
@@ -106,33 +106,6 @@ namespace Cairn.Tests
                 Expect.Equal(FrameSource.Generated, frame.Source);
             }
             return pixels;
-        }
-
-        [Test]
-        private static void AJobSystemDoesTheWorkAndChangesNoFrame()
-        {
-            byte[] own = HalfWay();
-            var asked = 0;
-            JobRunner runner = (jobs, job) =>
-            {
-                System.Threading.Interlocked.Increment(ref asked);
-                job();
-                throw new Failure("a runner's own");
-            };
-            Threads.UseJobs(runner, 3);
-            try
-            {
-                Expect.Same(own, HalfWay(), "a frame by the program's own jobs");
-                Expect.True(asked > 0, "the runner was not asked");
-            }
-            finally
-            {
-                Threads.UseJobs(null, 0);
-            }
-            int before = asked;
-            Expect.Same(own, HalfWay(), "a frame by the library's threads again");
-            Expect.Equal(before, asked);
-            Expect.Fails(Result.InvalidArgument, () => Threads.UseJobs(runner, 0));
         }
 
         [Test]

@@ -73,7 +73,7 @@ pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
 /// The first change of the record, in the history there is or since the last commit, that breaks hosts under an old number.
 fn broken_promise(clone: &crate::clone::Clone, now: &str) -> Result<Option<String>, String> {
     let git = |arguments: &[&str]| output(Command::new("git").args(arguments).current_dir(&clone.root));
-    let history = git(&["log", "--format=%h", "--", record::RECORD])?;
+    let history = git(&["log", "--first-parent", "--format=%h", "--", record::RECORD])?;
     let mut newer = ("the working tree".to_owned(), now.to_owned());
     for commit in history.lines() {
         // A commit that removed the file has nothing to show.

@@ -1,0 +1,35 @@
+using System.Threading;
+
+namespace Cairn.Tests
+{
+    /// <summary>Whose threads do the work. Before all tests whose objects stay, since threads are set while there is none.</summary>
+    internal static class ThreadTests
+    {
+        [Test]
+        private static void AJobSystemDoesTheWorkAndChangesNoFrame()
+        {
+            byte[] own = PresenterTests.HalfWay();
+            var asked = 0;
+            JobRunner runner = (jobs, job) =>
+            {
+                Interlocked.Increment(ref asked);
+                job();
+                throw new Failure("a runner's own");
+            };
+            Threads.UseJobs(runner, 3);
+            try
+            {
+                Expect.Same(own, PresenterTests.HalfWay(), "a frame by the program's own jobs");
+                Expect.True(asked > 0, "the runner was not asked");
+            }
+            finally
+            {
+                Threads.UseJobs(null, 0);
+            }
+            int before = asked;
+            Expect.Same(own, PresenterTests.HalfWay(), "a frame by the library's threads again");
+            Expect.Equal(before, asked);
+            Expect.Fails(Result.InvalidArgument, () => Threads.UseJobs(runner, 0));
+        }
+    }
+}
