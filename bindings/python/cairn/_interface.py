@@ -208,6 +208,8 @@ load_callback = CFUNCTYPE(c_uint32, POINTER(LoadProgress), c_void_p)
 log_callback = CFUNCTYPE(None, c_uint32, c_char_p, c_char_p, c_void_p)
 job = CFUNCTYPE(None, c_void_p)
 run_callback = CFUNCTYPE(None, c_void_p, c_uint32, job, c_void_p)
+pipelines_load_callback = CFUNCTYPE(c_uint64, c_void_p, c_uint64, c_void_p)
+pipelines_store_callback = CFUNCTYPE(None, c_void_p, c_uint64, c_void_p)
 
 
 class ThreadOptions(Sized):
@@ -365,6 +367,24 @@ class D3d12Options(Sized):
         ("flags", c_uint32),
         ("captured_passes", c_uint32),
         ("longest_submission_us", c_uint32),
+    ]
+
+
+class D3d12Preparation(Sized):
+    _fields_ = [
+        *_each(c_uint32, "struct_size format width height anchor_width anchor_height anchor_pictures"),
+        *_each(c_uint32, "latent_channels latent_height latent_width lists flags"),
+        ("load", pipelines_load_callback),
+        ("store", pipelines_store_callback),
+        ("user", c_void_p),
+    ]
+
+
+class D3d12Recording(Sized):
+    _fields_ = [
+        *_each(c_uint32, "struct_size state_before state_after reserved"),
+        *_each(c_void_p, "list target fence"),
+        ("fence_value", c_uint64),
     ]
 
 

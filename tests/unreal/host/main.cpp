@@ -493,6 +493,9 @@ void show()
         in.subsystem().Deinitialize();
     }
     FModuleManager::Shutdown();
+    /* As when the plugin's library is taken away while the engine runs: nothing of it may run any more. */
+    const HMODULE library = GetModuleHandleW(L"cairn.dll");
+    expect(library != nullptr && FreeLibrary(library), "the library is let go of");
     end_renderer();
 }
 

@@ -35,28 +35,37 @@ mod plugin {
     use std::ffi::{CString, c_void};
     use std::sync::OnceLock;
 
+    use cairn::gpu::windows::Win32::Foundation::{FreeLibrary, HMODULE};
     use cairn::gpu::windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
     use cairn::gpu::windows::core::{PCSTR, PCWSTR};
     use cairn_unity::interfaces::RenderEvent;
 
     static MODULE: OnceLock<usize> = OnceLock::new();
 
-    /// Loads the DLL, which stays.
+    /// Loads the DLL.
     pub(crate) fn load(file: &std::path::Path) {
         use std::os::windows::ffi::OsStrExt;
         let path: Vec<u16> = file.as_os_str().encode_wide().chain([0]).collect();
         // SAFETY: a path that ends with a zero, of the plugin.
         let module = unsafe { LoadLibraryW(PCWSTR(path.as_ptr())) }.expect("the plugin loads");
-        MODULE.set(module.0.addr()).expect("one plugin");
+        MODULE.set(module.0.expose_provenance()).expect("one plugin");
+    }
+
+    /// Lets go of the DLL, when Unity has told it that it will.
+    pub(crate) fn free() {
+        // SAFETY: a loaded module, of which nothing is called any more.
+        unsafe { FreeLibrary(module()) }.expect("the plugin is let go of");
+    }
+
+    fn module() -> HMODULE {
+        HMODULE(std::ptr::with_exposed_provenance_mut(*MODULE.get().expect("the plugin is loaded")))
     }
 
     /// A function of the DLL. `like` is the same function of this program, whose type it has.
     pub(crate) fn function<F: Copy>(name: &str, _like: F) -> F {
-        let module = *MODULE.get().expect("the plugin is loaded");
-        let module = cairn::gpu::windows::Win32::Foundation::HMODULE(std::ptr::with_exposed_provenance_mut(module));
         let name = CString::new(name).expect("no NUL");
         // SAFETY: a loaded module and a name that ends with a zero.
-        let found = unsafe { GetProcAddress(module, PCSTR(name.as_ptr().cast())) };
+        let found = unsafe { GetProcAddress(module(), PCSTR(name.as_ptr().cast())) };
         let found = found.unwrap_or_else(|| panic!("the plugin does not export {}", name.to_string_lossy()));
         assert_eq!(size_of::<F>(), size_of_val(&found));
         // SAFETY: both are pointers to functions; the one of that name is declared so.
@@ -90,7 +99,10 @@ fn main() {
         std::process::exit(2);
     };
     plugin::load(file);
+    // Unity tells the plugin within, and ends its devices.
     show::run(picture);
+    plugin::free();
+    println!("let go of");
 }
 
 #[cfg(not(windows))]
