@@ -1,5 +1,6 @@
 //! What a stranger has from the Windows archive in the first minute: from what was unpacked alone, and with nothing in the environment, hosts
-//! of every kind show a picture of the world inside the library, and end well. How long each takes is in the log.
+//! of every kind show a picture of the world inside the library, and end well. Where this machine has AMD's own libraries they do it once more
+//! with those beside the library. How long each takes is in the log.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -43,26 +44,34 @@ struct Hosts<'a> {
 }
 
 impl Hosts<'_> {
-    /// Runs a host, which writes that picture.
+    /// Runs a host, which writes that picture, without AMD's own libraries and with them beside the library in `folder`.
     fn shows(
         &self,
         log: &mut Log,
         name: &str,
         command: &mut Command,
+        folder: &Path,
         picture: Option<&Path>,
         tally: &mut Tally,
     ) -> Result<(), String> {
-        let began = Instant::now();
-        let ended = log.run(command.current_dir(&self.work))?;
-        log.line(&format!("{name}: started, shown and ended in {:.1} s", began.elapsed().as_secs_f64()))?;
-        let flat = picture.is_some_and(|picture| is_flat(&fs::read(picture).unwrap_or_default()));
-        let why = match (ended.success, flat) {
-            (false, _) => Some("does not end well"),
-            (true, true) => Some("shows nothing"),
-            (true, false) => None,
-        };
-        tally.check(why.map(|why| format!("{name} from the Windows archive alone {why}: {}", ended.output)));
-        Ok(())
+        command.current_dir(&self.work);
+        self.context.with_and_without_amd(tally, |amd| {
+            if let Some(earlier) = picture.filter(|earlier| earlier.exists()) {
+                fs::remove_file(earlier).map_err(|e| format!("{}: {e}", earlier.display()))?;
+            }
+            let began = Instant::now();
+            let ended = amd.beside(folder, || log.run(command))?;
+            log.line(&format!("{name}: started, shown and ended in {:.1} s, {amd:?}", began.elapsed().as_secs_f64()))?;
+            let flat = picture.is_some_and(|picture| is_flat(&fs::read(picture).unwrap_or_default()));
+            let why = match (ended.success, flat) {
+                (false, _) => Some("does not end well"),
+                (true, true) => Some("shows nothing"),
+                (true, false) => None,
+            };
+            let mut tally = Tally::default();
+            tally.check(why.map(|why| format!("{name} from the Windows archive alone {why}: {}", ended.output)));
+            Ok(tally)
+        })
     }
 
     fn folder(&self, name: &str) -> Result<PathBuf, String> {
@@ -88,7 +97,7 @@ impl Hosts<'_> {
             .arg(script);
         command.arg("--seed-picture").arg(seed);
         let last = self.work.join("walk").join(format!("frame-{:05}.ppm", FRAMES - 1));
-        self.shows(log, "a host in C++", &mut command, Some(&last), tally)
+        self.shows(log, "a host in C++", &mut command, &sample.with_file_name(""), Some(&last), tally)
     }
 
     /// A program in C# on .NET for Windows, with the archive's sources of the binding, and all libraries beside it.
@@ -123,7 +132,7 @@ impl Hosts<'_> {
         let picture = folder.join("picture.ppm");
         let mut command = lab::alone(dotnet.program().get_program().as_ref())?;
         command.arg(lab::on_drive(&program)).arg(lab::on_drive(&picture));
-        self.shows(log, "a program in C#", &mut command, Some(&picture), tally)
+        self.shows(log, "a program in C#", &mut command, &folder, Some(&picture), tally)
     }
 
     /// The package for Unity where the archive has it, in the Unity of the plugin's tests, which was built with the library.
@@ -133,7 +142,7 @@ impl Hosts<'_> {
         let picture = self.folder("unity")?.join("picture.ppm");
         let mut command = lab::alone(&program)?;
         command.arg(lab::on_drive(&plugin)).arg(lab::on_drive(&picture));
-        self.shows(log, "the package for Unity", &mut command, Some(&picture), tally)
+        self.shows(log, "the package for Unity", &mut command, &plugin.with_file_name(""), Some(&picture), tally)
     }
 
     /// The plugin for Unreal Engine with `runtime/` beside its library, as its page says, in the small engine of its tests, which holds its
@@ -146,7 +155,7 @@ impl Hosts<'_> {
         self.copy("runtime", &["onnxruntime.dll", "DirectML.dll"], &beside)?;
         let mut command = lab::alone(&program)?;
         command.arg(&plugin).arg("show");
-        self.shows(log, "the plugin for Unreal Engine", &mut command, None, tally)
+        self.shows(log, "the plugin for Unreal Engine", &mut command, &beside, None, tally)
     }
 }
 
