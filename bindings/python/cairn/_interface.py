@@ -167,34 +167,23 @@ class DeviceOptions(Sized):
 
 class DeviceInfo(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("kind", c_uint32),
-        ("precision", c_uint32),
-        ("threads", c_uint32),
+        *_each(c_uint32, "struct_size kind precision threads"),
         ("description", c_char * 128),
-        ("memory_budget_mib", c_uint32),
-        ("memory_used_mib", c_uint32),
+        *_each(c_uint32, "memory_budget_mib memory_used_mib"),
     ]
 
 
 class Adapter(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("kind", c_uint32),
-        ("index", c_uint32),
-        ("reserved", c_uint32),
-        ("luid", c_uint64),
-        ("memory", c_uint64),
+        *_each(c_uint32, "struct_size kind index reserved"),
+        *_each(c_uint64, "luid memory"),
         ("name", c_char * 128),
     ]
 
 
 class Requirement(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("what", c_uint32),
-        ("status", c_uint32),
-        ("reserved", c_uint32),
+        *_each(c_uint32, "struct_size what status reserved"),
         ("needed", c_char * 96),
         ("found", c_char * 512),
     ]
@@ -222,10 +211,8 @@ class Scheduler(Sized):
 
 class WorldOptions(Sized):
     _fields_ = [
-        ("struct_size", c_uint32),
-        ("precision", c_uint32),
-        ("path", c_char_p),
-        ("operating_point", c_char_p),
+        *_each(c_uint32, "struct_size precision"),
+        *_each(c_char_p, "path operating_point"),
         ("memory_limit", c_uint64),
         ("progress", load_callback),
         ("user", c_void_p),
@@ -362,12 +349,7 @@ class Budget(Sized):
 
 
 class D3d12Options(Sized):
-    _fields_ = [
-        ("struct_size", c_uint32),
-        ("flags", c_uint32),
-        ("captured_passes", c_uint32),
-        ("longest_submission_us", c_uint32),
-    ]
+    _fields_ = _each(c_uint32, "struct_size flags captured_passes longest_submission_us")
 
 
 class D3d12Preparation(Sized):
@@ -389,9 +371,7 @@ class D3d12Recording(Sized):
 
 
 class SwapchainOptions(Sized):
-    _fields_ = [
-        *_each(c_uint32, "struct_size flags provider hudless_format max_render_width max_render_height"),
-    ]
+    _fields_ = _each(c_uint32, "struct_size flags provider hudless_format max_render_width max_render_height")
 
 
 class SwapchainFrame(Sized):
