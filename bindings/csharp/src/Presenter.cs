@@ -105,6 +105,12 @@ namespace Cairn
         {
             get { return (from.flags & Native.FRAME_REPEATED) != 0; }
         }
+
+        /// <summary>An anchor in place of a frame that is not prepared yet; only where frames are made on Direct3D 12.</summary>
+        public bool IsUnprepared
+        {
+            get { return (from.flags & Native.FRAME_UNPREPARED) != 0; }
+        }
     }
 
     /// <summary>How anchors are shown. As it is made: two frames to an anchor, one interval after they come.</summary>

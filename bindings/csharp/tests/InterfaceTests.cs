@@ -156,7 +156,9 @@ namespace Cairn.Tests
         private static void EveryConstantOfAKindHasItsName()
         {
             Named<LogLevel>("LOG_");
-            Named<DeviceKind>("DEVICE_", without: new[] { "DEVICE_DETERMINISTIC", "DEVICE_ENVIRONMENT" });
+            string[] options = { "DEVICE_DETERMINISTIC", "DEVICE_ENVIRONMENT" };
+            Named<DeviceKind>("DEVICE_", without: options);
+            HaveProperties<DeviceOptions>("DEVICE_", "", options);
             Named<Precision>("PRECISION_", "Best");
             Named<LoadStage>("LOAD_");
             Named<PixelFormat>("FORMAT_");
@@ -164,7 +166,9 @@ namespace Cairn.Tests
             Named<DepthKind>("DEPTH_", "Device");
             Named<Preference>("PREFER_");
             Named<ColourSpace>("COLOUR_");
-            Named<FrameSource>("FRAME_", without: new[] { "FRAME_CUT", "FRAME_REPEATED", "FRAME_UNPREPARED" });
+            string[] flags = { "FRAME_CUT", "FRAME_REPEATED", "FRAME_UNPREPARED" };
+            Named<FrameSource>("FRAME_", without: flags);
+            HaveProperties<Frame>("FRAME_", "Is", flags);
             string[] statuses = { "REQUIREMENT_MET", "REQUIREMENT_NOT_MET", "REQUIREMENT_UNKNOWN", "REQUIREMENT_OPTIONAL" };
             Named<RequirementKind>("REQUIREMENT_", without: statuses);
             Expect.Equal(statuses.Length, Enum.GetNames(typeof(RequirementStatus)).Length);
@@ -201,6 +205,17 @@ namespace Cairn.Tests
             foreach (string field in fields.Where(name => name != "struct_size" && !name.StartsWith("reserved") && !besides.Contains(name)))
             {
                 Expect.True(properties.Contains(field.Replace("_", "")), $"{typeof(TPublic).Name} has no property for {field}");
+            }
+        }
+
+        /// <summary>A flag is a property that is true or false.</summary>
+        private static void HaveProperties<T>(string prefix, string verb, string[] flags)
+        {
+            foreach (string flag in flags)
+            {
+                string name = verb + flag.Substring(prefix.Length).Replace("_", "");
+                PropertyInfo property = typeof(T).GetProperties().FirstOrDefault(each => string.Equals(each.Name, name, StringComparison.OrdinalIgnoreCase));
+                Expect.True(property != null && property.PropertyType == typeof(bool), $"{typeof(T).Name} has no property for {flag}");
             }
         }
 
