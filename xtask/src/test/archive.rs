@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use provision::{Console, DotNet};
 
+use super::amd::Amd;
 use super::tally::{Skip, Tally};
 use super::{Context, csharp, lab, unreal};
 use crate::shell::Log;
@@ -43,30 +44,39 @@ struct Hosts<'a> {
     work: PathBuf,
 }
 
+/// A program that shows the world inside the library.
+struct Host<'a> {
+    name: &'a str,
+    command: Command,
+    /// Where the library lies, and so where it looks for AMD's.
+    folder: &'a Path,
+    /// The picture that it writes; none where it compares what it shows itself.
+    picture: Option<&'a Path>,
+    /// Its last frame lies half way between two anchors, and it prints which generator made it.
+    names_generator: bool,
+}
+
 impl Hosts<'_> {
-    /// Runs a host, which writes that picture, without AMD's own libraries and with them beside the library in `folder`.
-    fn shows(
-        &self,
-        log: &mut Log,
-        name: &str,
-        command: &mut Command,
-        folder: &Path,
-        picture: Option<&Path>,
-        tally: &mut Tally,
-    ) -> Result<(), String> {
-        command.current_dir(&self.work);
+    /// Runs a host without AMD's own libraries and with them.
+    fn shows(&self, log: &mut Log, host: &mut Host<'_>, tally: &mut Tally) -> Result<(), String> {
+        host.command.current_dir(&self.work);
         self.context.with_and_without_amd(tally, |amd| {
-            if let Some(earlier) = picture.filter(|earlier| earlier.exists()) {
+            if let Some(earlier) = host.picture.filter(|earlier| earlier.exists()) {
                 fs::remove_file(earlier).map_err(|e| format!("{}: {e}", earlier.display()))?;
             }
             let began = Instant::now();
-            let ended = amd.beside(folder, || log.run(command))?;
+            let ended = amd.beside(host.folder, || log.run(&mut host.command))?;
+            let name = host.name;
             log.line(&format!("{name}: started, shown and ended in {:.1} s, {amd:?}", began.elapsed().as_secs_f64()))?;
-            let flat = picture.is_some_and(|picture| is_flat(&fs::read(picture).unwrap_or_default()));
-            let why = match (ended.success, flat) {
-                (false, _) => Some("does not end well"),
-                (true, true) => Some("shows nothing"),
-                (true, false) => None,
+            let generator = if matches!(amd, Amd::None) { "generator shader" } else { "generator fsr" };
+            let why = if !ended.success {
+                Some("does not end well".to_owned())
+            } else if host.picture.is_some_and(|picture| is_flat(&fs::read(picture).unwrap_or_default())) {
+                Some("shows nothing".to_owned())
+            } else if host.names_generator && !ended.output.contains(generator) {
+                Some(format!("does not say \"{generator}\""))
+            } else {
+                None
             };
             let mut tally = Tally::default();
             tally.check(why.map(|why| format!("{name} from the Windows archive alone {why}: {}", ended.output)));
@@ -92,12 +102,13 @@ impl Hosts<'_> {
     fn cpp(&self, log: &mut Log, sample: &Path, tally: &mut Tally) -> Result<(), String> {
         let (script, seed) = (self.root.join("samples/scripts/walk.txt"), self.root.join("samples/worlds/place.ppm"));
         let mut command = lab::alone(sample)?;
-        command
-            .args(["--headless", &FRAMES.to_string(), "--record", "walk", "--anchors", "cpu", "--script"])
-            .arg(script);
+        command.args(["--headless", &FRAMES.to_string(), "--record", "walk", "--anchors", "cpu", "--multiplier", "2"]);
+        command.arg("--script").arg(script);
         command.arg("--seed-picture").arg(seed);
         let last = self.work.join("walk").join(format!("frame-{:05}.ppm", FRAMES - 1));
-        self.shows(log, "a host in C++", &mut command, &sample.with_file_name(""), Some(&last), tally)
+        let (name, folder, picture) = ("a host in C++", &sample.with_file_name(""), Some(last.as_path()));
+        let mut host = Host { name, command, folder, picture, names_generator: true };
+        self.shows(log, &mut host, tally)
     }
 
     /// A program in C# on .NET for Windows, with the archive's sources of the binding, and all libraries beside it.
@@ -132,7 +143,9 @@ impl Hosts<'_> {
         let picture = folder.join("picture.ppm");
         let mut command = lab::alone(dotnet.program().get_program().as_ref())?;
         command.arg(lab::on_drive(&program)).arg(lab::on_drive(&picture));
-        self.shows(log, "a program in C#", &mut command, &folder, Some(&picture), tally)
+        let (name, folder, picture) = ("a program in C#", folder.as_path(), Some(picture.as_path()));
+        let mut host = Host { name, command, folder, picture, names_generator: false };
+        self.shows(log, &mut host, tally)
     }
 
     /// The package for Unity where the archive has it, in the Unity of the plugin's tests, which was built with the library.
@@ -142,7 +155,9 @@ impl Hosts<'_> {
         let picture = self.folder("unity")?.join("picture.ppm");
         let mut command = lab::alone(&program)?;
         command.arg(lab::on_drive(&plugin)).arg(lab::on_drive(&picture));
-        self.shows(log, "the package for Unity", &mut command, &plugin.with_file_name(""), Some(&picture), tally)
+        let (name, folder, picture) = ("the package for Unity", &plugin.with_file_name(""), Some(picture.as_path()));
+        let mut host = Host { name, command, folder, picture, names_generator: true };
+        self.shows(log, &mut host, tally)
     }
 
     /// The plugin for Unreal Engine with `runtime/` beside its library, as its page says, in the small engine of its tests, which holds its
@@ -155,7 +170,9 @@ impl Hosts<'_> {
         self.copy("runtime", &["onnxruntime.dll", "DirectML.dll"], &beside)?;
         let mut command = lab::alone(&program)?;
         command.arg(&plugin).arg("show");
-        self.shows(log, "the plugin for Unreal Engine", &mut command, &beside, None, tally)
+        let (name, folder, picture) = ("the plugin for Unreal Engine", beside.as_path(), None);
+        let mut host = Host { name, command, folder, picture, names_generator: false };
+        self.shows(log, &mut host, tally)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The tests' Unity with the plugin as a project has it, a DLL: shows a picture of the world inside the library in a texture.
+//! The tests' Unity with the plugin as a project has it, a DLL: shows a frame between two anchors of the world inside the library in a texture.
 //!
 //! ```text
 //! show PLUGIN PICTURE    loads cairn_unity.dll from the file PLUGIN, and writes what is in the texture to PICTURE (PPM)
@@ -51,10 +51,10 @@ mod plugin {
         MODULE.set(module.0.expose_provenance()).expect("one plugin");
     }
 
-    /// Lets go of the DLL, when Unity has told it that it will.
-    pub(crate) fn free() {
-        // SAFETY: a loaded module, of which nothing is called any more.
-        unsafe { FreeLibrary(module()) }.expect("the plugin is let go of");
+    /// Unloads the DLL; UnityPluginUnload was called before.
+    pub(crate) fn unload() {
+        // SAFETY: a loaded module; none of its functions is called any more.
+        unsafe { FreeLibrary(module()) }.expect("the plugin is unloaded");
     }
 
     fn module() -> HMODULE {
@@ -99,10 +99,10 @@ fn main() {
         std::process::exit(2);
     };
     plugin::load(file);
-    // Unity tells the plugin within, and ends its devices.
+    // Calls UnityPluginUnload at its end.
     show::run(picture);
-    plugin::free();
-    println!("let go of");
+    plugin::unload();
+    println!("unloaded");
 }
 
 #[cfg(not(windows))]
@@ -121,12 +121,14 @@ mod show {
     use cairn::abi::device::{cairn_device_create_cpu, cairn_device_destroy};
     use cairn::abi::images::cairn_picture;
     use cairn::abi::presenter::{
-        cairn_frame, cairn_presenter_create, cairn_presenter_destroy, cairn_presenter_options, cairn_presenter_push,
+        CAIRN_FRAME_GENERATED, cairn_frame, cairn_presenter_create, cairn_presenter_destroy, cairn_presenter_options,
+        cairn_presenter_push,
     };
     use cairn::abi::results::{CAIRN_OK, cairn_last_error};
     use cairn::abi::rollout::{
         cairn_rollout_append, cairn_rollout_create, cairn_rollout_destroy, cairn_rollout_get_anchor, cairn_rollout_step,
     };
+    use cairn::abi::statistics::{cairn_presenter_get_statistics, cairn_presenter_statistics};
     use cairn::abi::world::{
         cairn_world_destroy, cairn_world_get_info, cairn_world_info, cairn_world_load, cairn_world_options,
     };
@@ -134,8 +136,8 @@ mod show {
     use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_TYPELESS;
     use cairn::gpu::windows::core::Interface;
     use cairn_unity::{
-        cairn_unity_create_device, cairn_unity_get_make_event, cairn_unity_get_show_event, cairn_unity_state,
-        cairn_unity_view, cairn_unity_view_create, cairn_unity_view_destroy, cairn_unity_view_get,
+        cairn_unity_create_device, cairn_unity_get_make_event, cairn_unity_get_show_event, cairn_unity_prepare,
+        cairn_unity_state, cairn_unity_view, cairn_unity_view_create, cairn_unity_view_destroy, cairn_unity_view_get,
         cairn_unity_view_set,
     };
 
@@ -145,6 +147,8 @@ mod show {
 
     /// Nanoseconds between anchors.
     const INTERVAL: u64 = 100_000_000;
+    /// The frame between the two anchors, of which the first is due an interval after it was pushed.
+    const HALF_WAY: u64 = INTERVAL * 3 / 2;
 
     /// Calls a function of the DLL, with as many arguments as its type has places, and ends the program where it fails.
     macro_rules! call {
@@ -216,6 +220,7 @@ mod show {
             call!(cairn_presenter_push as unsafe extern "C" fn(_, _, _, _) -> _, presenter, anchor, null(), at);
             call!(cairn_anchor_destroy as unsafe extern "C" fn(_) -> _, anchor);
         }
+        call!(cairn_unity_prepare as unsafe extern "C" fn(_, _, _, _) -> _, frames, presenter, size.0, size.1);
         call!(cairn_unity_view_create as unsafe extern "C" fn(_, _, _) -> _, frames, presenter, &raw mut view);
 
         let state = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
@@ -228,7 +233,7 @@ mod show {
         };
         let target = wanted.make(&unity.device());
         unity.own(&target, state);
-        call!(cairn_unity_view_set as unsafe extern "C" fn(_, _, _) -> _, view, INTERVAL, target.as_raw());
+        call!(cairn_unity_view_set as unsafe extern "C" fn(_, _, _) -> _, view, HALF_WAY, target.as_raw());
         let [make, show]: [extern "C" fn() -> _; 2] = [cairn_unity_get_make_event, cairn_unity_get_show_event];
         let names = ["cairn_unity_get_make_event", "cairn_unity_get_show_event"];
         let events = [super::plugin::function(names[0], make), super::plugin::function(names[1], show)];
@@ -248,7 +253,13 @@ mod show {
             text.len(),
             &raw mut length
         );
-        assert_eq!(shown, 1, "a frame is shown");
+        assert_eq!((shown, frame.source), (1, CAIRN_FRAME_GENERATED), "a frame between two anchors is shown");
+        let mut statistics: cairn_presenter_statistics =
+            prepared(|s: &mut cairn_presenter_statistics| &mut s.struct_size);
+        call!(cairn_presenter_get_statistics as unsafe extern "C" fn(_, _) -> _, presenter, &raw mut statistics);
+        // SAFETY: text that ends with a zero.
+        let generator = unsafe { std::ffi::CStr::from_ptr(statistics.generator.as_ptr()) };
+        println!("generator {}", generator.to_string_lossy());
         let pixels = textures::read(&unity.device(), &unity.queue(), &target, unity.state_of(&target));
         let rgb: Vec<u8> = pixels.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
         let mut file = std::fs::File::create(to).expect("a file");
