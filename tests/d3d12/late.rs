@@ -57,7 +57,7 @@ impl Gate {
     }
 }
 
-/// Opens a gate when the test fails: what is dropped after it waits for the queue behind the gate.
+/// Opens the gate when an assertion fails, before the presenters are dropped, which wait for the queue that the gate holds back.
 struct OpensOnFailure<'a>(&'a Gate);
 
 impl Drop for OpensOnFailure<'_> {

@@ -493,9 +493,9 @@ void show()
         in.subsystem().Deinitialize();
     }
     FModuleManager::Shutdown();
-    /* As when the plugin's library is taken away while the engine runs: nothing of it may run any more. */
+    /* The library may be unloaded while the engine runs on: none of its threads or callbacks is left. */
     const HMODULE library = GetModuleHandleW(L"cairn.dll");
-    expect(library != nullptr && FreeLibrary(library), "the library is let go of");
+    expect(library != nullptr && FreeLibrary(library), "the library can be unloaded");
     end_renderer();
 }
 
