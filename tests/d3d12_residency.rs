@@ -146,6 +146,82 @@ fn a_rollout_that_rests_gives_its_memory_up_and_goes_on_as_if_it_had_not() {
     other.step(&controls(3)).expect("a step");
 }
 
+#[test]
+fn weights_are_resident_as_long_as_one_of_the_rollouts_does_not_rest() {
+    let _alone = alone();
+    comes_back(Back::Later);
+    GRANTED.store(1 << 40, Ordering::SeqCst);
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    residents::install(&gpu);
+    let device = device_on(&gpu);
+    _ = told();
+    let world = world_at(&device, None);
+    // DirectML counts how often its own memory is made resident, as Direct3D allows.
+    let (made, _) = told();
+    let weights: Vec<usize> = made
+        .iter()
+        .filter_map(|told| match told {
+            Told::Priority(object, D3D12_RESIDENCY_PRIORITY_LOW) => Some(*object),
+            Told::Priority(..) => panic!("another priority: {told:?}"),
+            _ => None,
+        })
+        .collect();
+    assert!(weights.len() > 8, "the large ones of the transformer and of the decoder: {weights:?}");
+    let rollout = || {
+        let mut rollout = Rollout::new(&world, &point(&world), 7).expect("a rollout");
+        rollout.append(&picture(40, 22, 9)).expect("a seed");
+        rollout.step(&controls(1)).expect("a step");
+        rollout
+    };
+    let [mut one, mut other] = [rollout(), rollout()];
+    let expected = {
+        let mut awake = rollout();
+        awake.step(&controls(2)).expect("a step");
+        fingerprint(&mut awake).expect("bits")
+    };
+    _ = told();
+
+    // How many of the weights and of others were evicted.
+    let evicted = || {
+        let (told, faults) = told();
+        assert_eq!(faults, [""; 0]);
+        let all = told.into_iter().filter_map(|told| if let Told::Evicted(all) = told { Some(all) } else { None });
+        let (of_weights, others): (Vec<_>, Vec<_>) = all.flatten().partition(|object| weights.contains(object));
+        (of_weights.len(), others.len())
+    };
+    one.rest().expect("a rest");
+    let (kept, own) = evicted();
+    assert!(kept == 0 && own > 8, "its own alone");
+    other.rest().expect("a rest");
+    assert_eq!(evicted(), (weights.len(), own), "they go with the last rollout");
+
+    // What cannot come back is evicted with all its contents.
+    for how in [Back::NotLater, Back::NotAtOnce] {
+        comes_back(how);
+        let refused = one.step(&controls(2)).expect_err("there is no place");
+        assert_eq!((refused.kind(), one.is_resting()), (ErrorKind::OutOfMemory, true), "{refused}");
+    }
+    comes_back(Back::Later);
+    _ = told();
+    one.step(&controls(2)).expect("a step");
+    let (back, faults) = told();
+    assert_eq!(faults, [""; 0]);
+    let mut left = weights.clone();
+    for (i, told) in back.iter().enumerate().take_while(|(_, told)| **told != Told::Executes) {
+        let Told::Enqueued(objects, fence, value) = told else { continue };
+        left.retain(|weight| !objects.contains(weight));
+        assert_eq!(back[i + 1], Told::Waits(*fence, *value), "the queue waits for them");
+    }
+    assert_eq!(left, [0; 0], "all of them, before it is given anything");
+    assert!(fingerprint(&mut one).expect("bits") == expected, "as if it had not rested");
+
+    // The last one that does not rest takes them with it, and another brings them back.
+    drop(one);
+    assert_eq!(evicted(), (weights.len(), 0));
+    other.step(&controls(2)).expect("a step");
+    assert!(fingerprint(&mut other).expect("bits") == expected);
+}
+
 /// The event that a change of the budget sets, and what of it there is.
 static EVENT: AtomicUsize = AtomicUsize::new(0);
 static GRANTED: AtomicU64 = AtomicU64::new(u64::MAX);

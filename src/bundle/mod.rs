@@ -23,6 +23,8 @@ use std::sync::Arc;
 pub use manifest::*;
 pub use memory::{MemoryNeed, available_memory};
 pub use onnx::operators;
+#[cfg(windows)]
+pub(crate) use onnx::{Weight, weights_as_inputs};
 pub use open::{OpenOptions, OpenProgress};
 pub use work::{GraphWork, Work};
 

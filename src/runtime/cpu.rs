@@ -105,7 +105,7 @@ impl Backend for CpuBackend {
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>> {
         let builder = make("prepare a session", || self.session(dimensions))?;
-        Graph::commit(builder, what, model, inputs, outputs).map(Arc::new)
+        Graph::commit(builder, what, model, inputs, &[], outputs).map(Arc::new)
     }
 
     fn lane(&self) -> Result<Box<dyn Lane>> {

@@ -10,7 +10,7 @@ use ort::session::builder::SessionBuilder;
 use ort::value::{Outlet, TensorElementType, ValueType};
 
 #[cfg(windows)]
-use super::directml::Captures;
+use super::directml::{Captures, Weights};
 use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, ErrorKind, Result};
@@ -52,20 +52,24 @@ pub(crate) struct Graph {
     title: CString,
     #[cfg(windows)]
     captures: Captures,
+    /// What the session takes behind `tensors`' inputs, of those whose weights are not inside it.
+    #[cfg(windows)]
+    weights: Option<Weights>,
 }
 
 impl Graph {
-    /// Makes the session from the bundle's own checked bytes and compares it with `inputs` and `outputs`.
+    /// Makes the session from the bundle's own checked bytes and compares it with `inputs`, which `weights` follow, and `outputs`.
     pub(super) fn commit(
         mut builder: SessionBuilder,
         what: &str,
         model: &ModelSource<'_>,
         inputs: Vec<TensorSpec>,
+        weights: &[TensorSpec],
         outputs: Vec<TensorSpec>,
     ) -> Result<Self> {
         add_external(&mut builder, model)?;
         let session = make(&format!("load the {what}"), || builder.commit_from_memory(model.onnx))?;
-        compare(what, "input", session.inputs(), &inputs)?;
+        compare(what, "input", session.inputs(), &[&inputs, weights].concat())?;
         compare(what, "output", session.outputs(), &outputs)?;
         let count = inputs.len();
         let tensors = inputs
@@ -87,6 +91,8 @@ impl Graph {
             title: CString::new(format!("Cairn: {what}")).unwrap_or_default(),
             #[cfg(windows)]
             captures,
+            #[cfg(windows)]
+            weights: None,
         })
     }
 
@@ -94,6 +100,12 @@ impl Graph {
     #[cfg(windows)]
     pub(super) fn with_captures(self, captures: Captures) -> Self {
         Self { captures, ..self }
+    }
+
+    /// The same of a session that takes these weights as inputs.
+    #[cfg(windows)]
+    pub(super) fn with_weights(self, weights: Weights) -> Self {
+        Self { weights: Some(weights), ..self }
     }
 
     /// What its runs are called.
@@ -106,6 +118,12 @@ impl Graph {
     #[cfg(windows)]
     pub(super) fn captures(&self) -> &Captures {
         &self.captures
+    }
+
+    /// The weights that are bound to its runs; none where they are inside the session.
+    #[cfg(windows)]
+    pub(super) fn weights(&self) -> Option<&Weights> {
+        self.weights.as_ref()
     }
 
     pub(super) fn session(&self) -> &Session {

@@ -10,11 +10,15 @@ mod interface;
 mod operators;
 mod proto;
 mod sizes;
+#[cfg(any(windows, test))]
+mod weights;
 mod wire;
 
 pub(super) use check::{Checked, Subject, check, footprint};
 pub use operators::operators;
 pub(super) use sizes::Footprint;
+#[cfg(windows)]
+pub(crate) use weights::{Weight, weights_as_inputs};
 
 /// Result of a check inside one model.
 type Check<T> = Result<T, Fault>;

@@ -21,6 +21,7 @@ use super::recorder::Recorder;
 use super::snapshot::Snapshot;
 use super::times::Kind;
 use super::way::Way;
+use super::weights::Weights;
 use crate::bundle::Precision;
 use crate::gpu::compute::{Frames, Resting};
 use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, ResidencySet, Resize, Shared, Spent, buffer};
@@ -55,6 +56,8 @@ pub(super) struct DirectMlLane {
     pub(super) buffers: Vec<Buffer>,
     /// The buffers' residency, which every use of them asks for first.
     residency: Mutex<ResidencySet>,
+    /// Graphs whose weights are held resident as long as the buffers are, each once.
+    held: Vec<Arc<Graph>>,
     /// Copies that are recorded once, and the bytes that they move.
     kept: Vec<(KeptList, u64)>,
     looks: Vec<Look>,
@@ -86,6 +89,16 @@ pub(super) struct Buffer {
     allocation: DMLResource,
     pub(super) resource: ID3D12Resource,
     pub(super) bytes: usize,
+}
+
+impl Buffer {
+    pub(super) fn new(gpu: &Gpu, bytes: usize) -> Result<Self> {
+        let resource = buffer(gpu, Heap::Device, bytes)?;
+        // SAFETY: a live resource, which outlives the allocation.
+        let take = || unsafe { resource_from_d3d(resource.as_raw().cast()) };
+        let allocation = make("take a buffer", take).map_err(|e| gpu.removed().unwrap_or(e))?;
+        Ok(Self { allocation, resource, bytes })
+    }
 }
 
 // SAFETY: neither is tied to a thread; the allocation is only an address.
@@ -146,6 +159,7 @@ impl DirectMlLane {
             bindings,
             buffers,
             residency: Mutex::new(ResidencySet::new()),
+            held: Vec::new(),
             kept,
             looks,
             copying,
@@ -218,9 +232,29 @@ impl DirectMlLane {
         self.recorder.get_mut().fill(&buffer.resource, self.zeroes.resource(), regions)
     }
 
-    /// Has buffers be resident for what is submitted from now on.
+    /// Has buffers and weights be resident for what is submitted from now on: all of them or none.
     fn be_resident(&self) -> Result<()> {
-        self.residency.lock().make_resident(&self.gpu, self.gpu.anchors())
+        let mut residency = self.residency.lock();
+        if residency.is_resident() {
+            return Ok(());
+        }
+        let mut held = 0;
+        let mut hold = |graph: &Arc<Graph>| {
+            graph.weights().map_or(Ok(()), |weights| weights.hold(&self.gpu))?;
+            held += 1;
+            Ok(())
+        };
+        let all = self.held.iter().try_for_each(&mut hold);
+        let all = all.and_then(|()| residency.make_resident(&self.gpu, self.gpu.anchors()));
+        if all.is_err() {
+            self.let_go(&self.held[..held]);
+        }
+        all
+    }
+
+    /// Lets weights go, of which nothing that was submitted makes use any more.
+    fn let_go(&self, of: &[Arc<Graph>]) {
+        of.iter().filter_map(|graph| graph.weights()).for_each(|weights| weights.let_go(&self.gpu));
     }
 
     /// Waits for what was submitted.
@@ -242,12 +276,9 @@ impl DirectMlLane {
 impl Lane for DirectMlLane {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
         self.be_resident()?;
-        let resource = buffer(&self.gpu, Heap::Device, bytes)?;
-        // SAFETY: a live resource, which outlives the allocation.
-        let take = || unsafe { resource_from_d3d(resource.as_raw().cast()) };
-        let allocation = make("take a buffer", take).map_err(|e| self.or_removed(e))?;
-        self.residency.get_mut().add(&self.gpu, &resource)?;
-        self.buffers.push(Buffer { allocation, resource, bytes });
+        let made = Buffer::new(&self.gpu, bytes)?;
+        self.residency.get_mut().add(&self.gpu, &made.resource)?;
+        self.buffers.push(made);
         let made = BufferId(self.buffers.len() - 1);
         self.blank(made)?;
         Ok(made)
@@ -258,6 +289,13 @@ impl Lane for DirectMlLane {
     }
 
     fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId> {
+        self.be_resident()?;
+        if let Some(weights) = graph.weights()
+            && !self.held.iter().any(|held| Arc::ptr_eq(held, graph))
+        {
+            weights.hold(&self.gpu)?;
+            self.held.push(graph.clone());
+        }
         assert_eq!(tensors.len(), graph.tensors().len(), "one buffer for each input and output");
         let binding = make("bind a tensor", || graph.session().create_binding());
         let mut binding = binding.map_err(|e| self.or_removed(e))?;
@@ -267,6 +305,10 @@ impl Lane for DirectMlLane {
             let input = i < graph.input_count();
             assert!(input || tensors.iter().filter(|b| *b == buffer).count() == 1, "{}: written alone", spec.name);
             make("bind a tensor", || bind_one(&mut binding, name, input, spec, &memory.allocation))
+                .map_err(|e| self.or_removed(e))?;
+        }
+        for (name, spec, memory) in graph.weights().into_iter().flat_map(Weights::inputs) {
+            make("bind a weight", || bind_one(&mut binding, name, true, spec, &memory.allocation))
                 .map_err(|e| self.or_removed(e))?;
         }
         let same = self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph));
@@ -438,7 +480,9 @@ impl Lane for DirectMlLane {
         // What was recorded and not submitted uses the buffers as well.
         let moment = self.recorder.get_mut().now()?;
         self.wait(&moment)?;
-        self.residency.get_mut().evict(&self.gpu)
+        self.residency.get_mut().evict(&self.gpu)?;
+        self.let_go(&self.held);
+        Ok(())
     }
 
     fn is_resting(&self) -> bool {
@@ -484,6 +528,9 @@ impl Drop for DirectMlLane {
     fn drop(&mut self) {
         // The queue may still use what is freed next, and what ONNX Runtime frees after it.
         self.gpu.anchors().settle();
+        if self.residency.get_mut().is_resident() {
+            self.let_go(&self.held);
+        }
     }
 }
 

@@ -11,6 +11,7 @@ mod recorder;
 mod snapshot;
 mod times;
 mod way;
+mod weights;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -32,8 +33,9 @@ pub(crate) use backup::Backup;
 pub use capture::Captured;
 pub(super) use capture::Captures;
 pub(crate) use snapshot::Snapshot;
+pub(super) use weights::Weights;
 
-use crate::bundle::{ModelSource, Precision};
+use crate::bundle::{ModelSource, Precision, weights_as_inputs};
 use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
@@ -162,9 +164,14 @@ impl Backend for DirectMlBackend {
             return Err(gone);
         }
         let options = self.options.lock().clone();
+        // The runtime never lets go of what is inside a session. Weights that are inputs are evicted while no rollout uses them.
+        let (onnx, weights) = weights_as_inputs(model)?;
+        let model = ModelSource { onnx: &onnx, external: model.external.clone() };
+        let specs: Vec<_> =
+            weights.iter().map(|weight| TensorSpec::new(weight.name, Precision::F16, &weight.shape)).collect();
         let commit = |is_captured| {
             let builder = make("prepare a session", || self.session(&options, dimensions, is_captured));
-            builder.and_then(|builder| Graph::commit(builder, what, model, inputs.clone(), outputs.clone()))
+            builder.and_then(|builder| Graph::commit(builder, what, &model, inputs.clone(), &specs, outputs.clone()))
         };
         let graph = match options.captures() {
             Err(why) => commit(false).map(|graph| graph.with_captures(Captures::refused(why))),
@@ -176,7 +183,8 @@ impl Backend for DirectMlBackend {
                 }
             },
         };
-        graph.map(Arc::new).map_err(|e| self.gpu.removed().unwrap_or(e))
+        let with_weights = |graph: Graph| Ok(Arc::new(graph.with_weights(Weights::new(&self.gpu, &weights)?)));
+        graph.and_then(with_weights).map_err(|e| self.gpu.removed().unwrap_or(e))
     }
 
     fn lane(&self) -> Result<Box<dyn Lane>> {

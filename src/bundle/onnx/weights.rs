@@ -1,0 +1,198 @@
+//! A model whose large weights are inputs: whoever runs it gives it memory of their own, which a runtime keeps to itself otherwise.
+
+use super::proto::{self, Data, Graph};
+use super::wire::{Fields, write_bytes, write_int};
+use super::{Check, Element, Fault, quoted};
+use crate::bundle::ModelSource;
+use crate::{Error, ErrorKind, Result};
+
+/// Smaller weights stay constants, in bytes: a buffer of Direct3D takes twice as much in any case.
+const SMALLEST: u64 = 32 << 10;
+
+/// A weight that became an input.
+pub(crate) struct Weight<'a> {
+    /// As the model calls it.
+    pub(crate) name: &'a str,
+    pub(crate) shape: Vec<usize>,
+    /// Half floats, little-endian.
+    pub(crate) bytes: &'a [u8],
+}
+
+/// A checked model, written anew with its large weights as further inputs behind its own, and these weights in the order of the inputs.
+/// A weight that is converted before it is used stays a constant: the runtime converts it once.
+///
+/// # Errors
+/// `InvalidBundle` for a model that was not checked.
+pub(crate) fn weights_as_inputs<'a>(model: &ModelSource<'a>) -> Result<(Vec<u8>, Vec<Weight<'a>>)> {
+    rewrite(model).map_err(|fault| Error::new(ErrorKind::InvalidBundle, fault.cause))
+}
+
+fn rewrite<'a>(model: &ModelSource<'a>) -> Check<(Vec<u8>, Vec<Weight<'a>>)> {
+    let graph = proto::model(model.onnx)?.graph;
+    let weights = weights(&graph, model)?;
+    let mut written = Vec::with_capacity(model.onnx.len());
+    let mut fields = Fields::new("the model", model.onnx);
+    while let Some(field) = fields.next()? {
+        match field.number {
+            7 => write_bytes(&mut written, 7, &graph_without(&weights, field.message("the graph")?)?),
+            _ => field.write(&mut written),
+        }
+    }
+    Ok((written, weights))
+}
+
+fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> Check<Vec<Weight<'a>>> {
+    let is_multiplied = |name: &str| {
+        let mut users = graph.nodes.iter().filter(|node| node.inputs.contains(&name));
+        users.all(|node| matches!(node.operator, "MatMul" | "Gemm" | "Conv"))
+    };
+    let mut weights = Vec::new();
+    for tensor in &graph.tensors {
+        let Data::External { location, offset, length } = tensor.data else { continue };
+        if length < SMALLEST || tensor.data_type != Element::F16 as i64 || !is_multiplied(tensor.name) {
+            continue;
+        }
+        let file = model.external.iter().find(|(name, _)| *name == location);
+        let range = usize::try_from(offset).ok().zip(offset.checked_add(length).and_then(|end| end.try_into().ok()));
+        let bytes = file.zip(range).and_then(|((_, file), (start, end)): (_, (usize, usize))| file.get(start..end));
+        let shape = tensor.dims.iter().map(|&n| usize::try_from(n)).collect::<std::result::Result<_, _>>();
+        let (Some(bytes), Ok(shape)) = (bytes, shape) else {
+            return Err(Fault::new(format!("initializer {} lies outside its file", quoted(tensor.name))));
+        };
+        weights.push(Weight { name: tensor.name, shape, bytes });
+    }
+    Ok(weights)
+}
+
+fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> Check<Vec<u8>> {
+    let mut written = Vec::new();
+    while let Some(field) = fields.next()? {
+        if field.number == 5 {
+            let name = name_of(field.message("an initializer")?)?;
+            if weights.iter().any(|weight| weight.name == name) {
+                continue;
+            }
+        }
+        field.write(&mut written);
+    }
+    for weight in weights {
+        write_bytes(&mut written, 11, &input(weight));
+    }
+    Ok(written)
+}
+
+/// A tensor's name.
+fn name_of<'a>(mut fields: Fields<'a>) -> Check<&'a str> {
+    while let Some(field) = fields.next()? {
+        if field.number == 8 {
+            return field.text(usize::MAX);
+        }
+    }
+    Ok("")
+}
+
+/// `ValueInfoProto`, with its `TypeProto`, `TypeProto.Tensor` and `TensorShapeProto`.
+fn input(weight: &Weight<'_>) -> Vec<u8> {
+    let (mut shape, mut tensor, mut kind, mut value) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for &n in &weight.shape {
+        let mut dimension = Vec::new();
+        write_int(&mut dimension, 1, n as u64);
+        write_bytes(&mut shape, 1, &dimension);
+    }
+    write_int(&mut tensor, 1, Element::F16 as u64);
+    write_bytes(&mut tensor, 2, &shape);
+    write_bytes(&mut kind, 1, &tensor);
+    write_bytes(&mut value, 1, weight.name.as_bytes());
+    write_bytes(&mut value, 2, &kind);
+    value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An initializer of half floats in `weights.bin`.
+    fn initializer(name: &str, dims: &[u64], offset: u64) -> Vec<u8> {
+        let mut tensor = Vec::new();
+        dims.iter().for_each(|&n| write_int(&mut tensor, 1, n));
+        write_int(&mut tensor, 2, Element::F16 as u64);
+        write_bytes(&mut tensor, 8, name.as_bytes());
+        let length = 2 * dims.iter().product::<u64>();
+        for (key, value) in
+            [("location", "weights.bin"), ("offset", &offset.to_string()), ("length", &length.to_string())]
+        {
+            let mut entry = Vec::new();
+            write_bytes(&mut entry, 1, key.as_bytes());
+            write_bytes(&mut entry, 2, value.as_bytes());
+            write_bytes(&mut tensor, 13, &entry);
+        }
+        write_int(&mut tensor, 14, 1);
+        tensor
+    }
+
+    fn node(operator: &str, inputs: [&str; 2], output: &str) -> Vec<u8> {
+        let mut node = Vec::new();
+        inputs.iter().for_each(|name| write_bytes(&mut node, 1, name.as_bytes()));
+        write_bytes(&mut node, 2, output.as_bytes());
+        write_bytes(&mut node, 4, operator.as_bytes());
+        node
+    }
+
+    fn model(initializers: &[Vec<u8>]) -> Vec<u8> {
+        let (mut graph, mut model) = (Vec::new(), Vec::new());
+        for (operator, inputs, output) in [
+            ("MatMul", ["x", "large"], "a"),
+            ("Conv", ["a", "small"], "b"),
+            ("MatMul", ["b", "shared"], "c"),
+            ("Add", ["c", "shared"], "d"),
+            ("Conv", ["d", "filter"], "y"),
+        ] {
+            write_bytes(&mut graph, 1, &node(operator, inputs, output));
+        }
+        initializers.iter().for_each(|tensor| write_bytes(&mut graph, 5, tensor));
+        let whole = Weight { name: "x", shape: vec![1, 256], bytes: &[] };
+        write_bytes(&mut graph, 11, &input(&whole));
+        write_bytes(&mut graph, 12, &input(&Weight { name: "y", ..whole }));
+        write_int(&mut model, 1, 8);
+        write_bytes(&mut model, 7, &graph);
+        write_bytes(&mut model, 8, &[]);
+        model
+    }
+
+    #[test]
+    fn large_weights_that_are_only_multiplied_become_inputs() {
+        let constants = [initializer("small", &[1, 16383], 0), initializer("shared", &[256, 128], 0)];
+        let moved = [initializer("large", &[256, 128], 4), initializer("filter", &[1, 4, 64, 64], 2)];
+        let onnx = model(&[moved[0].clone(), constants[0].clone(), constants[1].clone(), moved[1].clone()]);
+        let file: Vec<u8> = (0..70_000_u32).map(|i| (i % 251) as u8).collect();
+        let source = ModelSource { onnx: &onnx, external: vec![("other.bin", &[]), ("weights.bin", &file)] };
+        let (written, weights) = weights_as_inputs(&source).unwrap();
+        let told: Vec<_> = weights.iter().map(|weight| (weight.name, &weight.shape[..], weight.bytes)).collect();
+        let expected: [(&str, &[usize], &[u8]); 2] =
+            [("large", &[256, 128], &file[4..65540]), ("filter", &[1, 4, 64, 64], &file[2..32770])];
+        assert_eq!(told, expected);
+
+        // The rest is what it was, with the weights behind the inputs.
+        let graph = proto::model(&written).unwrap().graph;
+        assert_eq!(graph.nodes.len(), 5);
+        assert_eq!(graph.tensors.iter().map(|tensor| tensor.name).collect::<Vec<_>>(), ["small", "shared"]);
+        let inputs: Vec<_> = graph.inputs.iter().map(|value| (value.name, value.data_type, value.dims.len())).collect();
+        assert_eq!(inputs, [("x", 10, 2), ("large", 10, 2), ("filter", 10, 4)]);
+        assert_eq!(graph.inputs[2].dims, [1, 4, 64, 64].map(proto::Dim::Number));
+        assert_eq!(graph.outputs.len(), 1);
+
+        // Without any the model stays as it is.
+        let onnx = model(&constants);
+        let (written, weights) = weights_as_inputs(&ModelSource { onnx: &onnx, ..source }).unwrap();
+        assert!(written == onnx && weights.is_empty());
+    }
+
+    #[test]
+    fn a_model_that_was_not_checked_is_refused() {
+        let outside = model(&[initializer("large", &[256, 128], 5)]);
+        for (onnx, location) in [(&outside, "weights.bin"), (&outside, "other.bin"), (&vec![7], "weights.bin")] {
+            let source = ModelSource { onnx, external: vec![(location, &[0; 65536])] };
+            assert!(weights_as_inputs(&source).is_err_and(|e| e.kind() == ErrorKind::InvalidBundle));
+        }
+    }
+}
