@@ -1,4 +1,5 @@
 using System;
+using System.IO;
 using UnityEngine;
 using UnityEngine.Rendering;
 
@@ -68,6 +69,8 @@ namespace Cairn.Unity
         private string failed = "";
         private string pushFailed = "";
         private long missed;
+        /// <summary>The file that has compiled pipelines for the next run.</summary>
+        private string pipelines = "";
         private int preparedWidth;
         private int preparedHeight;
         private long shownBefore;
@@ -199,7 +202,7 @@ namespace Cairn.Unity
             string why = "";
             try
             {
-                Plugin.Prepare(with, unprepared, newWidth, newHeight);
+                Plugin.Prepare(with, unprepared, newWidth, newHeight, pipelines);
             }
             catch (CairnException failure)
             {
@@ -229,6 +232,7 @@ namespace Cairn.Unity
                 missed = 0;
             }
             shownBefore = 0;
+            pipelines = Path.Combine(Application.persistentDataPath, "Cairn", "pipelines.bin");
             string why;
             if (!Plugin.IsReady(out why))
             {

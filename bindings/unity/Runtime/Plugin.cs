@@ -72,12 +72,18 @@ namespace Cairn.Unity
 
         /// <summary>
         /// Makes all that a presenter's frames of a size need. Takes seconds the first time, so it is for a thread that loads; the presenter
-        /// has been given an anchor. Until then, and in another size, the nearest anchor is shown.
+        /// has been given an anchor. Until then, and in another size, the nearest anchor is shown. Pipelines that were compiled are in the file
+        /// <paramref name="pipelines"/> in the next run.
         /// </summary>
         /// <exception cref="CairnException">As a required generator that cannot be used, or too little memory.</exception>
-        internal static void Prepare(Device device, Presenter presenter, int width, int height)
+        internal static void Prepare(Device device, Presenter presenter, int width, int height, string pipelines)
         {
-            CairnException.ThrowIfFailed(Native.cairn_unity_prepare(device.Value, presenter.Value, (uint)width, (uint)height));
+            int result;
+            fixed (byte* file = Encoding.UTF8.GetBytes(pipelines + "\0"))
+            {
+                result = Native.cairn_unity_prepare(device.Value, presenter.Value, (uint)width, (uint)height, file);
+            }
+            CairnException.ThrowIfFailed(result);
             GC.KeepAlive(device);
             GC.KeepAlive(presenter);
         }
@@ -161,7 +167,7 @@ namespace Cairn.Unity
         private static class Native
         {
             internal const string Name = "cairn_unity";
-            internal const uint Version = 2;
+            internal const uint Version = 3;
 
             [DllImport(Name)]
             internal static extern uint cairn_unity_version();
@@ -176,7 +182,8 @@ namespace Cairn.Unity
             internal static extern int cairn_unity_create_device(IntPtr* device);
 
             [DllImport(Name)]
-            internal static extern int cairn_unity_prepare(IntPtr device, IntPtr presenter, uint width, uint height);
+            internal static extern int cairn_unity_prepare(
+                IntPtr device, IntPtr presenter, uint width, uint height, byte* pipelines);
 
             [DllImport(Name)]
             internal static extern int cairn_unity_view_create(IntPtr device, IntPtr presenter, IntPtr* view);

@@ -279,6 +279,11 @@ namespace UnityEngine
             get { return false; }
         }
 
+        public static string persistentDataPath
+        {
+            get { return ""; }
+        }
+
         public static string streamingAssetsPath
         {
             get { return ""; }

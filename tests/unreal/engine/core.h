@@ -278,6 +278,7 @@ struct FPlatformTime {
 
 struct FPlatformProcess {
     static void Sleep(float seconds);
+    static uint32 GetCurrentProcessId();
 };
 
 class FTickerDelegate {
@@ -353,10 +354,33 @@ struct FPaths {
     static FString ConvertRelativePathToFull(const FString& base, const FString& path);
     /** Where it is from the folder of the program's file. */
     static FString ProjectDir();
+    static FString ProjectSavedDir();
 };
 
+template <class T> class TArrayView {
+public:
+    TArrayView(T* data, int32 count) : data_(data), count_(count) {}
+    T* GetData() const { return data_; }
+    int32 Num() const { return count_; }
+
+private:
+    T* data_;
+    int32 count_;
+};
+
+enum EFileRead { FILEREAD_None = 0, FILEREAD_Silent = 2 };
+
 struct FFileHelper {
-    static bool LoadFileToArray(TArray64<uint8>& to, const TCHAR* file);
+    static bool LoadFileToArray(TArray64<uint8>& to, const TCHAR* file, uint32 flags = FILEREAD_None);
+    /** Makes the folders too. */
+    static bool SaveArrayToFile(TArrayView<const uint8> from, const TCHAR* file);
+};
+
+class IFileManager {
+public:
+    static IFileManager& Get();
+    /** In place of what is there. */
+    bool Move(const TCHAR* to, const TCHAR* from);
 };
 
 struct FColor {

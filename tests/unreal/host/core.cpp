@@ -89,6 +89,7 @@ FRunnableThread::~FRunnableThread()
 }
 void FRunnableThread::WaitForCompletion() { WaitForSingleObject(of_, INFINITE); }
 
+uint32 FPlatformProcess::GetCurrentProcessId() { return ::GetCurrentProcessId(); }
 void FPlatformProcess::Sleep(float seconds) { ::Sleep(static_cast<DWORD>(seconds * 1000)); }
 
 double FPlatformTime::Seconds()
@@ -204,6 +205,7 @@ static bool is_whole(const std::wstring& path)
 
 /* The program's file is two folders below the project, as in a game, and nothing begins where the process happens to be. */
 FString FPaths::ProjectDir() { return FString(L"../../"); }
+FString FPaths::ProjectSavedDir() { return ProjectDir() + L"Saved/"; }
 FString FPaths::ConvertRelativePathToFull(const FString& path)
 {
     return is_whole(*path) ? FString(full(*path).c_str()) : FString(full(project_folder() + L"/Binaries/Win64/" + *path).c_str());
@@ -213,7 +215,7 @@ FString FPaths::ConvertRelativePathToFull(const FString& base, const FString& pa
     return is_whole(*path) ? path : base + L"/" + path;
 }
 
-bool FFileHelper::LoadFileToArray(TArray64<uint8>& to, const TCHAR* file)
+bool FFileHelper::LoadFileToArray(TArray64<uint8>& to, const TCHAR* file, uint32)
 {
     FILE* opened = _wfopen(file, L"rb");
     if (opened == nullptr) return false;
@@ -224,6 +226,25 @@ bool FFileHelper::LoadFileToArray(TArray64<uint8>& to, const TCHAR* file)
     fclose(opened);
     return read;
 }
+
+bool FFileHelper::SaveArrayToFile(TArrayView<const uint8> from, const TCHAR* file)
+{
+    const std::filesystem::path path(file);
+    std::error_code failed;
+    std::filesystem::create_directories(path.parent_path(), failed);
+    FILE* opened = _wfopen(file, L"wb");
+    if (opened == nullptr) return false;
+    const bool written = fwrite(from.GetData(), 1, static_cast<std::size_t>(from.Num()), opened) == static_cast<std::size_t>(from.Num());
+    return fclose(opened) == 0 && written;
+}
+
+IFileManager& IFileManager::Get()
+{
+    static IFileManager manager;
+    return manager;
+}
+
+bool IFileManager::Move(const TCHAR* to, const TCHAR* from) { return MoveFileExW(from, to, MOVEFILE_REPLACE_EXISTING) != 0; }
 
 void WriteLog(const TCHAR* category, EVerbosity verbosity, const TCHAR* format, ...)
 {

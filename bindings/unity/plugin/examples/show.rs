@@ -220,7 +220,15 @@ mod show {
             call!(cairn_presenter_push as unsafe extern "C" fn(_, _, _, _) -> _, presenter, anchor, null(), at);
             call!(cairn_anchor_destroy as unsafe extern "C" fn(_) -> _, anchor);
         }
-        call!(cairn_unity_prepare as unsafe extern "C" fn(_, _, _, _) -> _, frames, presenter, size.0, size.1);
+        let (width, height, nowhere) = (size.0, size.1, null::<c_char>());
+        call!(
+            cairn_unity_prepare as unsafe extern "C" fn(_, _, _, _, _) -> _,
+            frames,
+            presenter,
+            width,
+            height,
+            nowhere
+        );
         call!(cairn_unity_view_create as unsafe extern "C" fn(_, _, _) -> _, frames, presenter, &raw mut view);
 
         let state = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;

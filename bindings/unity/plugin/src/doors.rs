@@ -1,6 +1,6 @@
 //! What C# calls. Results are those of `include/cairn.h`; `bindings/unity/Runtime/Plugin.cs` declares the same.
 
-use std::ffi::{c_char, c_int, c_void};
+use std::ffi::{CStr, c_char, c_int, c_void};
 
 use cairn::abi::d3d12::{
     CAIRN_PREPARE_SUBMIT_ONLY, cairn_d3d12_preparation, cairn_device_create_d3d12, cairn_presenter_prepare_d3d12,
@@ -14,11 +14,12 @@ use cairn::abi::results::{
 
 use super::drawing::{Target, own_path};
 use super::interfaces::RenderEvent;
+use super::pipeline_cache::{self, PipelineCache};
 use super::plugin::{self, Event};
 use super::{events, guarded, text, views};
 
 /// The version of these doors, which C# compares with its own.
-pub const CAIRN_UNITY_VERSION: u32 = 2;
+pub const CAIRN_UNITY_VERSION: u32 = 3;
 
 /// A view: its number, never an address.
 pub struct cairn_unity_view(());
@@ -86,18 +87,27 @@ pub unsafe extern "C" fn cairn_unity_create_device(device: *mut *mut cairn_devic
 /// first time for seconds: to be called on a thread that loads, once the presenter was given an anchor, and again for another size. Frames
 /// of a size that is not prepared show the nearest anchor.
 ///
+/// pipelines: a file's path in UTF-8, in which compiled pipelines are kept from one run of the game to the next; null keeps none. The file and
+/// its folder are made. One that is damaged, or of another driver, is made anew; one that cannot be written costs the next run its time.
+/// `CAIRN_ERROR_INVALID_ARGUMENT` for other than UTF-8.
+///
 /// Threads: any, beside events too; a second call for the same presenter beside it gets `CAIRN_ERROR_BUSY`.
 ///
 /// # Safety
-/// Nothing is asked for.
+/// `pipelines` is null or ends with a NUL, and lives during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_unity_prepare(
     device: *const cairn_device,
     presenter: *const cairn_presenter,
     width: u32,
     height: u32,
+    pipelines: *const c_char,
 ) -> cairn_result {
     guarded(CAIRN_ERROR_INTERNAL, || {
+        // SAFETY: the caller's promise.
+        let path = (!pipelines.is_null()).then(|| unsafe { CStr::from_ptr(pipelines) }.to_str());
+        let Ok(path) = path.transpose() else { return CAIRN_ERROR_INVALID_ARGUMENT };
+        let mut cache = path.map(|path| PipelineCache::new(path.into()));
         let wanted = cairn_d3d12_preparation {
             struct_size: size_of::<cairn_d3d12_preparation>() as u32,
             format: 0,
@@ -111,11 +121,11 @@ pub unsafe extern "C" fn cairn_unity_prepare(
             latent_width: 0,
             lists: 0,
             flags: CAIRN_PREPARE_SUBMIT_ONLY,
-            load: None,
-            store: None,
-            user: std::ptr::null_mut(),
+            load: cache.as_ref().map(|_| pipeline_cache::load as _),
+            store: cache.as_ref().map(|_| pipeline_cache::store as _),
+            user: cache.as_mut().map_or(std::ptr::null_mut(), |cache| std::ptr::from_mut(cache).cast()),
         };
-        // SAFETY: handles are looked up; the preparation lives during the call.
+        // SAFETY: handles are looked up; the preparation and the cache live during the call, which alone uses it.
         unsafe { cairn_presenter_prepare_d3d12(presenter, device, &wanted) }
     })
 }

@@ -10,6 +10,7 @@
 //! | `views` | what is shown where; numbers that Unity's events carry |
 //! | `events` | the two things that are done on Unity's threads |
 //! | `drawing` | how they are done: on Windows with Direct3D 12, elsewhere not at all |
+//! | `pipeline_cache` | compiled pipelines in a file of the game's |
 //! | `doors` | the functions that C# calls |
 //!
 //! A frame crosses in two events, as Unity keeps its queue and its command lists apart. `make` runs on the submission thread, where the
@@ -21,6 +22,7 @@
 mod doors;
 mod events;
 pub mod interfaces;
+mod pipeline_cache;
 mod plugin;
 mod text;
 mod views;

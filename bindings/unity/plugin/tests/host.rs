@@ -1,8 +1,9 @@
 //! The plugin in a Unity of our own, over a real device and by every version of the interface. On Windows, or in the lab.
 #![cfg(windows)]
 
-use std::ffi::{c_int, c_void};
+use std::ffi::{CString, c_char, c_int, c_void};
 use std::ptr::{null, null_mut, without_provenance_mut};
+use std::time::{Duration, SystemTime};
 
 use cairn::abi::anchor::{cairn_anchor_create, cairn_anchor_destroy};
 use cairn::abi::device::{cairn_device, cairn_device_destroy};
@@ -120,12 +121,17 @@ impl Scene {
     }
 
     fn of(colour_space: u32) -> Self {
+        Self::with_pipelines(colour_space, null())
+    }
+
+    /// Prepared with a file for compiled pipelines.
+    fn with_pipelines(colour_space: u32, file: *const c_char) -> Self {
         amd::prepare();
         // SAFETY: a place for the handle.
         let device = made(|to| unsafe { cairn_unity_create_device(to) });
         let presenter = presenter(colour_space);
-        // SAFETY: live handles.
-        assert_eq!(unsafe { cairn_unity_prepare(device, presenter, SIZE.0, SIZE.1) }, CAIRN_OK);
+        // SAFETY: live handles, and a text that lives during the call.
+        assert_eq!(unsafe { cairn_unity_prepare(device, presenter, SIZE.0, SIZE.1, file) }, CAIRN_OK);
         // SAFETY: live handles and a place for the view.
         let view = made(|to| unsafe { cairn_unity_view_create(device, presenter, to) });
         Self { device, presenter, view }
@@ -405,6 +411,33 @@ fn frames_are_shown_where_the_submission_thread_is_behind() {
         assert_eq!(unity.wrong(), [""; 0], "v{version}");
         scene.end();
     }
+}
+
+#[test]
+fn compiled_pipelines_are_in_a_file_in_the_next_run() {
+    let unity = Running::start(8);
+    unity.load();
+    let folder = std::env::temp_dir().join(format!("cairn-unity-pipelines-{}", std::process::id()));
+    let path = folder.join("Cairn").join("pipelines.bin");
+    let name = CString::new(path.to_str().expect("UTF-8")).expect("no NUL");
+    // Each device is a run of the game: what it compiled is forgotten with it.
+    let run = || {
+        Scene::with_pipelines(CAIRN_COLOUR_SRGB, name.as_ptr()).end();
+        std::fs::read(&path).expect("the file")
+    };
+    let first = run();
+    assert!(first.len() > 4096, "{} bytes", first.len());
+    // The next one has nothing new to keep.
+    let long_ago = SystemTime::UNIX_EPOCH + Duration::from_secs(1 << 30);
+    let written = || std::fs::metadata(&path).and_then(|file| file.modified()).expect("a file");
+    let file = std::fs::File::options().write(true).open(&path).expect("the file");
+    file.set_modified(long_ago).expect("a time");
+    drop(file);
+    assert!(run() == first && written() == long_ago, "it was loaded, and nothing was stored");
+    // A damaged file is made anew.
+    std::fs::write(&path, &first[..first.len() - 1]).expect("a damaged file");
+    assert!(run() == first);
+    std::fs::remove_dir_all(&folder).expect("ours");
 }
 
 /// Movie rendering, a minimised window, a device that is far behind: lists run frames after they were recorded.

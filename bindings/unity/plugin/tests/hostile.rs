@@ -165,8 +165,10 @@ fn events_and_doors_take_anything() {
     let mut view = null_mut();
     // SAFETY: places or null, and handles that are looked up.
     unsafe {
-        assert_eq!(cairn_unity_prepare(null(), presenter, 1, 1), CAIRN_ERROR_INVALID_HANDLE);
-        assert_eq!(cairn_unity_prepare(device, null(), 1, 1), CAIRN_ERROR_INVALID_HANDLE);
+        assert_eq!(cairn_unity_prepare(null(), presenter, 1, 1, null()), CAIRN_ERROR_INVALID_HANDLE);
+        assert_eq!(cairn_unity_prepare(device, null(), 1, 1, null()), CAIRN_ERROR_INVALID_HANDLE);
+        assert_eq!(cairn_unity_prepare(device, presenter, 1, 1, c"pipelines".as_ptr()), CAIRN_ERROR_INVALID_HANDLE);
+        assert_eq!(cairn_unity_prepare(device, presenter, 1, 1, c"\xFF".as_ptr()), CAIRN_ERROR_INVALID_ARGUMENT);
         assert_eq!(cairn_unity_view_create(device, presenter, null_mut()), CAIRN_ERROR_INVALID_ARGUMENT);
         assert_eq!(cairn_unity_view_create(null(), presenter, &mut view), CAIRN_ERROR_INVALID_HANDLE);
         assert_eq!(cairn_unity_view_create(device, null_mut(), &mut view), CAIRN_ERROR_INVALID_HANDLE);

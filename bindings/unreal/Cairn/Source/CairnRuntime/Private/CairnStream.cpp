@@ -4,6 +4,7 @@
 
 #include "CairnEngine.h"
 #include "CairnPass.h"
+#include "CairnPipelineCache.h"
 #include "HAL/PlatformProcess.h"
 #include "HAL/PlatformTime.h"
 #include "Misc/ScopeLock.h"
@@ -260,6 +261,10 @@ cairn::result<void> FCairnStream::PrepareFrames(FIntPoint Size)
 	Wanted.anchor_width = static_cast<uint32>(AnchorSize.X);
 	Wanted.anchor_height = static_cast<uint32>(AnchorSize.Y);
 	Wanted.lists = PendingLists;
+	FCairnPipelineCache Cache;
+	Wanted.load = FCairnPipelineCache::Load;
+	Wanted.store = FCairnPipelineCache::Store;
+	Wanted.user = &Cache;
 	const cairn::result<bool> Prepared = Presenter.prepare_d3d12(*Device, Wanted);
 	if (!Prepared.ok())
 	{

@@ -1,0 +1,52 @@
+#include "CairnPipelineCache.h"
+
+#if CAIRN_WITH_D3D12
+
+#include "CairnLog.h"
+#include "HAL/CriticalSection.h"
+#include "HAL/FileManager.h"
+#include "HAL/PlatformProcess.h"
+#include "Misc/FileHelper.h"
+#include "Misc/Paths.h"
+#include "Misc/ScopeLock.h"
+
+#include <cstring>
+
+namespace
+{
+	FString PipelineFile()
+	{
+		return FPaths::ConvertRelativePathToFull(FPaths::ProjectSavedDir() + TEXT("Cairn/Pipelines.bin"));
+	}
+}
+
+uint64_t FCairnPipelineCache::Load(void* Bytes, uint64_t Capacity, void* User)
+{
+	TArray64<uint8>& Loaded = static_cast<FCairnPipelineCache*>(User)->Loaded;
+	if (Bytes == nullptr && !FFileHelper::LoadFileToArray(Loaded, *PipelineFile(), FILEREAD_Silent))
+	{
+		Loaded.Empty();
+	}
+	const uint64_t Size = static_cast<uint64_t>(Loaded.Num());
+	if (Bytes != nullptr && Size <= Capacity)
+	{
+		std::memcpy(Bytes, Loaded.GetData(), static_cast<std::size_t>(Size));
+	}
+	return Size;
+}
+
+void FCairnPipelineCache::Store(const void* Bytes, uint64_t Size, void* User)
+{
+	// Streams may prepare at the same time, and so may another process of the project. Who moves last is kept, whole.
+	static FCriticalSection Writing;
+	const FScopeLock Locked(&Writing);
+	const FString File = PipelineFile();
+	const FString Part = FString::Printf(TEXT("%s.%u"), *File, FPlatformProcess::GetCurrentProcessId());
+	const TArrayView<const uint8> Whole(static_cast<const uint8*>(Bytes), static_cast<int32>(Size));
+	if (!FFileHelper::SaveArrayToFile(Whole, *Part) || !IFileManager::Get().Move(*File, *Part))
+	{
+		UE_LOG(LogCairn, Warning, TEXT("%s cannot be written: the next run compiles its pipelines again"), *File);
+	}
+}
+
+#endif
