@@ -1092,8 +1092,8 @@ CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
  * Lets the device's memory of a rollout that makes no latents for a while be used by others: its rings, latents and pictures are evicted,
  * contents and all, after what is under way, which is waited for. The next call that needs them brings them back: the device's
  * queue waits for that, no thread does where Windows has ID3D12Device3. Where there is no place for them that call answers
- * CAIRN_ERROR_OUT_OF_MEMORY with all as it was, and may be made again. The world's weights stay, and so do anchors. On a CPU device
- * nothing happens. cairn_rollout_pause has a rollout with a queue rest too.
+ * CAIRN_ERROR_OUT_OF_MEMORY with all as it was, and may be made again. The world's weights go with the last of
+ * its rollouts that does not rest; anchors stay. On a CPU device nothing happens. cairn_rollout_pause has a rollout with a queue rest too.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.

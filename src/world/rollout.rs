@@ -283,8 +283,8 @@ impl Rollout {
     }
 
     /// Waits for what is under way, then lets others use the device's memory: rings, latents, the autoencoder's memories and pictures are evicted,
-    /// contents and all, and the next call that needs them brings them back first. The weights are the world's and stay; anchors that
-    /// were kept stay as well. Nothing happens on a processor. For a rollout that makes no latents for a while.
+    /// contents and all, and the next call that needs them brings them back first. The world's large weights go with the last of its
+    /// rollouts that does not rest, and are back before the first that does not any more; anchors that were kept stay. Nothing happens on a processor. For a rollout that makes no latents for a while.
     ///
     /// # Errors
     /// `Device`, `DeviceRemoved`; it does not rest then. What brings the memory back fails with `OutOfMemory` where there is no place for it,

@@ -13,6 +13,8 @@ mod sizes;
 #[cfg(any(windows, test))]
 mod weights;
 mod wire;
+#[cfg(any(windows, test))]
+mod writer;
 
 pub(super) use check::{Checked, Subject, check, footprint};
 pub use operators::operators;

@@ -1,7 +1,8 @@
 //! A model whose large weights are inputs: whoever runs it gives it memory of their own, which a runtime keeps to itself otherwise.
 
 use super::proto::{self, Data, Graph};
-use super::wire::{Fields, write_bytes, write_int};
+use super::wire::Fields;
+use super::writer::{write_bytes, write_int};
 use super::{Check, Element, Fault, quoted};
 use crate::bundle::ModelSource;
 use crate::{Error, ErrorKind, Result};

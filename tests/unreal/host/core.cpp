@@ -4,9 +4,11 @@
 
 #include "host.h"
 
+#include <atomic>
 #include <cstdarg>
 #include <cstdio>
 #include <cwchar>
+#include <filesystem>
 #include <map>
 
 #include <windows.h>
@@ -215,8 +217,12 @@ FString FPaths::ConvertRelativePathToFull(const FString& base, const FString& pa
     return is_whole(*path) ? path : base + L"/" + path;
 }
 
+static std::atomic<int> loads{0};
+int pipeline_loads() { return loads; }
+
 bool FFileHelper::LoadFileToArray(TArray64<uint8>& to, const TCHAR* file, uint32)
 {
+    if (std::filesystem::path(file).filename() == L"Pipelines.bin") loads++;
     FILE* opened = _wfopen(file, L"rb");
     if (opened == nullptr) return false;
     fseek(opened, 0, SEEK_END);

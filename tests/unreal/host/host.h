@@ -13,6 +13,9 @@ const std::wstring& plugin_folder();
 /** The project that it is in; nowhere near the folder that the process happens to be in. */
 std::wstring project_folder();
 
+/** How often the plugin has looked for compiled pipelines. */
+int pipeline_loads();
+
 /** Starts the engine's renderer on Direct3D 12. */
 void start_renderer();
 /**

@@ -9,6 +9,7 @@
 #include "CairnInput.h"
 #include "CairnPass.h"
 #include "CairnPictures.h"
+#include "CairnPipelineCache.h"
 #include "CairnRuntimeModule.h"
 #include "CairnStream.h"
 #include "CairnWorldComponent.h"
@@ -22,6 +23,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <iterator>
 #include <map>
 
 #include <windows.h>
@@ -454,10 +457,48 @@ void input()
     expect(made.Pixels[0] == 1 && made.Pixels[2] == 3 && made.Pixels[3] == 255, "a capture's colours are taken, without its alpha");
 }
 
+/** Bytes that the plugin has of compiled pipelines, as the library asks for them. */
+std::vector<uint8> compiled()
+{
+    FCairnPipelineCache cache;
+    std::vector<uint8> bytes(FCairnPipelineCache::Load(nullptr, 0, &cache));
+    std::vector<uint8> less(bytes.size() / 2, 7);
+    expect(FCairnPipelineCache::Load(less.data(), less.size(), &cache) == bytes.size(), "how much there is is told");
+    expect(std::count(less.begin(), less.end(), 7) == static_cast<std::ptrdiff_t>(less.size()), "what does not fit is not written");
+    expect(FCairnPipelineCache::Load(bytes.data(), bytes.size(), &cache) == bytes.size(), "all is given");
+    return bytes;
+}
+
+/** What one run of the game has compiled the next one loads. The device's driver gives nothing away, so the library stores nothing itself. */
+void compiled_pipelines()
+{
+    const std::filesystem::path file = project_folder() + L"/Saved/Cairn/Pipelines.bin";
+    std::filesystem::remove(file);
+    expect(compiled().empty(), "there are none at first");
+    for (const std::size_t size : {std::size_t{100000}, std::size_t{10}}) {
+        FCairnPipelineCache cache;
+        std::vector<uint8> bytes(size);
+        for (std::size_t i = 0; i < size; i++) bytes[i] = static_cast<uint8>(i * i);
+        FCairnPipelineCache::Store(bytes.data(), size, &cache);
+        expect(compiled() == bytes, "what was stored last is loaded");
+    }
+    const std::filesystem::directory_iterator kept(file.parent_path());
+    expect(std::distance(begin(kept), end(kept)) == 1, "nothing else is left beside it");
+    /* Another one holds the file: the game goes on. */
+    const HANDLE held = CreateFileW(file.c_str(), GENERIC_READ, 0, nullptr, OPEN_EXISTING, 0, nullptr);
+    FCairnPipelineCache cache;
+    FCairnPipelineCache::Store("abc", 3, &cache);
+    CloseHandle(held);
+    expect(compiled().size() == 10, "what cannot be written changes nothing");
+    std::filesystem::remove(file);
+}
+
 void play()
 {
     input();
+    compiled_pipelines();
     start_renderer();
+    const int loaded = pipeline_loads();
     other_renderer();
     const unsigned long before = foreign_references();
     {
@@ -473,6 +514,7 @@ void play()
         late_submission(in);
         left_behind(in);
         refusals(in);
+        expect(pipeline_loads() == loaded + 1, "the device's pipelines are asked for once");
         /* What was stopped goes when the device has done with it. */
         actor idle(in);
         in.subsystem().Deinitialize();

@@ -220,7 +220,7 @@ mod show {
             call!(cairn_presenter_push as unsafe extern "C" fn(_, _, _, _) -> _, presenter, anchor, null(), at);
             call!(cairn_anchor_destroy as unsafe extern "C" fn(_) -> _, anchor);
         }
-        let (width, height, nowhere) = (size.0, size.1, null::<c_char>());
+        let (width, height, nowhere) = (size.0, size.1, null::<std::ffi::c_char>());
         call!(
             cairn_unity_prepare as unsafe extern "C" fn(_, _, _, _, _) -> _,
             frames,

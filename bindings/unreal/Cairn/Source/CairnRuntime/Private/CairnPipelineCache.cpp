@@ -35,7 +35,7 @@ uint64_t FCairnPipelineCache::Load(void* Bytes, uint64_t Capacity, void* User)
 	return Size;
 }
 
-void FCairnPipelineCache::Store(const void* Bytes, uint64_t Size, void* User)
+void FCairnPipelineCache::Store(const void* Bytes, uint64_t Size, void*)
 {
 	// Streams may prepare at the same time, and so may another process of the project. Who moves last is kept, whole.
 	static FCriticalSection Writing;
