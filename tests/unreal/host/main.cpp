@@ -192,6 +192,7 @@ void walk(level& in)
     expect(shown.ready == 1 && shown.progress == 1.0f, "the component says how far it is, and once that it is ready");
     const FCairnStatistics all = shown.component.GetStatistics();
     expect(all.Anchors >= 4 && all.Frames >= 4 && all.AnchorMs > 0 && !all.Generator.IsEmpty(), "statistics tell of it");
+    std::printf("generator %s\n", TCHAR_TO_UTF8(*all.Generator));
     expect(all.Unprepared == 0, "all that a frame needs is made before the first one");
     shown.component.EndPlay(EEndPlayReason::Destroyed);
     expect(!shown.component.IsPlaying(), "it ends with the game");

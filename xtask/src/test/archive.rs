@@ -52,7 +52,7 @@ struct Host<'a> {
     folder: &'a Path,
     /// The picture that it writes; none where it compares what it shows itself.
     picture: Option<&'a Path>,
-    /// Its last frame lies half way between two anchors, and it prints which generator made it.
+    /// It prints which generator its frames are made by; in C++ and in Unity the last one lies half way between two anchors.
     names_generator: bool,
 }
 
@@ -171,7 +171,7 @@ impl Hosts<'_> {
         let mut command = lab::alone(&program)?;
         command.arg(&plugin).arg("show");
         let (name, folder, picture) = ("the plugin for Unreal Engine", beside.as_path(), None);
-        let mut host = Host { name, command, folder, picture, names_generator: false };
+        let mut host = Host { name, command, folder, picture, names_generator: true };
         self.shows(log, &mut host, tally)
     }
 }
