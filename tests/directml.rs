@@ -193,9 +193,9 @@ fn a_rollout_leaves_the_queue_to_others_between_passes_where_it_is_told_to() {
         world.device().set_directml_options(options).expect("DirectML");
         let mut rollout = seeded(&world, &point(&world), 7);
         steps(&mut rollout, 0..1);
-        let before = rollout.device_times().expect("a Direct3D 12 device").elsewhere.yields;
+        let before = rollout.device_times().expect("a Direct3D 12 device").external.yields;
         steps(&mut rollout, 1..2);
-        let after = rollout.device_times().expect("a Direct3D 12 device").elsewhere.yields;
+        let after = rollout.device_times().expect("a Direct3D 12 device").external.yields;
         (after - before, fingerprint(&mut rollout).expect("bits"))
     };
     let (none, tight, wide) =

@@ -78,11 +78,11 @@ fn step_costs(world: &Arc<World>) -> Outcome<()> {
     let (mut ring, mut uploaded, mut copied, mut read, mut least) = (0, 0, 0, 0, 0);
     for _ in 0..STEPS {
         let global_too = rollout.planner().plan_step(&ControlInput::default())?.global.slot.is_some();
-        let before = times(&mut rollout)?.elsewhere;
+        let before = times(&mut rollout)?.external;
         let start = Instant::now();
         let made = rollout.step(&ControlInput::default())?;
         took.push(start.elapsed());
-        let after = times(&mut rollout)?.elsewhere;
+        let after = times(&mut rollout)?.external;
         let (inside_now, waited) = (after.inside - before.inside, after.waited - before.waited);
         own.push(took[took.len() - 1].saturating_sub(inside_now).saturating_sub(waited));
         inside.push(inside_now);

@@ -9,10 +9,13 @@ use ort::session::{IoBinding, Session};
 use ort::value::{Shape, TensorRefMut};
 
 use super::device::Backend;
+use super::execution_context::{
+    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId, RecordedCopy,
+    Region,
+};
 use super::failure::{make, ort_failure};
 use super::finite::all_finite;
 use super::graph::TensorSpec;
-use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, LookId, MAX_GROUPS, Region};
 use super::memory::Memory;
 use super::{Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
@@ -108,20 +111,27 @@ impl Backend for CpuBackend {
         Graph::commit(builder, what, model, inputs, &[], outputs).map(Arc::new)
     }
 
-    fn lane(&self) -> Result<Box<dyn Lane>> {
-        let (memories, bindings, kept, looks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Ok(Box::new(CpuLane { memories, bindings, kept, looks, bytes: Bytes::default(), read: 0.into() }))
+    fn context(&self) -> Result<Box<dyn ExecutionContext>> {
+        let (memories, bindings, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Box::new(CpuContext {
+            memories,
+            bindings,
+            recorded,
+            finite_checks,
+            bytes: Bytes::default(),
+            read: 0.into(),
+        }))
     }
 }
 
 /// Work is done when submitted, so nothing ever waits.
-struct CpuLane {
+struct CpuContext {
     // Bindings hold addresses of memories: they are dropped first.
     bindings: Vec<Bound>,
     memories: Vec<Memory>,
-    kept: Vec<Vec<KeptCopy>>,
+    recorded: Vec<Vec<RecordedCopy>>,
     /// Looks that were written down: groups of buffers, and the numbers that are in them.
-    looks: Vec<(Vec<Vec<BufferId>>, Precision)>,
+    finite_checks: Vec<(Vec<Vec<BufferId>>, Precision)>,
     bytes: Bytes,
     read: std::sync::atomic::AtomicU64,
 }
@@ -132,7 +142,7 @@ struct Bound {
     graph: Arc<Graph>,
 }
 
-impl Lane for CpuLane {
+impl ExecutionContext for CpuContext {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
         self.memories.push(Memory::zeroed(bytes)?);
         Ok(BufferId(self.memories.len() - 1))
@@ -184,17 +194,17 @@ impl Lane for CpuLane {
         Ok(())
     }
 
-    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
-        self.kept.push(copies);
-        Ok(CopiesId(self.kept.len() - 1))
+    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
+        self.recorded.push(copies);
+        Ok(RecordedCopiesId(self.recorded.len() - 1))
     }
 
-    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
         copies.iter().try_for_each(|copies| {
             // Taken out meanwhile, as a copy needs the whole lane.
-            let kept = std::mem::take(&mut self.kept[copies.0]);
-            let done = kept.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
-            self.kept[copies.0] = kept;
+            let recorded = std::mem::take(&mut self.recorded[copies.0]);
+            let done = recorded.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
+            self.recorded[copies.0] = recorded;
             done
         })
     }
@@ -237,14 +247,14 @@ impl Lane for CpuLane {
         Ok(())
     }
 
-    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
+    fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId> {
         assert!(groups.len() <= MAX_GROUPS, "groups that can be told apart");
-        self.looks.push((groups.iter().map(|group| group.to_vec()).collect(), precision));
-        Ok(LookId(self.looks.len() - 1))
+        self.finite_checks.push((groups.iter().map(|group| group.to_vec()).collect(), precision));
+        Ok(FiniteCheckId(self.finite_checks.len() - 1))
     }
 
-    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
-        let (groups, precision) = &self.looks[look.0];
+    fn not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
+        let (groups, precision) = &self.finite_checks[check.0];
         let is_finite = |buffer: &BufferId| all_finite(self.memories[buffer.0].bytes(), *precision);
         Ok(groups.iter().position(|group| !group.iter().all(is_finite)))
     }

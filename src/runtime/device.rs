@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::cpu::{CpuBackend, CpuOptions};
 use super::graph::TensorSpec;
-use super::{Graph, Lane, Ort};
+use super::{ExecutionContext, Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
 use crate::{LibrarySearch, Result};
 
@@ -25,7 +25,7 @@ pub(super) trait Backend: Send + Sync {
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>>;
 
-    fn lane(&self) -> Result<Box<dyn Lane>>;
+    fn context(&self) -> Result<Box<dyn ExecutionContext>>;
 
     /// The Direct3D 12 device it is, where it is one.
     #[cfg(windows)]
@@ -197,8 +197,8 @@ impl Device {
         self.backend.graph(what, model, dimensions, inputs, outputs)
     }
 
-    pub(crate) fn lane(&self) -> Result<Box<dyn Lane>> {
-        self.backend.lane()
+    pub(crate) fn context(&self) -> Result<Box<dyn ExecutionContext>> {
+        self.backend.context()
     }
 }
 

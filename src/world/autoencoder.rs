@@ -3,7 +3,7 @@
 use std::borrow::Borrow;
 
 use crate::bundle::Precision;
-use crate::runtime::{Backup, BindingId, BufferId, Lane, LookId};
+use crate::runtime::{Backup, BindingId, BufferId, ExecutionContext, FiniteCheckId};
 use crate::world::contract::Shapes;
 use crate::world::numbers::{self, Uploader};
 use crate::world::resize::Bilinear;
@@ -36,8 +36,8 @@ struct EncoderMemories {
     continued: [BindingId; 2],
     /// `fresh[i]` starts from zero and writes side i.
     fresh: [BindingId; 2],
-    /// What both sides are checked with: [`Lane::not_finite`].
-    looks: [LookId; 2],
+    /// What both sides are checked with: [`ExecutionContext::not_finite`].
+    finite_checks: [FiniteCheckId; 2],
     /// Whether a picture goes on where the one before it left off.
     is_kept: bool,
 }
@@ -59,7 +59,7 @@ impl Decoding {
 
 impl EncoderMemories {
     /// None where the graph is handed none.
-    fn new(lane: &mut dyn Lane, world: &World, rgb: BufferId, latent: BufferId) -> Result<Option<Self>> {
+    fn new(context: &mut dyn ExecutionContext, world: &World, rgb: BufferId, latent: BufferId) -> Result<Option<Self>> {
         let element = crate::runtime::element_size(world.precision());
         let shapes = &world.manifest().geometry.autoencoder.encoder_memories;
         if shapes.is_empty() {
@@ -67,18 +67,19 @@ impl EncoderMemories {
         }
         let mut set = || -> Result<Vec<BufferId>> {
             let bytes = |m: &[u32; 3]| m.iter().map(|&n| n as usize).product::<usize>() * element;
-            shapes.iter().map(|shape| lane.buffer(bytes(shape))).collect()
+            shapes.iter().map(|shape| context.buffer(bytes(shape))).collect()
         };
         let (zeroes, sides) = (set()?, [set()?, set()?]);
         let mut bind = |from: &[BufferId], to: &[BufferId]| {
             let tensors: Vec<_> = [&[rgb][..], from, &[latent], to].into_iter().flatten().copied().collect();
-            lane.bind(&world.encoder, &tensors)
+            context.bind(&world.encoder, &tensors)
         };
         let continued = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
         let fresh = [bind(&zeroes, &sides[0])?, bind(&zeroes, &sides[1])?];
         let precision = world.precision();
-        let looks = [lane.watch(&[&sides[0]], precision)?, lane.watch(&[&sides[1]], precision)?];
-        Ok(Some(Self { sides, current: 0, continued, fresh, looks, is_kept: false }))
+        let finite_checks =
+            [context.add_finite_check(&[&sides[0]], precision)?, context.add_finite_check(&[&sides[1]], precision)?];
+        Ok(Some(Self { sides, current: 0, continued, fresh, finite_checks, is_kept: false }))
     }
 }
 
@@ -102,26 +103,26 @@ pub(super) struct Autoencoder {
 
 impl Autoencoder {
     /// Binds both graphs: `latent` is what the encoder writes and the decoder reads.
-    pub(super) fn new(lane: &mut dyn Lane, world: &World, latent: BufferId) -> Result<Self> {
+    pub(super) fn new(context: &mut dyn ExecutionContext, world: &World, latent: BufferId) -> Result<Self> {
         let element = crate::runtime::element_size(world.precision());
         let pictures_bytes = world.shapes.pictures * world.shapes.picture_len() * element;
-        let encoder_rgb = lane.buffer(pictures_bytes)?;
-        let memories = EncoderMemories::new(lane, world, encoder_rgb, latent)?;
+        let encoder_rgb = context.buffer(pictures_bytes)?;
+        let memories = EncoderMemories::new(context, world, encoder_rgb, latent)?;
         let clip = match memories {
             Some(_) => None,
-            None => Some(lane.bind(&world.encoder, &[encoder_rgb, latent])?),
+            None => Some(context.bind(&world.encoder, &[encoder_rgb, latent])?),
         };
         let shapes = &world.manifest().geometry.autoencoder.memories;
         let mut side = || -> Result<Side> {
             let bytes = |m: &[u32; 3]| m.iter().map(|&n| n as usize).product::<usize>() * element;
             let sizes = shapes.iter().map(bytes).chain([pictures_bytes]);
-            Ok(Side { buffers: sizes.map(|bytes| lane.buffer(bytes)).collect::<Result<_>>()? })
+            Ok(Side { buffers: sizes.map(|bytes| context.buffer(bytes)).collect::<Result<_>>()? })
         };
         let sides = [side()?, side()?];
         let mut bind = |from: &Side, to: &Side| {
             let tensors: Vec<_> =
                 [&[latent][..], from.memories(), &[to.rgb()], to.memories()].into_iter().flatten().copied().collect();
-            lane.bind(&world.decoder, &tensors)
+            context.bind(&world.decoder, &tensors)
         };
         let decode = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
         let (shapes, precision) = (world.shapes, world.precision());
@@ -131,7 +132,7 @@ impl Autoencoder {
     /// Makes the latent of pictures of any sizes, each resized: as many as a latent has, or one, which is repeated. Where the encoder's
     /// stream is kept, it counts with [`commit_encoding`](Self::commit_encoding). Whether its memories are finite numbers then,
     /// which is waited for, is the answer.
-    pub(super) fn encode(&self, lane: &mut dyn Lane, pictures: &[impl Borrow<Picture>]) -> Result<bool> {
+    pub(super) fn encode(&self, context: &mut dyn ExecutionContext, pictures: &[impl Borrow<Picture>]) -> Result<bool> {
         if pictures.len() != 1 && pictures.len() != self.shapes.pictures {
             let cause = format!("{} pictures make no latent", pictures.len());
             return Err(Error::new(ErrorKind::InvalidArgument, cause)
@@ -144,14 +145,14 @@ impl Autoencoder {
             let picture: &Picture = pictures[i % pictures.len()].borrow();
             Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, planes);
         }
-        Uploader::new(self.precision, rgb.len())?.upload(lane, self.encoder_rgb, &rgb)?;
+        Uploader::new(self.precision, rgb.len())?.upload(context, self.encoder_rgb, &rgb)?;
         match &self.memories {
             Some(memories) if memories.is_kept => {
-                lane.run(memories.continued[memories.current])?;
-                Ok(lane.not_finite(memories.looks[1 - memories.current])?.is_none())
+                context.run(memories.continued[memories.current])?;
+                Ok(context.not_finite(memories.finite_checks[1 - memories.current])?.is_none())
             }
-            Some(memories) => lane.run(memories.fresh[1 - memories.current]).map(|()| true),
-            None => self.clip.map_or(Ok(()), |clip| lane.run(clip)).map(|()| true),
+            Some(memories) => context.run(memories.fresh[1 - memories.current]).map(|()| true),
+            None => self.clip.map_or(Ok(()), |clip| context.run(clip)).map(|()| true),
         }
     }
 
@@ -168,10 +169,10 @@ impl Autoencoder {
     }
 
     /// Lets appended pictures go on in the encoder's stream, which starts at zero, or no more.
-    pub(super) fn keep_stream(&mut self, lane: &mut dyn Lane, is_kept: bool) -> Result<()> {
+    pub(super) fn keep_stream(&mut self, context: &mut dyn ExecutionContext, is_kept: bool) -> Result<()> {
         match &mut self.memories {
             Some(memories) if memories.is_kept != is_kept => {
-                lane.clear(&memories.sides[memories.current])?;
+                context.clear(&memories.sides[memories.current])?;
                 memories.is_kept = is_kept;
                 Ok(())
             }
@@ -188,16 +189,16 @@ impl Autoencoder {
     /// Decodes the latent, after decoding it `prime` times for the memories' sake alone, for [`commit`](Self::commit) or
     /// [`undo`](Self::undo). Nothing waits for it, and nobody has looked at its numbers. When it fails, the side that counts is as it
     /// was.
-    pub(super) fn decode(&self, lane: &mut dyn Lane, prime: u32) -> Result<Decoding> {
+    pub(super) fn decode(&self, context: &mut dyn ExecutionContext, prime: u32) -> Result<Decoding> {
         // One run writes the side that does not count. More runs come back to the one that does.
-        let backup = if prime > 0 { Some(lane.back_up(&self.sides[self.current].buffers)?) } else { None };
+        let backup = if prime > 0 { Some(context.back_up(&self.sides[self.current].buffers)?) } else { None };
         let side = 1 - (self.current + prime as usize) % 2;
         let decoding = Decoding { side, backup };
         let mut runs = 0..=prime;
-        match runs.try_for_each(|run| lane.run(self.decode[(self.current + run as usize) % 2])) {
+        match runs.try_for_each(|run| context.run(self.decode[(self.current + run as usize) % 2])) {
             Ok(()) => Ok(decoding),
             Err(error) => {
-                self.undo(lane, decoding)?;
+                self.undo(context, decoding)?;
                 Err(error)
             }
         }
@@ -209,13 +210,13 @@ impl Autoencoder {
     }
 
     /// Takes back what was decoded.
-    pub(super) fn undo(&self, lane: &mut dyn Lane, decoding: Decoding) -> Result<()> {
-        decoding.backup.map_or(Ok(()), |backup| lane.put_back(backup))
+    pub(super) fn undo(&self, context: &mut dyn ExecutionContext, decoding: Decoding) -> Result<()> {
+        decoding.backup.map_or(Ok(()), |backup| context.put_back(backup))
     }
 
     /// Fills `planes`, `[3, H, W]`, with picture `i` of the last decoded latent.
-    pub(super) fn read(&self, lane: &dyn Lane, i: usize, planes: &mut [f32]) -> Result<()> {
-        numbers::read(lane, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
+    pub(super) fn read(&self, context: &dyn ExecutionContext, i: usize, planes: &mut [f32]) -> Result<()> {
+        numbers::read(context, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
     }
 
     /// Where the last decoded pictures are, `[pictures, 3, H, W]`.

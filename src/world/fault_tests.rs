@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::Rollout;
 use crate::bundle::Precision;
-use crate::runtime::{Backup, BindingId, BufferId, Bytes, CopiesId, Graph, KeptCopy, Lane, LookId, Region};
+use crate::runtime::{
+    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, Graph, RecordedCopiesId, RecordedCopy, Region,
+};
 use crate::{Error, ErrorKind, Result};
 
 /// When calls fail.
@@ -38,11 +40,11 @@ impl Fault {
 
 /// A lane whose calls fail when they are told to, but for the one that puts right what a failure left.
 struct Faulty {
-    inner: Box<dyn Lane>,
+    inner: Box<dyn ExecutionContext>,
     fault: Arc<Fault>,
 }
 
-impl Lane for Faulty {
+impl ExecutionContext for Faulty {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
         self.inner.buffer(bytes)
     }
@@ -75,11 +77,11 @@ impl Lane for Faulty {
         self.inner.copy(to, from, regions)
     }
 
-    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
+    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
         self.inner.keep(copies)
     }
 
-    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
         self.fault.call()?;
         self.inner.repeat(copies)
     }
@@ -103,11 +105,11 @@ impl Lane for Faulty {
         self.inner.read(from, at, into)
     }
 
-    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
-        self.inner.watch(groups, precision)
+    fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId> {
+        self.inner.add_finite_check(groups, precision)
     }
 
-    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
+    fn not_finite(&mut self, look: FiniteCheckId) -> Result<Option<usize>> {
         self.fault.call()?;
         self.inner.not_finite(look)
     }
@@ -145,9 +147,9 @@ fn no_fault_of_the_device_leaves_a_trace() {
     let mut untroubled = Rollout::new(&world, &common::point(&world), 1).expect("a rollout");
     let mut rollout = Rollout::new(&world, &common::point(&world), 1).expect("a rollout");
     let fault = Arc::new(Fault::default());
-    let idle = world.device().lane().expect("a lane");
-    let inner = std::mem::replace(&mut rollout.lane, idle);
-    rollout.lane = Box::new(Faulty { inner, fault: fault.clone() });
+    let idle = world.device().context().expect("a lane");
+    let inner = std::mem::replace(&mut rollout.context, idle);
+    rollout.context = Box::new(Faulty { inner, fault: fault.clone() });
 
     // The first one primes the decoder, which writes the very memories that count.
     let seed = common::picture(20, 10, 1);

@@ -4,7 +4,7 @@ use super::contract::Shapes;
 use super::world::World;
 use crate::Result;
 use crate::bundle::Precision;
-use crate::runtime::{BufferId, CopiesId, KeptCopy, Lane, Region, element_size};
+use crate::runtime::{BufferId, ExecutionContext, RecordedCopiesId, RecordedCopy, Region, element_size};
 
 /// Which half of a layer's memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -28,11 +28,11 @@ pub(super) struct KvMemory {
     /// Of each half, `[kv_heads, T, head_width]`, bound as `present`.
     slabs: Vec<BufferId>,
     /// For each slot, what brings the slabs of all local layers there; then the same of global layers.
-    commits: [Vec<CopiesId>; 2],
+    commits: [Vec<RecordedCopiesId>; 2],
 }
 
 impl KvMemory {
-    pub(super) fn new(lane: &mut dyn Lane, world: &World) -> Result<Self> {
+    pub(super) fn new(context: &mut dyn ExecutionContext, world: &World) -> Result<Self> {
         let (shapes, element) = (world.shapes, element_size(world.precision()));
         let geometry = &world.manifest().geometry;
         let mut halves = Vec::with_capacity(2 * shapes.layers);
@@ -40,19 +40,19 @@ impl KvMemory {
         for layer in 0..geometry.layers {
             let global = geometry.is_global(layer);
             for _ in [Part::Keys, Part::Values] {
-                halves.push(Half { global, ring: lane.buffer(shapes.ring_len(global) * element)? });
-                slabs.push(lane.buffer(shapes.slab_len() * element)?);
+                halves.push(Half { global, ring: context.buffer(shapes.ring_len(global) * element)? });
+                slabs.push(context.buffer(shapes.slab_len() * element)?);
             }
         }
         let mut commits = |global: bool| {
             let to_slot = |slot: usize| {
                 let ours = halves.iter().zip(&slabs).filter(|(half, _)| half.global == global);
-                let copy = |(half, slab): (&Half, &BufferId)| KeptCopy {
+                let copy = |(half, slab): (&Half, &BufferId)| RecordedCopy {
                     to: half.ring,
                     from: *slab,
                     regions: regions(&shapes, element, global, slot),
                 };
-                lane.keep(ours.map(copy).collect())
+                context.keep(ours.map(copy).collect())
             };
             (0..shapes.buckets(global)).map(to_slot).collect::<Result<Vec<_>>>()
         };
@@ -79,16 +79,16 @@ impl KvMemory {
     /// copies `others`: all or nothing.
     pub(super) fn commit(
         &self,
-        lane: &mut dyn Lane,
+        context: &mut dyn ExecutionContext,
         local: Option<usize>,
         global: Option<usize>,
-        others: CopiesId,
+        others: RecordedCopiesId,
     ) -> Result<()> {
         let [locals, globals] = &self.commits;
         match (local.map(|slot| locals[slot]), global.map(|slot| globals[slot])) {
-            (Some(local), Some(global)) => lane.repeat(&[local, global, others]),
-            (Some(slot), None) | (None, Some(slot)) => lane.repeat(&[slot, others]),
-            (None, None) => lane.repeat(&[others]),
+            (Some(local), Some(global)) => context.repeat(&[local, global, others]),
+            (Some(slot), None) | (None, Some(slot)) => context.repeat(&[slot, others]),
+            (None, None) => context.repeat(&[others]),
         }
     }
 }

@@ -4,7 +4,7 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 
 use crate::bundle::Precision;
-use crate::runtime::{BufferId, Lane};
+use crate::runtime::{BufferId, ExecutionContext};
 use crate::{Error, ErrorKind, Result};
 
 /// Writes f32 numbers into buffers of one precision, without allocating.
@@ -21,28 +21,34 @@ impl Uploader {
     }
 
     /// Writes `values` to the start of `to`.
-    pub(super) fn upload(&mut self, lane: &mut dyn Lane, to: BufferId, values: &[f32]) -> Result<()> {
+    pub(super) fn upload(&mut self, context: &mut dyn ExecutionContext, to: BufferId, values: &[f32]) -> Result<()> {
         match self.precision {
-            Precision::F32 => lane.upload(to, 0, bytemuck::cast_slice(values)),
+            Precision::F32 => context.upload(to, 0, bytemuck::cast_slice(values)),
             Precision::F16 => {
                 let staging = &mut self.staging[..values.len()];
                 staging.convert_from_f32_slice(values);
-                lane.upload(to, 0, bytemuck::cast_slice(staging))
+                context.upload(to, 0, bytemuck::cast_slice(staging))
             }
         }
     }
 }
 
 /// Fills `values` from a buffer of `precision`, starting at its number `at`.
-pub(super) fn read(lane: &dyn Lane, precision: Precision, from: BufferId, at: usize, values: &mut [f32]) -> Result<()> {
+pub(super) fn read(
+    context: &dyn ExecutionContext,
+    precision: Precision,
+    from: BufferId,
+    at: usize,
+    values: &mut [f32],
+) -> Result<()> {
     match precision {
-        Precision::F32 => lane.read(from, at * 4, bytemuck::cast_slice_mut(values)),
+        Precision::F32 => context.read(from, at * 4, bytemuck::cast_slice_mut(values)),
         Precision::F16 => {
             // The halves land in the rear half of the memory they are widened in: number i is read at byte 2n + 2i
             // before bytes 4i to 4i + 3 are written, and no later number lies there.
             let n = values.len();
             let halves: &mut [f16] = bytemuck::cast_slice_mut(values);
-            lane.read(from, at * 2, bytemuck::cast_slice_mut(&mut halves[n..]))?;
+            context.read(from, at * 2, bytemuck::cast_slice_mut(&mut halves[n..]))?;
             for i in 0..n {
                 let wide = halves[n + i].to_f32().to_bits();
                 halves[2 * i..2 * i + 2].copy_from_slice(bytemuck::cast_slice::<u32, f16>(&[wide]));

@@ -9,7 +9,7 @@ use super::schedule::MAX_POINTS;
 use super::world::World;
 use crate::Result;
 use crate::bundle::Precision;
-use crate::runtime::{BindingId, BufferId, Lane, Region, element_size};
+use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
 
 /// The mask value of a hidden key; f16 can hold it, and no score comes near it.
 const HIDDEN: f32 = -10_000.0;
@@ -52,12 +52,12 @@ struct Staging {
 }
 
 impl Passes {
-    pub(super) fn new(lane: &mut dyn Lane, world: &World, kv: &KvMemory) -> Result<Self> {
+    pub(super) fn new(context: &mut dyn ExecutionContext, world: &World, kv: &KvMemory) -> Result<Self> {
         let (shapes, precision) = (world.shapes, world.precision());
         let (f, single) = (element_size(precision), element_size(Precision::F32));
         let rope = RopeTable::new(&world.manifest().geometry)?;
         assert_eq!(rope.len(), shapes.rope_len(), "rope angles are [T, head_width / 2]");
-        let mut buffer = |len: usize, element| lane.buffer(len * element);
+        let mut buffer = |len: usize, element| context.buffer(len * element);
         let x = [buffer(shapes.latent_len(), f)?, buffer(shapes.latent_len(), f)?];
         let (sigma, dsigma) = (buffer(1, single)?, buffer(1, single)?);
         let (rope_cos, rope_sin) = (buffer(rope.len(), single)?, buffer(rope.len(), single)?);
@@ -67,7 +67,7 @@ impl Passes {
         let mut bind = |x: BufferId, x_next: BufferId| {
             let inputs = [x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask];
             let tensors: Vec<_> = inputs.into_iter().chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
-            lane.bind(&world.transformer, &tensors)
+            context.bind(&world.transformer, &tensors)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
         let staging = Staging {
@@ -109,58 +109,63 @@ impl Passes {
     }
 
     /// Uploads what all passes of `plan` have in common, and its sigmas, followed by `last`.
-    pub(super) fn prepare(&mut self, lane: &mut dyn Lane, plan: &StepPlan, last: [f32; 2]) -> Result<()> {
+    pub(super) fn prepare(
+        &mut self,
+        context: &mut dyn ExecutionContext,
+        plan: &StepPlan,
+        last: [f32; 2],
+    ) -> Result<()> {
         let s = &mut self.staging;
         self.rope.fill(plan.rope_time, &mut s.rope_cos, &mut s.rope_sin)?;
-        lane.upload(self.rope_cos, 0, bytemuck::cast_slice(&s.rope_cos))?;
-        lane.upload(self.rope_sin, 0, bytemuck::cast_slice(&s.rope_sin))?;
+        context.upload(self.rope_cos, 0, bytemuck::cast_slice(&s.rope_cos))?;
+        context.upload(self.rope_sin, 0, bytemuck::cast_slice(&s.rope_sin))?;
         assert_eq!(plan.controls.len(), self.shapes.controls, "controls are [mouse + buttons + scroll]");
-        lane.upload(self.controls, 0, bytemuck::cast_slice(&plan.controls))?;
+        context.upload(self.controls, 0, bytemuck::cast_slice(&plan.controls))?;
         for (mask, buffer, ring) in
             [(&mut s.local_mask, self.local_mask, &plan.local), (&mut s.global_mask, self.global_mask, &plan.global)]
         {
             fill_mask(mask, ring, self.shapes.tokens);
-            self.uploader.upload(lane, buffer, mask)?;
+            self.uploader.upload(context, buffer, mask)?;
         }
         s.table.clear();
         s.table.extend(plan.sigmas.iter().zip(&plan.dsigmas).map(|(&sigma, &dsigma)| [sigma, dsigma]));
         s.table.push(last);
-        lane.upload(self.table, 0, bytemuck::cast_slice(&s.table))
+        context.upload(self.table, 0, bytemuck::cast_slice(&s.table))
     }
 
     /// Denoises by the prepared plan: noise first, then every pass from the one buffer to the other.
-    pub(super) fn denoise(&mut self, lane: &mut dyn Lane, plan: &StepPlan) -> Result<()> {
+    pub(super) fn denoise(&mut self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
         let n = plan.sigmas.len();
         if let Some(key) = plan.noise {
             key.fill(&mut self.staging.x);
             // n passes end in the first buffer.
-            self.uploader.upload(lane, self.x[n % 2], &self.staging.x)?;
+            self.uploader.upload(context, self.x[n % 2], &self.staging.x)?;
         }
-        (0..n).try_for_each(|pass| self.run(lane, pass, (n - pass) % 2))
+        (0..n).try_for_each(|pass| self.run(context, pass, (n - pass) % 2))
     }
 
     /// The pass after the plan's own, at the level `prepare` was given as the last, on the finished latent. As the
     /// cache pass its slabs count and its `x_next` does not.
-    pub(super) fn extra(&self, lane: &mut dyn Lane, plan: &StepPlan) -> Result<()> {
-        self.run(lane, plan.sigmas.len(), 0)
+    pub(super) fn extra(&self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
+        self.run(context, plan.sigmas.len(), 0)
     }
 
-    fn run(&self, lane: &mut dyn Lane, row: usize, from: usize) -> Result<()> {
+    fn run(&self, context: &mut dyn ExecutionContext, row: usize, from: usize) -> Result<()> {
         for (buffer, offset) in [(self.sigma, 0), (self.dsigma, ROW / 2)] {
-            lane.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])?;
+            context.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])?;
         }
-        lane.run(self.bindings[from])
+        context.run(self.bindings[from])
     }
 
     /// Uploads a latent from outside.
-    pub(super) fn set_latent(&mut self, lane: &mut dyn Lane, latent: &[f32]) -> Result<()> {
+    pub(super) fn set_latent(&mut self, context: &mut dyn ExecutionContext, latent: &[f32]) -> Result<()> {
         assert_eq!(latent.len(), self.shapes.latent_len(), "a latent is [C, h, w]");
-        self.uploader.upload(lane, self.x[0], latent)
+        self.uploader.upload(context, self.x[0], latent)
     }
 
     /// What the last pass made of the latent it read.
-    pub(super) fn read_next(&self, lane: &dyn Lane, x_next: &mut [f32]) -> Result<()> {
-        numbers::read(lane, self.precision, self.x[1], 0, x_next)
+    pub(super) fn read_next(&self, context: &dyn ExecutionContext, x_next: &mut [f32]) -> Result<()> {
+        numbers::read(context, self.precision, self.x[1], 0, x_next)
     }
 }
 

@@ -18,7 +18,9 @@ use super::plan::{CachePass, Planner, StepPlan};
 use super::resize::Bilinear;
 use super::statistics::{Stages, Statistics, StepInfo};
 use super::world::World;
-use crate::runtime::{BufferId, CopiesId, KeptCopy, Lane, LookId, Region, StopLane};
+use crate::runtime::{
+    BufferId, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region, StoppableContext,
+};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// One running instance of a world: KV ring, clocks, noise seed, autoencoder memories.
@@ -31,18 +33,18 @@ pub struct Rollout {
     pub(super) world: Arc<World>,
     pub(super) point: OperatingPoint,
     pub(super) planner: Planner,
-    pub(super) lane: Box<dyn Lane>,
+    pub(super) context: Box<dyn ExecutionContext>,
     pub(super) kv: KvMemory,
     pub(super) autoencoder: Autoencoder,
     /// The last finished latent.
     pub(super) latent: BufferId,
     passes: Passes,
     /// What brings the latent that passes made into `latent`.
-    keep_latent: CopiesId,
+    keep_latent: RecordedCopiesId,
     /// One look at all that a step has made, for each side of the decoder: its groups are `LATENT`, `DECODED` and K and V.
-    looks: [LookId; 2],
+    finite_checks: [FiniteCheckId; 2],
     /// The same at the latent alone.
-    latent_look: LookId,
+    latent_check: FiniteCheckId,
     /// Kept from step to step for its memory.
     plan: StepPlan,
     /// The last finished latent on the host, once somebody asked.
@@ -99,18 +101,19 @@ impl Rollout {
         world.check_point(point)?;
         world.check_room_for_rollout(freed)?;
         let planner = Planner::new(world.manifest(), point, seed)?;
-        let mut lane: Box<dyn Lane> = Box::new(StopLane::new(world.device(), stop.clone())?);
-        let kv = KvMemory::new(&mut *lane, world)?;
-        let passes = Passes::new(&mut *lane, world, &kv)?;
-        let autoencoder = Autoencoder::new(&mut *lane, world, passes.latent())?;
-        let whole = Region { to: 0, from: 0, len: lane.size(passes.latent()) };
-        let latent = lane.buffer(whole.len)?;
-        let keep_latent = lane.keep(vec![KeptCopy { to: latent, from: passes.latent(), regions: vec![whole] }])?;
+        let mut context: Box<dyn ExecutionContext> = Box::new(StoppableContext::new(world.device(), stop.clone())?);
+        let kv = KvMemory::new(&mut *context, world)?;
+        let passes = Passes::new(&mut *context, world, &kv)?;
+        let autoencoder = Autoencoder::new(&mut *context, world, passes.latent())?;
+        let whole = Region { to: 0, from: 0, len: context.size(passes.latent()) };
+        let latent = context.buffer(whole.len)?;
+        let keep_latent =
+            context.keep(vec![RecordedCopy { to: latent, from: passes.latent(), regions: vec![whole] }])?;
         let (made, slabs, precision) = ([passes.latent()], kv.slabs().collect::<Vec<_>>(), world.precision());
-        let mut look = |decoded| lane.watch(&[&made, decoded, &slabs], precision);
+        let mut look = |decoded| context.add_finite_check(&[&made, decoded, &slabs], precision);
         let [one, other] = autoencoder.sides();
-        let looks = [look(one)?, look(other)?];
-        let latent_look = lane.watch(&[&made], precision)?;
+        let finite_checks = [look(one)?, look(other)?];
+        let latent_check = context.add_finite_check(&[&made], precision)?;
         Ok(Self {
             planner,
             point: point.clone(),
@@ -119,9 +122,9 @@ impl Rollout {
             latent,
             passes,
             keep_latent,
-            looks,
-            latent_look,
-            lane,
+            finite_checks,
+            latent_check,
+            context,
             plan: StepPlan::default(),
             host_latent: OnceCell::new(),
             spare_latent: Cell::new(numbers::zeroed(world.latent_len())?),
@@ -158,7 +161,7 @@ impl Rollout {
             |rollout, plan| {
                 let mut run = Run::start(rollout);
                 let start = Instant::now();
-                if !rollout.autoencoder.encode(&mut *rollout.lane, pictures)? {
+                if !rollout.autoencoder.encode(&mut *rollout.context, pictures)? {
                     return Err(device_not_finite("the encoder's memory"));
                 }
                 run.stages.encode.add(1, start);
@@ -175,7 +178,7 @@ impl Rollout {
     /// # Errors
     /// `Unsupported` where the bundle's encoder is not handed its memories; `Device` when the device is lost.
     pub fn keep_encoder_stream(&mut self, keep: bool) -> Result<()> {
-        self.autoencoder.keep_stream(&mut *self.lane, keep)
+        self.autoencoder.keep_stream(&mut *self.context, keep)
     }
 
     /// Whether [`keep_encoder_stream`](Self::keep_encoder_stream) was told to.
@@ -238,7 +241,7 @@ impl Rollout {
         }
         self.check_latent(latent)?;
         let run = Run::start(self);
-        self.passes.set_latent(&mut *self.lane, latent)?;
+        self.passes.set_latent(&mut *self.context, latent)?;
         self.finish(plan, run)
     }
 
@@ -253,16 +256,16 @@ impl Rollout {
         if !sigma.is_finite() {
             return Err(not_finite("sigma"));
         }
-        self.passes.prepare(&mut *self.lane, plan, [sigma, -1.0])?;
-        self.passes.set_latent(&mut *self.lane, x)?;
-        self.passes.extra(&mut *self.lane, plan)?;
+        self.passes.prepare(&mut *self.context, plan, [sigma, -1.0])?;
+        self.passes.set_latent(&mut *self.context, x)?;
+        self.passes.extra(&mut *self.context, plan)?;
         let mut velocity = numbers::zeroed(x.len())?;
-        self.passes.read_next(&*self.lane, &mut velocity)?;
+        self.passes.read_next(&*self.context, &mut velocity)?;
         velocity.iter_mut().zip(x).for_each(|(v, x)| *v = x - *v);
         let (mut keys, mut values) = (Vec::new(), Vec::new());
         for (i, slab) in self.kv.slabs().enumerate() {
             let mut numbers = numbers::zeroed(self.world.shapes.slab_len())?;
-            numbers::read(&*self.lane, self.world.precision(), slab, 0, &mut numbers)?;
+            numbers::read(&*self.context, self.world.precision(), slab, 0, &mut numbers)?;
             if i % 2 == 0 { keys.push(numbers) } else { values.push(numbers) }
         }
         Ok(Probe { velocity, keys, values })
@@ -273,10 +276,10 @@ impl Rollout {
     /// # Errors
     /// `Device` when the encoder fails or gives a number that is not finite.
     pub fn encode(&mut self, picture: &Picture) -> Result<Vec<f32>> {
-        self.autoencoder.encode(&mut *self.lane, &[picture])?;
+        self.autoencoder.encode(&mut *self.context, &[picture])?;
         let mut latent = numbers::zeroed(self.world.latent_len())?;
-        numbers::read(&*self.lane, self.world.precision(), self.passes.latent(), 0, &mut latent)?;
-        match self.lane.not_finite(self.latent_look)? {
+        numbers::read(&*self.context, self.world.precision(), self.passes.latent(), 0, &mut latent)?;
+        match self.context.not_finite(self.latent_check)? {
             None => Ok(latent),
             Some(_) => Err(device_not_finite("the encoded latent")),
         }
@@ -290,12 +293,12 @@ impl Rollout {
     /// `Device`, `DeviceRemoved`; it does not rest then. What brings the memory back fails with `OutOfMemory` where there is no place for it,
     /// with all as it was, and may be tried again.
     pub fn rest(&mut self) -> Result<()> {
-        self.lane.rest()
+        self.context.rest()
     }
 
     /// Whether its memory was evicted by [`rest`](Self::rest) and has not been needed since.
     pub fn is_resting(&self) -> bool {
-        self.lane.is_resting()
+        self.context.is_resting()
     }
 
     /// Back to the start, with the same seed.
@@ -304,7 +307,7 @@ impl Rollout {
     /// `Device` when the device is lost.
     pub fn reset(&mut self) -> Result<()> {
         let buffers: Vec<_> = self.state_buffers().collect();
-        self.lane.clear(&buffers)?;
+        self.context.clear(&buffers)?;
         self.planner.reset();
         self.forget_host_latent();
         Ok(())
@@ -323,7 +326,7 @@ impl Rollout {
         if latent.is_empty() {
             latent = numbers::zeroed(self.world.latent_len())?;
         }
-        numbers::read(&*self.lane, self.world.precision(), self.latent, 0, &mut latent)?;
+        numbers::read(&*self.context, self.world.precision(), self.latent, 0, &mut latent)?;
         Ok(self.host_latent.get_or_init(|| latent))
     }
 
@@ -346,7 +349,7 @@ impl Rollout {
         if picture.size() != (width, height) {
             *picture = Picture::new(width, height)?;
         }
-        self.autoencoder.read(&*self.lane, index as usize, &mut self.planes)?;
+        self.autoencoder.read(&*self.context, index as usize, &mut self.planes)?;
         self.to_render.to_picture(&self.planes, picture);
         self.statistics.stages.resize.add(1, start);
         Ok(())
@@ -360,7 +363,7 @@ impl Rollout {
         self.check_started()?;
         let shapes = &self.world.shapes;
         let mut rgb = numbers::zeroed(shapes.pictures * shapes.picture_len())?;
-        self.autoencoder.read(&*self.lane, 0, &mut rgb)?;
+        self.autoencoder.read(&*self.context, 0, &mut rgb)?;
         Ok(rgb)
     }
 
@@ -375,8 +378,8 @@ impl Rollout {
             .state()
             .take(count)
             .map(|buffer| {
-                let mut memory = numbers::zeroed(self.lane.size(buffer) / element)?;
-                numbers::read(&*self.lane, self.world.precision(), buffer, 0, &mut memory)?;
+                let mut memory = numbers::zeroed(self.context.size(buffer) / element)?;
+                numbers::read(&*self.context, self.world.precision(), buffer, 0, &mut memory)?;
                 Ok(memory)
             })
             .collect()
@@ -392,8 +395,8 @@ impl Rollout {
             Error::new(ErrorKind::InvalidArgument, format!("there is no layer {layer}; the world has {layers}"))
                 .field("layer")
         })?;
-        let mut bytes = numbers::zeroed(self.lane.size(buffer))?;
-        self.lane.read(buffer, 0, &mut bytes)?;
+        let mut bytes = numbers::zeroed(self.context.size(buffer))?;
+        self.context.read(buffer, 0, &mut bytes)?;
         Ok(bytes)
     }
 
@@ -415,7 +418,7 @@ impl Rollout {
     /// Figures since it was made; [`reset`](Self::reset) and [`restore`](Self::restore) do not touch them.
     pub fn statistics(&self) -> Statistics {
         // What lanes before this one moved is kept there.
-        Statistics { bytes: self.statistics.bytes + self.lane.bytes(), ..self.statistics }
+        Statistics { bytes: self.statistics.bytes + self.context.bytes(), ..self.statistics }
     }
 
     /// Goes on counting where `other`, whose place it takes, leaves off.
@@ -450,23 +453,23 @@ impl Rollout {
     fn finish(&mut self, plan: &StepPlan, mut run: Run) -> Result<StepInfo> {
         // First, as nothing may fail once what the plan says is done.
         self.planner.check(plan)?;
-        let lane = &mut *self.lane;
-        self.passes.prepare(lane, plan, [0.0, 0.0])?;
+        let context = &mut *self.context;
+        self.passes.prepare(context, plan, [0.0, 0.0])?;
         let start = Instant::now();
-        self.passes.denoise(lane, plan)?;
+        self.passes.denoise(context, plan)?;
         run.stages.denoise.add(plan.sigmas.len() as u64, start);
         if plan.cache == CachePass::Separate {
             let start = Instant::now();
-            self.passes.extra(lane, plan)?;
+            self.passes.extra(context, plan)?;
             run.stages.cache.add(1, start);
         }
         let committed = plan.cache != CachePass::Skip;
         let start = Instant::now();
-        let decoding = self.autoencoder.decode(lane, plan.prime)?;
+        let decoding = self.autoencoder.decode(context, plan.prime)?;
         run.stages.decode.add(u64::from(plan.prime) + 1, start);
         let start = Instant::now();
         // All of it at once, as the device is waited for here.
-        let looked = lane.not_finite(self.looks[decoding.side()]).and_then(|group| {
+        let looked = context.not_finite(self.finite_checks[decoding.side()]).and_then(|group| {
             let what = match group {
                 None => return Ok(()),
                 Some(LATENT) => "latent",
@@ -478,18 +481,18 @@ impl Rollout {
             Err(device_not_finite(&format!("{what} {}", plan.latent)))
         });
         if let Err(error) = looked {
-            self.autoencoder.undo(lane, decoding)?;
+            self.autoencoder.undo(context, decoding)?;
             return Err(error);
         }
         run.stages.commit.add(0, start);
 
         let start = Instant::now();
-        let before = lane.bytes().copied;
-        if let Err(error) = self.kv.commit(lane, plan.local.slot, plan.global.slot, self.keep_latent) {
-            self.autoencoder.undo(lane, decoding)?;
+        let before = context.bytes().copied;
+        if let Err(error) = self.kv.commit(context, plan.local.slot, plan.global.slot, self.keep_latent) {
+            self.autoencoder.undo(context, decoding)?;
             return Err(error);
         }
-        let ring_bytes = lane.bytes().copied - before - lane.size(self.latent) as u64;
+        let ring_bytes = context.bytes().copied - before - context.size(self.latent) as u64;
         self.autoencoder.commit(decoding);
         self.planner.committed(plan)?;
         run.stages.commit.add(u64::from(committed), start);
@@ -498,7 +501,7 @@ impl Rollout {
         self.statistics.latents += 1;
         self.statistics.stages.add(&run.stages);
         self.statistics.ring_bytes += ring_bytes;
-        let bytes = self.lane.bytes() - run.bytes;
+        let bytes = self.context.bytes() - run.bytes;
         Ok(StepInfo { latent: plan.latent, committed, stages: run.stages, bytes, ring_bytes })
     }
 
@@ -562,7 +565,7 @@ struct Run {
 
 impl Run {
     fn start(rollout: &Rollout) -> Self {
-        Self { stages: Stages::default(), bytes: rollout.lane.bytes() }
+        Self { stages: Stages::default(), bytes: rollout.context.bytes() }
     }
 }
 

@@ -61,8 +61,8 @@ impl Rollout {
         }
         for buffer in self.state_buffers() {
             let start = out.len();
-            out.resize(start + self.lane.size(buffer), 0);
-            self.lane.read(buffer, 0, &mut out[start..])?;
+            out.resize(start + self.context.size(buffer), 0);
+            self.context.read(buffer, 0, &mut out[start..])?;
         }
         let checksum = Sha256::digest(&out);
         out.extend_from_slice(&checksum);
@@ -87,7 +87,7 @@ impl Rollout {
     }
 
     fn len_with(&self, head: &[u8], planner: &[u8]) -> usize {
-        let payload: usize = self.state_buffers().map(|buffer| self.lane.size(buffer)).sum();
+        let payload: usize = self.state_buffers().map(|buffer| self.context.size(buffer)).sum();
         MAGIC.len() + 12 + head.len() + planner.len() + payload + CHECKSUM
     }
 
@@ -122,7 +122,7 @@ impl Rollout {
         let mut planner = Planner::new(self.world.manifest(), &point, head.seed)
             .map_err(|e| foreign("operating_point", &e.to_string()))?;
         planner.restore(planner_state)?;
-        let expected: usize = self.state_buffers().map(|buffer| self.lane.size(buffer)).sum();
+        let expected: usize = self.state_buffers().map(|buffer| self.context.size(buffer)).sum();
         if payload.len() != expected {
             return Err(damaged(&format!("it holds {} bytes of memory, this world has {expected}", payload.len())));
         }
@@ -132,12 +132,12 @@ impl Rollout {
         // Nothing can be wrong with the state any more.
         let mut rest = payload;
         let of_buffer = |buffer| {
-            let (bytes, tail) = rest.split_at(self.lane.size(buffer));
+            let (bytes, tail) = rest.split_at(self.context.size(buffer));
             rest = tail;
             (buffer, bytes)
         };
         let contents: Vec<_> = self.state_buffers().map(of_buffer).collect();
-        self.lane.replace(&contents)?;
+        self.context.replace(&contents)?;
         self.planner = planner;
         self.point = point;
         self.budget = None;

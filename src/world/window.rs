@@ -36,17 +36,17 @@ impl Rollout {
         let slots = moved.planner.take_over(&self.planner);
         let mut contents = Vec::new();
         for (to, from) in moved.state_buffers().zip(self.state_buffers()) {
-            let mut bytes = super::numbers::zeroed(self.lane.size(from))?;
-            self.lane.read(from, 0, &mut bytes)?;
+            let mut bytes = super::numbers::zeroed(self.context.size(from))?;
+            self.context.read(from, 0, &mut bytes)?;
             if self.is_global_ring(from) {
-                let mut other = super::numbers::zeroed(moved.lane.size(to))?;
+                let mut other = super::numbers::zeroed(moved.context.size(to))?;
                 self.world.shapes.move_slots(self.world.precision(), &bytes, &mut other, &slots);
                 bytes = other;
             }
             contents.push((to, bytes));
         }
         let contents: Vec<_> = contents.iter().map(|(to, bytes)| (*to, bytes.as_slice())).collect();
-        moved.lane.replace(&contents)?;
+        moved.context.replace(&contents)?;
         moved.take_figures(self);
         (moved.budget, moved.governed) = (self.budget.take(), self.governed.take());
         *self = moved;

@@ -96,9 +96,9 @@ pub(in crate::abi) fn rollout_figures(rollout: &mut Rollout) -> RolloutFigures {
         passes: times(took.passes),
         decodes: times(took.decode),
         commits: times(took.commit),
-        inside: took.elsewhere.inside,
-        waited: took.elsewhere.waited,
-        yields: took.elsewhere.yields,
+        inside: took.external.inside,
+        waited: took.external.waited,
+        yields: took.external.yields,
         captured: captured.used,
         others: captured.unproven + captured.unused,
     }

@@ -2,16 +2,16 @@
 
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
-use super::kept::KeptList;
+use super::reusable_list::ReusableList;
 use crate::Result;
 use crate::gpu::{Gpu, Heap, Moment, buffer};
-use crate::runtime::lane::Region;
+use crate::runtime::execution_context::Region;
 
 /// A copy of buffers, and the list that brings it back: recorded with it, so that nothing is asked for when that is needed.
 pub(crate) struct Backup {
-    back: KeptList,
+    back: ReusableList,
     /// The list that made the copy, and where that is.
-    _forth: KeptList,
+    _forth: ReusableList,
     _copy: ID3D12Resource,
     /// When nothing of it is used any more.
     last: Moment,
@@ -29,9 +29,9 @@ impl Backup {
             at += len;
         }
         let forth = of.iter().zip(&forth).map(|((buffer, _), regions)| ((&copy, *buffer), regions.as_slice()));
-        let forth = KeptList::new(gpu, forth)?;
+        let forth = ReusableList::new(gpu, forth)?;
         let back = of.iter().zip(&back).map(|((buffer, _), regions)| ((*buffer, &copy), regions.as_slice()));
-        let back = KeptList::new(gpu, back)?;
+        let back = ReusableList::new(gpu, back)?;
         let last = gpu.anchors().submit(std::slice::from_ref(forth.list()))?;
         Ok(Self { back, _forth: forth, _copy: copy, last })
     }

@@ -3,12 +3,12 @@
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
 use super::capture::{Capture, Named};
-use super::lane::{DirectMlLane, groups_for};
+use super::context::{DirectMlContext, groups_for};
 use crate::Result;
 use crate::gpu::{Heap, buffer};
-use crate::runtime::lane::{BindingId, Region};
+use crate::runtime::execution_context::{BindingId, Region};
 
-impl DirectMlLane {
+impl DirectMlContext {
     /// Runs a binding as ever, then by capture, and decides how it is run from now on. Whatever comes of it, the outputs are those of
     /// a run.
     pub(super) fn run_both_ways(&mut self, id: BindingId) -> Result<()> {
@@ -82,7 +82,7 @@ impl DirectMlLane {
     }
 
     /// A buffer with what fills its last word up, in bytes.
-    fn words(&self, of: crate::runtime::lane::BufferId) -> (ID3D12Resource, usize) {
+    fn words(&self, of: crate::runtime::execution_context::BufferId) -> (ID3D12Resource, usize) {
         let buffer = &self.buffers[of.0];
         (buffer.resource.clone(), buffer.bytes.next_multiple_of(size_of::<u32>()))
     }

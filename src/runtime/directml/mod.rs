@@ -3,14 +3,14 @@
 mod backup;
 mod capture;
 mod checks;
-mod kept;
-mod lane;
+mod context;
+mod finite_check;
 mod library;
-mod look;
 mod recorder;
+mod reusable_list;
 mod snapshot;
+mod submission_throttle;
 mod times;
-mod way;
 mod weights;
 
 use std::path::PathBuf;
@@ -28,7 +28,7 @@ use windows::core::Interface;
 use super::device::Backend;
 use super::failure::make;
 use super::graph::TensorSpec;
-use super::{Graph, Lane, Ort};
+use super::{ExecutionContext, Graph, Ort};
 pub(crate) use backup::Backup;
 pub use capture::Captured;
 pub(super) use capture::Captures;
@@ -78,7 +78,7 @@ pub(super) struct DirectMlBackend {
     ort: Ort,
     gpu: Gpu,
     device: IDMLDevice,
-    kernels: Arc<lane::Kernels>,
+    kernels: Arc<context::Kernels>,
     name: String,
     options: Mutex<DirectMlOptions>,
 }
@@ -93,7 +93,7 @@ impl DirectMlBackend {
         let library = library::load(ort)?;
         let device = library.device(gpu)?;
         let name = gpu.adapter_name().unwrap_or_else(|| format!("adapter {:#x}", gpu.luid()));
-        let kernels = lane::Kernels::new(gpu)?;
+        let kernels = context::Kernels::new(gpu)?;
         Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, kernels, name, options: Mutex::new(options) })
     }
 
@@ -187,8 +187,8 @@ impl Backend for DirectMlBackend {
         graph.and_then(with_weights).map_err(|e| self.gpu.removed().unwrap_or(e))
     }
 
-    fn lane(&self) -> Result<Box<dyn Lane>> {
-        Ok(Box::new(lane::DirectMlLane::new(&self.gpu, &self.kernels, self.options.lock().longest_submission)?))
+    fn context(&self) -> Result<Box<dyn ExecutionContext>> {
+        Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.kernels, self.options.lock().longest_submission)?))
     }
 
     fn gpu(&self) -> Option<&Gpu> {

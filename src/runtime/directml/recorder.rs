@@ -8,7 +8,7 @@ use windows::core::Interface;
 use super::times::{Begun, Kind, Times};
 use crate::gpu::compute::transition;
 use crate::gpu::{Gpu, Heap, Moment, Pipeline, Shared, Spent, failed_on};
-use crate::runtime::lane::Region;
+use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
 /// Bytes of a page of upload memory: more than a latent step of 720p sends up.

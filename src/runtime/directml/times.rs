@@ -45,7 +45,7 @@ impl Times {
 
     /// Marks the start of a piece in an open list; none where the queue has no clock, or too many pieces are under way.
     pub(super) fn start(&mut self, list: &ID3D12GraphicsCommandList, kind: Kind) -> Option<Begun> {
-        self.look();
+        self.collect();
         let marks = self.marks.as_ref()?;
         let pair = self.free.pop()?;
         marks.start(list, pair);
@@ -81,11 +81,11 @@ impl Times {
 
     /// Time of the pieces of a kind that have run.
     pub(super) fn spent(&mut self, kind: Kind) -> Spent {
-        self.look();
+        self.collect();
         self.spent[kind.0]
     }
 
-    fn look(&mut self) {
+    fn collect(&mut self) {
         while let Some((_, Some(moment))) = self.ended.front()
             && moment.reached()
             && let Some((begun, _)) = self.ended.pop_front()

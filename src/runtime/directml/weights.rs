@@ -4,7 +4,7 @@ use std::ffi::{CStr, CString};
 
 use parking_lot::Mutex;
 
-use super::lane::Buffer;
+use super::context::Buffer;
 use super::recorder::Recorder;
 use crate::bundle::{Precision, Weight};
 use crate::gpu::{Gpu, ResidencySet};

@@ -23,7 +23,7 @@ impl OnDevice {
     /// Room for an anchor of `rollout`; none where its device is no Direct3D 12 one.
     pub(super) fn room(rollout: &mut Rollout) -> Result<Option<Self>> {
         let pictures = rollout.point.pictures_per_latent as usize;
-        let snapshot = rollout.lane.room_on_device(rollout.latent, pictures, rollout.world.render_size())?;
+        let snapshot = rollout.context.room_on_device(rollout.latent, pictures, rollout.world.render_size())?;
         let (precision, numbers) = (rollout.world.precision(), rollout.world.latent_len());
         Ok(snapshot.map(|snapshot| Self { snapshot, precision, numbers }))
     }
@@ -40,7 +40,7 @@ impl OnDevice {
             size: world.decoded_size(),
             precision: self.precision,
         };
-        rollout.lane.keep_on_device(&decoded, rollout.latent, &mut self.snapshot)
+        rollout.context.keep_on_device(&decoded, rollout.latent, &mut self.snapshot)
     }
 
     pub(super) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &Moment)> {

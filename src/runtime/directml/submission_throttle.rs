@@ -3,25 +3,25 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use super::lane::DirectMlLane;
+use super::context::DirectMlContext;
 use super::times::Kind;
 use crate::Result;
 
 /// A lane's work that nobody has waited for, against what it may be.
-pub(super) struct Way {
+pub(super) struct SubmissionThrottle {
     longest: Option<Duration>,
     /// Nanoseconds, as passes took before; 1 at least where there is any.
     queued: AtomicU64,
     yields: u64,
 }
 
-impl Way {
+impl SubmissionThrottle {
     pub(super) fn new(longest: Option<Duration>) -> Self {
         Self { longest, queued: AtomicU64::new(0), yields: 0 }
     }
 
     /// The device has done all that it was given.
-    pub(super) fn is_clear(&self) {
+    pub(super) fn clear(&self) {
         self.queued.store(0, Ordering::Relaxed);
     }
 
@@ -44,19 +44,19 @@ impl Way {
     }
 }
 
-impl DirectMlLane {
+impl DirectMlContext {
     /// Waits for what the queue has been given where a pass of a kind would make it more than it may be.
-    pub(super) fn make_way(&mut self, kind: Kind) -> Result<()> {
-        if self.way.longest.is_none() {
+    pub(super) fn wait_for_room(&mut self, kind: Kind) -> Result<()> {
+        if self.throttle.longest.is_none() {
             return Ok(());
         }
         let takes = self.recorder.get_mut().spent(kind).last;
-        if self.way.is_too_long(takes) {
+        if self.throttle.is_too_long(takes) {
             let moment = self.recorder.get_mut().now()?;
             self.wait(&moment)?;
-            self.way.yields += 1;
+            self.throttle.yields += 1;
         }
-        self.way.add(takes);
+        self.throttle.add(takes);
         Ok(())
     }
 }

@@ -15,22 +15,23 @@ use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Re
 use windows::core::Interface;
 
 use super::capture::{Capture, Captured, Named};
-use super::kept::KeptList;
-use super::look::Look;
+use super::finite_check::FiniteCheck;
 use super::recorder::Recorder;
+use super::reusable_list::ReusableList;
 use super::snapshot::Snapshot;
+use super::submission_throttle::SubmissionThrottle;
 use super::times::Kind;
-use super::way::Way;
 use super::weights::Weights;
 use crate::bundle::Precision;
 use crate::gpu::compute::{Frames, Resting};
 use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, ResidencySet, Resize, Shared, Spent, buffer};
 use crate::runtime::Graph;
+use crate::runtime::execution_context::{
+    Backup, BindingId, BufferId, Bytes, Decoded, ExecutionContext, ExternalTimes, FiniteCheckId, MAX_GROUPS,
+    RecordedCopiesId, RecordedCopy, Region, Work,
+};
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::graph::TensorSpec;
-use crate::runtime::lane::{
-    Backup, BindingId, BufferId, Bytes, CopiesId, Decoded, Elsewhere, KeptCopy, Lane, LookId, MAX_GROUPS, Region, Work,
-};
 use crate::{Error, Result};
 
 /// The shader that looks whether numbers are finite.
@@ -50,7 +51,7 @@ const ZEROES: usize = 1 << 20;
 const EQUAL: &[u8] = include_bytes!("../../gpu/shaders/equal.dxbc");
 
 /// Buffers on the device, and copies and runs on one queue: order there is order here, and nothing waits but what reads.
-pub(super) struct DirectMlLane {
+pub(super) struct DirectMlContext {
     // Bindings hold allocations of buffers: they are dropped first.
     pub(super) bindings: Vec<Bound>,
     pub(super) buffers: Vec<Buffer>,
@@ -59,8 +60,8 @@ pub(super) struct DirectMlLane {
     /// Graphs whose weights are held resident as long as the buffers are, each once.
     held: Vec<Arc<Graph>>,
     /// Copies that are recorded once, and the bytes that they move.
-    kept: Vec<(KeptList, u64)>,
-    looks: Vec<Look>,
+    recorded: Vec<(ReusableList, u64)>,
+    finite_checks: Vec<FiniteCheck>,
     copying: Kind,
     pub(super) zeroes: Shared,
     /// A word that a shader sets, and where the processor reads it, once for each group of a look.
@@ -81,7 +82,7 @@ pub(super) struct DirectMlLane {
     inside: Duration,
     /// Nanoseconds of waiting for the device.
     waited: AtomicU64,
-    pub(super) way: Way,
+    pub(super) throttle: SubmissionThrottle,
 }
 
 pub(super) struct Buffer {
@@ -136,7 +137,7 @@ pub(super) struct Bound {
     kind: Kind,
 }
 
-impl DirectMlLane {
+impl DirectMlContext {
     pub(super) fn new(gpu: &Gpu, kernels: &Arc<Kernels>, longest: Option<Duration>) -> Result<Self> {
         // Not every driver refuses to make things on a device that is gone.
         if let Some(gone) = gpu.removed() {
@@ -150,7 +151,7 @@ impl DirectMlLane {
         zeroes.write(0, &vec![0; ZEROES]);
         let verdict = buffer(gpu, Heap::Device, size_of::<u32>())?;
         let answer = Shared::new(gpu, Heap::Readback, MAX_GROUPS * size_of::<u32>())?;
-        let (bindings, buffers, kept, looks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (bindings, buffers, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let kernels = kernels.clone();
         let (frames, gpu, bytes, read) = (None, gpu.clone(), Bytes::default(), Arc::default());
         let (expected, plain) = (Vec::new(), None);
@@ -160,8 +161,8 @@ impl DirectMlLane {
             buffers,
             residency: Mutex::new(ResidencySet::new()),
             held: Vec::new(),
-            kept,
-            looks,
+            recorded,
+            finite_checks,
             copying,
             zeroes,
             verdict,
@@ -176,7 +177,7 @@ impl DirectMlLane {
             read,
             inside,
             waited,
-            way: Way::new(longest),
+            throttle: SubmissionThrottle::new(longest),
         })
     }
 
@@ -193,7 +194,7 @@ impl DirectMlLane {
     }
 
     fn run_timed(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
-        self.make_way(self.bindings[id.0].kind)?;
+        self.wait_for_room(self.bindings[id.0].kind)?;
         let begun = self.recorder.get_mut().start(self.bindings[id.0].kind)?;
         let ran = self.run_with(id, options);
         match ran {
@@ -263,7 +264,7 @@ impl DirectMlLane {
         let reached = moment.wait();
         let nanoseconds = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         self.waited.fetch_add(nanoseconds, Ordering::Relaxed);
-        self.way.is_clear();
+        self.throttle.clear();
         reached
     }
 
@@ -273,7 +274,7 @@ impl DirectMlLane {
     }
 }
 
-impl Lane for DirectMlLane {
+impl ExecutionContext for DirectMlContext {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
         self.be_resident()?;
         let made = Buffer::new(&self.gpu, bytes)?;
@@ -368,24 +369,24 @@ impl Lane for DirectMlLane {
         self.recorder.get_mut().copy(&to.resource, &from.resource, regions.iter().copied())
     }
 
-    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
-        let resources = |copy: &KeptCopy| (&self.buffers[copy.to.0].resource, &self.buffers[copy.from.0].resource);
+    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
+        let resources = |copy: &RecordedCopy| (&self.buffers[copy.to.0].resource, &self.buffers[copy.from.0].resource);
         let resolved = copies.iter().map(|copy| (resources(copy), copy.regions.as_slice()));
-        let list = KeptList::new(&self.gpu, resolved)?;
+        let list = ReusableList::new(&self.gpu, resolved)?;
         let bytes = copies.iter().flat_map(|copy| &copy.regions).map(|region| region.len as u64).sum();
-        self.kept.push((list, bytes));
-        Ok(CopiesId(self.kept.len() - 1))
+        self.recorded.push((list, bytes));
+        Ok(RecordedCopiesId(self.recorded.len() - 1))
     }
 
-    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
         self.be_resident()?;
-        copies.iter().try_for_each(|copies| self.kept[copies.0].0.ready())?;
+        copies.iter().try_for_each(|copies| self.recorded[copies.0].0.ready())?;
         let recorder = self.recorder.get_mut();
         let begun = recorder.start(self.copying)?;
-        let lists = copies.iter().map(|copies| self.kept[copies.0].0.list().clone()).collect();
+        let lists = copies.iter().map(|copies| self.recorded[copies.0].0.list().clone()).collect();
         let moment = self.gpu.anchors().named(c"Cairn: commit", || recorder.submit_behind(lists, begun))?;
         for copies in copies {
-            let (list, bytes) = &mut self.kept[copies.0];
+            let (list, bytes) = &mut self.recorded[copies.0];
             list.runs_until(&moment);
             self.bytes.copied += *bytes;
         }
@@ -434,9 +435,9 @@ impl Lane for DirectMlLane {
         Some(self.recorder.get_mut().spent(kind))
     }
 
-    fn elsewhere(&self) -> Option<Elsewhere> {
+    fn external(&self) -> Option<ExternalTimes> {
         let waited = Duration::from_nanos(self.waited.load(Ordering::Relaxed));
-        Some(Elsewhere { inside: self.inside, waited, yields: self.way.yields() })
+        Some(ExternalTimes { inside: self.inside, waited, yields: self.throttle.yields() })
     }
 
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
@@ -456,21 +457,21 @@ impl Lane for DirectMlLane {
         Ok(())
     }
 
-    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
-        let look = Look::new(self, groups, precision)?;
-        self.looks.push(look);
-        Ok(LookId(self.looks.len() - 1))
+    fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId> {
+        let finite_check = FiniteCheck::new(self, groups, precision)?;
+        self.finite_checks.push(finite_check);
+        Ok(FiniteCheckId(self.finite_checks.len() - 1))
     }
 
-    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
+    fn not_finite(&mut self, finite_check: FiniteCheckId) -> Result<Option<usize>> {
         self.be_resident()?;
-        self.looks[look.0].ready()?;
-        let list = self.looks[look.0].list().clone();
+        self.finite_checks[finite_check.0].ready()?;
+        let list = self.finite_checks[finite_check.0].list().clone();
         let recorder = self.recorder.get_mut();
         let moment = self.gpu.anchors().named(c"Cairn: look for numbers", || recorder.submit_before(list))?;
-        self.looks[look.0].runs_until(&moment);
+        self.finite_checks[finite_check.0].runs_until(&moment);
         self.wait(&moment)?;
-        Ok(self.looks[look.0].read(&self.answer))
+        Ok(self.finite_checks[finite_check.0].read(&self.answer))
     }
 
     fn rest(&mut self) -> Result<()> {
@@ -524,7 +525,7 @@ impl Lane for DirectMlLane {
     }
 }
 
-impl Drop for DirectMlLane {
+impl Drop for DirectMlContext {
     fn drop(&mut self) {
         // The queue may still use what is freed next, and what ONNX Runtime frees after it.
         self.gpu.anchors().settle();

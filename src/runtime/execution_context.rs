@@ -16,15 +16,15 @@ pub(crate) struct BindingId(pub(super) usize);
 
 /// Names copies of one lane that were written down once to be done often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct CopiesId(pub(super) usize);
+pub(crate) struct RecordedCopiesId(pub(super) usize);
 
 /// Names a look at buffers of one lane that was written down once to be taken often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct LookId(pub(super) usize);
+pub(crate) struct FiniteCheckId(pub(super) usize);
 
 /// A copy between two different buffers.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct KeptCopy {
+pub(crate) struct RecordedCopy {
     pub(crate) to: BufferId,
     pub(crate) from: BufferId,
     pub(crate) regions: Vec<Region>,
@@ -84,7 +84,7 @@ impl std::ops::Add for Bytes {
 ///
 /// Calls that say "all or nothing" are how state changes: when one fails, every buffer is as it was, now and after whatever is
 /// submitted later. Only a device that is gone is beyond that.
-pub(crate) trait Lane: Send {
+pub(crate) trait ExecutionContext: Send {
     /// Makes a zeroed buffer.
     fn buffer(&mut self, bytes: usize) -> Result<BufferId>;
 
@@ -108,10 +108,10 @@ pub(crate) trait Lane: Send {
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()>;
 
     /// Writes copies down, of which none reads or writes what another one writes.
-    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId>;
+    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId>;
 
     /// Does copies that were written down, each of these once: all or nothing.
-    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()>;
+    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()>;
 
     /// Copies what is in buffers, for [`put_back`](Self::put_back).
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup>;
@@ -126,10 +126,10 @@ pub(crate) trait Lane: Send {
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()>;
 
     /// Writes down a look at buffers of `precision`, in at most [`MAX_GROUPS`] groups.
-    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId>;
+    fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId>;
 
     /// Waits, then names the first group of a look that holds a number that is not finite. The numbers stay where they are.
-    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>>;
+    fn not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>>;
 
     /// Waits, then lets the device's memory be used by others until the next call that needs it, which brings it back first and fails with
     /// all as it is where that cannot be. Nothing to do where memory is not the device's.
@@ -154,7 +154,7 @@ pub(crate) trait Lane: Send {
 
     /// What the processor has done besides its own work; none on a device that is no Direct3D 12 one.
     #[cfg(windows)]
-    fn elsewhere(&self) -> Option<Elsewhere> {
+    fn external(&self) -> Option<ExternalTimes> {
         None
     }
 
@@ -195,7 +195,7 @@ pub(crate) enum Backup {
 /// Wall time of a lane that is not the library's own.
 #[cfg(windows)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Elsewhere {
+pub struct ExternalTimes {
     /// Inside ONNX Runtime, which makes the device's command lists and gives them to the queue.
     pub inside: std::time::Duration,
     /// Waiting for the device.
@@ -205,7 +205,7 @@ pub struct Elsewhere {
 }
 
 #[cfg(windows)]
-impl Elsewhere {
+impl ExternalTimes {
     /// Both together.
     pub(crate) fn and(self, other: Self) -> Self {
         Self {

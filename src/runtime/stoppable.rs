@@ -3,25 +3,27 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::lane::{Backup, BindingId, BufferId, Bytes, CopiesId, KeptCopy, Lane, LookId, Region};
+use super::execution_context::{
+    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
+};
 use super::{Device, Graph};
 use crate::bundle::Precision;
 use crate::{Error, ErrorKind, Result};
 
 /// A lane that begins no run while its flag is set. All else goes on, so that what a failed run left can be put right.
-pub(crate) struct StopLane {
-    inner: Box<dyn Lane>,
+pub(crate) struct StoppableContext {
+    inner: Box<dyn ExecutionContext>,
     stop: Arc<AtomicBool>,
 }
 
-impl StopLane {
+impl StoppableContext {
     /// A lane of `device` that heeds `stop`.
     pub(crate) fn new(device: &Device, stop: Arc<AtomicBool>) -> Result<Self> {
-        Ok(Self { inner: device.lane()?, stop })
+        Ok(Self { inner: device.context()?, stop })
     }
 }
 
-impl Lane for StopLane {
+impl ExecutionContext for StoppableContext {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
         self.inner.buffer(bytes)
     }
@@ -50,11 +52,11 @@ impl Lane for StopLane {
         self.inner.copy(to, from, regions)
     }
 
-    fn keep(&mut self, copies: Vec<KeptCopy>) -> Result<CopiesId> {
+    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
         self.inner.keep(copies)
     }
 
-    fn repeat(&mut self, copies: &[CopiesId]) -> Result<()> {
+    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
         self.inner.repeat(copies)
     }
 
@@ -77,12 +79,12 @@ impl Lane for StopLane {
         self.inner.read(from, at, into)
     }
 
-    fn watch(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<LookId> {
-        self.inner.watch(groups, precision)
+    fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId> {
+        self.inner.add_finite_check(groups, precision)
     }
 
-    fn not_finite(&mut self, look: LookId) -> Result<Option<usize>> {
-        self.inner.not_finite(look)
+    fn not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
+        self.inner.not_finite(check)
     }
 
     fn rest(&mut self) -> Result<()> {
@@ -103,8 +105,8 @@ impl Lane for StopLane {
     }
 
     #[cfg(windows)]
-    fn elsewhere(&self) -> Option<super::Elsewhere> {
-        self.inner.elsewhere()
+    fn external(&self) -> Option<super::ExternalTimes> {
+        self.inner.external()
     }
 
     #[cfg(windows)]

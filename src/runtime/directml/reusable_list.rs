@@ -4,18 +4,18 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
 use crate::gpu::{Gpu, Moment, failed_on};
-use crate::runtime::lane::Region;
+use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
 /// A closed command list.
-pub(super) struct KeptList {
+pub(super) struct ReusableList {
     list: ID3D12CommandList,
     _allocator: ID3D12CommandAllocator,
     /// When it has run for the last time: until then it must not be given to a queue again.
     last: Option<Moment>,
 }
 
-impl KeptList {
+impl ReusableList {
     /// Records copies, each of regions of a buffer into another one. Buffers are in the state COMMON between lists, from which
     /// each copy promotes them.
     pub(super) fn new<'a>(

@@ -2,47 +2,47 @@
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::kept::KeptList;
-use super::lane::{DirectMlLane, groups_for};
+use super::context::{DirectMlContext, groups_for};
+use super::reusable_list::ReusableList;
 use crate::Result;
 use crate::bundle::Precision;
 use crate::gpu::compute::transition;
 use crate::gpu::{Moment, Shared};
+use crate::runtime::execution_context::{BufferId, MAX_GROUPS};
 use crate::runtime::finite::exponents;
-use crate::runtime::lane::{BufferId, MAX_GROUPS};
 
 /// A list that has shaders look through groups of buffers, and then says of each group whether it or one before it holds a number
 /// that is not finite.
-pub(super) struct Look {
-    list: KeptList,
+pub(super) struct FiniteCheck {
+    list: ReusableList,
     groups: usize,
 }
 
 /// Bytes of a verdict.
 const WORD: usize = size_of::<u32>();
 
-impl Look {
+impl FiniteCheck {
     /// Of buffers of a lane, with which it ends.
-    pub(super) fn new(lane: &DirectMlLane, groups: &[&[BufferId]], precision: Precision) -> Result<Self> {
+    pub(super) fn new(context: &DirectMlContext, groups: &[&[BufferId]], precision: Precision) -> Result<Self> {
         assert!(groups.len() <= MAX_GROUPS, "groups that can be told apart");
         let [low, high] = exponents(precision);
-        let (verdict, answer) = (&lane.verdict, lane.answer.resource());
+        let (verdict, answer) = (&context.verdict, context.answer.resource());
         let becomes = |list: &ID3D12GraphicsCommandList, before, after| {
             // SAFETY: an open list and a live buffer in the state before.
             unsafe { list.ResourceBarrier(&[transition(verdict, before, after)]) };
         };
-        let list = KeptList::record(&lane.gpu, |list| {
+        let list = ReusableList::record(&context.gpu, |list| {
             // SAFETY: an open list and buffers that the lane holds, with room for a word.
-            unsafe { list.CopyBufferRegion(verdict, 0, lane.zeroes.resource(), 0, WORD as u64) };
+            unsafe { list.CopyBufferRegion(verdict, 0, context.zeroes.resource(), 0, WORD as u64) };
             let mut before = D3D12_RESOURCE_STATE_COPY_DEST;
             for (i, group) in groups.iter().enumerate() {
                 becomes(list, before, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
-                for buffer in group.iter().map(|buffer| &lane.buffers[buffer.0]) {
+                for buffer in group.iter().map(|buffer| &context.buffers[buffer.0]) {
                     let words = u32::try_from(buffer.bytes.div_ceil(WORD)).unwrap_or(u32::MAX);
                     let (count, threads) = groups_for(words);
                     let constants = [words, low, high, threads];
                     // The first use of a buffer in a list brings it from COMMON into the state of what is read.
-                    lane.kernels.finite.record(list, &constants, &[&buffer.resource], &[verdict], count);
+                    context.kernels.finite.record(list, &constants, &[&buffer.resource], &[verdict], count);
                 }
                 becomes(list, D3D12_RESOURCE_STATE_UNORDERED_ACCESS, D3D12_RESOURCE_STATE_COPY_SOURCE);
                 before = D3D12_RESOURCE_STATE_COPY_SOURCE;
