@@ -4,7 +4,7 @@
 
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{Gpu, Moment, adapters, read_texture, texture_of};
+use cairn::gpu::{FencePoint, Gpu, adapters, read_texture, texture_of};
 use cairn::{ErrorKind, Picture};
 
 #[path = "d3d12/buffers.rs"]
@@ -46,10 +46,10 @@ fn an_engine_gets_all_its_references_back() {
         assert_eq!(own == engine.compute.as_raw(), anchors.is_some());
         let clone = gpu.clone();
         drop(gpu);
-        let moment = clone.anchors().now().expect("a moment");
-        moment.wait().expect("nothing was to be done");
+        let fence_point = clone.anchors().now().expect("a moment");
+        fence_point.wait().expect("nothing was to be done");
         assert!(count().iter().zip(before).any(|(now, before)| *now > before), "it holds what it uses");
-        drop((clone, moment));
+        drop((clone, fence_point));
         comes_back(count, before);
     }
     // What is refused holds nothing either.
@@ -78,7 +78,7 @@ fn one_queue_waits_for_the_other_at_a_moment() {
     // The engine's own work goes on only when the processor says so; ours stands behind it.
     // SAFETY: values only.
     let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-    gpu.frames().wait(&Moment::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
+    gpu.frames().wait(&FencePoint::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
     let first = List::new(gpu.device(), gpu.frames().kind());
     let written = gpu.frames().submit(&[first.copy(&buffers, 0, 1)]).expect("a submission");
     gpu.anchors().wait(&written).expect("a wait");
@@ -90,16 +90,16 @@ fn one_queue_waits_for_the_other_at_a_moment() {
     buffers.upload(b"at last!");
     // SAFETY: a live fence.
     unsafe { gate.Signal(1) }.expect("the gate opens");
-    for moment in [&read, &written] {
-        moment.wait().expect("both are done");
-        assert!(moment.reached());
+    for fence_point in [&read, &written] {
+        fence_point.wait().expect("both are done");
+        assert!(fence_point.reached());
     }
     assert_eq!(&bytes(&buffers.read), b"at last!");
 
     let other = engine::engine();
     // SAFETY: values only.
     let foreign: ID3D12Fence = unsafe { other.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-    let refused = Moment::of_engine(&gpu, &foreign, 1).expect_err("another device's");
+    let refused = FencePoint::of_engine(&gpu, &foreign, 1).expect_err("another device's");
     assert_eq!(refused.offending_field(), Some("fence"));
 }
 
@@ -131,8 +131,8 @@ fn a_picture_goes_into_a_texture_and_comes_back() {
     for (i, byte) in (0u32..).zip(picture.rgba_mut()) {
         *byte = (i.wrapping_mul(2_654_435_761) >> 24) as u8;
     }
-    let (texture, moment) = texture_of(&gpu, &picture).expect("a texture");
-    assert!(moment.reached());
+    let (texture, fence_point) = texture_of(&gpu, &picture).expect("a texture");
+    assert!(fence_point.reached());
     for _ in 0..2 {
         // Twice: it is left in the state it was in.
         let found = read_texture(&gpu, &texture, D3D12_RESOURCE_STATE_COMMON).expect("a picture");
@@ -161,7 +161,7 @@ fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
     // Behind a gate that nobody opens: only the removal ends this wait.
     // SAFETY: values only.
     let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-    gpu.anchors().wait(&Moment::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
+    gpu.anchors().wait(&FencePoint::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
     let stuck = gpu.anchors().now().expect("a moment");
     let waiting = std::thread::spawn({
         let stuck = stuck.clone();

@@ -8,11 +8,11 @@ use cairn::framegen::FrameGenerator;
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
-use cairn::gpu::{Gpu, Moment, Target};
+use cairn::gpu::{FencePoint, Gpu, Target};
 use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
 use cairn::present::device::{DeviceDrawer, FrameResult, Preparation};
 use cairn::present::pacing::Interval;
-use cairn::present::presenter::{MotionSource, Presenter, PresenterOptions, Shown, ShownSource, extract};
+use cairn::present::presenter::{FrameInfo, FrameSource, MotionSource, Presenter, PresenterOptions, extract};
 use cairn::runtime::{Device, DirectMlOptions};
 use cairn::world::{KeptAnchor, World, WorldOptions};
 use cairn::{Colours, Picture};
@@ -104,20 +104,20 @@ impl Both {
     }
 
     /// The frame at `now` as both have it, compared pixel by pixel.
-    fn compare(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool) -> Shown {
+    fn compare(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool) -> FrameInfo {
         self.compare_after(engine, now, kind, own, || ())
     }
 
     /// The same; calls `made` once the device has made it, and before the processor does.
-    fn compare_after(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool, made: impl FnOnce()) -> Shown {
+    fn compare_after(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool, made: impl FnOnce()) -> FrameInfo {
         let size = self.host.size().expect("a size");
         let Kind { format, flags, states: [before, after] } = kind;
         let texture = Wanted { size, format, flags, state: before, ..Wanted::default() }.make(&engine.device);
         let target = Target { texture: texture.clone(), before, after };
         let found = if own {
-            let (shown, moment) =
+            let (shown, fence_point) =
                 self.device.submit(now, &mut self.drawer, &target).expect("it is made").made().expect("a frame");
-            moment.wait().expect("it is there");
+            fence_point.wait().expect("it is there");
             Some(shown)
         } else {
             let recording = Recording::on(&engine.device, &engine.direct);
@@ -163,8 +163,8 @@ fn record(
     drawer: &mut DeviceDrawer,
     recording: &Recording,
     target: &Target,
-) -> FrameResult<Shown> {
-    let until = Moment::of_engine(drawer.gpu(), recording.fence(), 1).expect("a fence of the device");
+) -> FrameResult<FrameInfo> {
+    let until = FencePoint::of_engine(drawer.gpu(), recording.fence(), 1).expect("a fence of the device");
     presenter.record(now, drawer, recording.list(), target, &until).expect("it is recorded")
 }
 
@@ -234,9 +234,9 @@ fn anchors_of_a_rollout_are_presented_as_the_processor_presents_them() {
                 (shown.previous - anchors[0].number()) * INTERVAL + (f64::from(shown.t) * INTERVAL as f64) as u64;
             assert_eq!((content, shown.due.since_ns), (now - INTERVAL, now), "an interval of latency: {shown:?}");
             let source = match frame % 4 {
-                0 => ShownSource::Anchor,
-                _ if frame > 8 => ShownSource::Extrapolated,
-                _ => ShownSource::Generated,
+                0 => FrameSource::Anchor,
+                _ if frame > 8 => FrameSource::Extrapolated,
+                _ => FrameSource::Generated,
             };
             assert_eq!(shown.source, source, "{shown:?}");
         }
@@ -307,10 +307,10 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
     let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
     let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
     let now = 5 * INTERVAL + INTERVAL / 2;
-    let (shown, moment) =
+    let (shown, fence_point) =
         both.device.submit(now, &mut both.drawer, &target).expect("it is made").made().expect("a frame");
-    assert_eq!(shown.source, ShownSource::Generated, "nobody knows yet");
-    moment.wait().expect("it has run");
+    assert_eq!(shown.source, FrameSource::Generated, "nobody knows yet");
+    fence_point.wait().expect("it has run");
     both.device.look(&mut both.drawer);
     let after = both.device.statistics();
     let counts = (after.generated - before.generated, after.held - before.held, after.cuts - before.cuts);
@@ -322,7 +322,7 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
     assert!(times.iter().all(|spent| !spent.total.is_zero() && spent.longest <= spent.total), "{times:?}");
     assert_eq!(both.drawer.under_way(), 0);
     let shown = both.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("drawn").expect("a frame");
-    assert_eq!((shown.source, shown.cut), (ShownSource::Held, true), "the processor finds it as well");
+    assert_eq!((shown.source, shown.cut), (FrameSource::Held, true), "the processor finds it as well");
     let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
     assert!(held == expected.expect("a picture").rgba(), "and shows the same anchor");
 }
@@ -394,8 +394,9 @@ fn frames_have_the_colours_of_targets_beyond_white() {
         for now in [INTERVAL, INTERVAL * 3 / 2] {
             let texture = Wanted { size, format, flags: RENDERED, ..Wanted::default() }.make(&engine.device);
             let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
-            let (_, moment) = device.submit(now, &mut drawer, &target).expect("it is made").made().expect("a frame");
-            moment.wait().expect("it is there");
+            let (_, fence_point) =
+                device.submit(now, &mut drawer, &target).expect("it is made").made().expect("a frame");
+            fence_point.wait().expect("it is there");
             let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
             let mut wanted = Vec::new();
             host.draw(now, size, |picture| wanted = picture.pixels().to_vec()).expect("it is drawn");
@@ -458,9 +459,9 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
         }
         let texture = Wanted { size, ..Wanted::default() }.make(&engine.device);
         let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
-        let (_, moment) =
+        let (_, fence_point) =
             both.device.submit(now, &mut both.drawer, &target).expect("it is made").made().expect("a frame");
-        moment.wait().expect("it is there");
+        fence_point.wait().expect("it is there");
         let of_device = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
         let mut of_host = Vec::new();
         both.host.draw(now, size, |picture| of_host.extend_from_slice(picture.rgba())).expect("it is drawn");

@@ -2,7 +2,7 @@
 #![cfg(windows)]
 
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::{Frame, Frames, Transfer};
+use cairn::gpu::compute::{CommandRecorder, CommandRing, Transfer};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::guidance::picture_flow::{self, DESCRIPTORS, FLAT_DEPTH, GpuExtractor};
@@ -40,7 +40,7 @@ fn textured(gpu: &Gpu, picture: &Picture) -> Kept {
 struct Extraction<'g> {
     gpu: &'g Gpu,
     extractor: GpuExtractor,
-    frames: Frames,
+    frames: CommandRing,
     motion: Kept,
     depth: Kept,
     size: (u32, u32),
@@ -54,7 +54,7 @@ impl<'g> Extraction<'g> {
         Self {
             gpu,
             extractor: GpuExtractor::new(gpu, size).expect("an extractor"),
-            frames: Frames::new(gpu, gpu.frames(), DESCRIPTORS).expect("a ring"),
+            frames: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS).expect("a ring"),
             motion: texture(gpu, size, motion, state),
             depth: texture(gpu, depth_size, DXGI_FORMAT_R32_FLOAT, state),
             size,
@@ -276,7 +276,7 @@ fn an_extraction_allocates_nothing() {
     let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16);
     let [previous, current] = walk(&mut Dice(4), size).map(|picture| textured(&gpu, &picture));
     let mut one = || {
-        let mut frame: Frame<'_> = extraction.frames.begin().expect("a frame");
+        let mut frame: CommandRecorder<'_> = extraction.frames.begin().expect("a frame");
         let (motion, depth) = (extraction.motion.resting(), extraction.depth.resting());
         extraction
             .extractor
@@ -297,7 +297,7 @@ fn what_cannot_be_recorded_is_refused_by_name() {
     let common = D3D12_RESOURCE_STATE_COMMON;
     let size = (40, 24);
     let extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 8);
-    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     let good = texture(&gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, common);
     let swapped = texture(&gpu, size, DXGI_FORMAT_B8G8R8A8_UNORM, common);
     let small = texture(&gpu, (40, 23), DXGI_FORMAT_R8G8B8A8_UNORM, common);

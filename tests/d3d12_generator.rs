@@ -10,7 +10,7 @@ use cairn::framegen::shader::{
 };
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome};
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting, Transfer};
+use cairn::gpu::compute::{CommandRecorder, CommandRing, FRAMES_IN_FLIGHT, ResourceWithState, Transfer};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::guidance::Guidance;
@@ -51,7 +51,7 @@ where
     CpuGenerator: FrameGenerator<P>,
 {
     let gpu = Gpu::on_adapter(None).expect("a device");
-    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     let mut cpu = CpuGenerator::new();
     let (mut between, mut beyond, mut cuts) = (Tally::default(), Tally::default(), 0);
     let mut generators = HashMap::new();
@@ -123,7 +123,7 @@ fn no_dispatch_uses_what_an_earlier_one_may_still_write() {
     let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
     let checker = hazards::checked(gpu.device(), || {
         generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &out, 4);
-        let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+        let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
         let mut frame = frames.begin().expect("a frame");
         let (current, guidance) = (anchors[1].resting(), scene.guided.textures());
         generator.extrapolate(&mut frame, &current, &guidance, false, 0.3, &out.resting()).expect("it is recorded");
@@ -209,7 +209,7 @@ fn generated(
     target: &Kept,
     bytes: usize,
 ) -> Vec<u8> {
-    let mut frames = Frames::new(gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     let mut frame = frames.begin().expect("a frame");
     generator.generate(&mut frame, pair, t, &target.resting()).expect("it is recorded");
     frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
@@ -356,7 +356,7 @@ fn frames_of_light_are_those_of_what_is_shown_for_it() {
     let found = generated(&gpu, &mut generator, &still, 0.4, &halves, 8);
     assert!(found == read(&gpu, &anchors[1], SIZE.0 as usize * 8));
 
-    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     let mut frame = frames.begin().expect("a frame");
     let refused = generator.prepare(&mut frame, &scene.pair(&eight)).expect_err("bytes hold no light");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("current")));
@@ -367,7 +367,7 @@ fn across_a_cut_the_nearer_anchor_is_shown() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
     let mut scene = Scene::new(&gpu);
-    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     for is_stated in [true, false] {
         if !is_stated {
             // A picture of its own, which the processor finds to be another.
@@ -445,7 +445,7 @@ fn frames_follow_each_other_in_an_engines_list_and_allocate_nothing() {
     let phases = [0.25, 0.5, 0.75];
     const { assert!(FRAMES_IN_FLIGHT == 3) };
     let targets = phases.map(|_| target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM));
-    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     let done = gpu.frames().now().expect("a moment");
     let mut allocated = 0;
     for _ in 0..2 {
@@ -465,7 +465,7 @@ fn frames_follow_each_other_in_an_engines_list_and_allocate_nothing() {
     }
 
     // A compute queue does as well, where it knows the states.
-    let mut frames = Frames::new(&gpu, gpu.anchors(), DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.anchors(), DESCRIPTORS).expect("a ring");
     let out = filled(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, &[0; 4 * (SIZE.0 * SIZE.1) as usize]);
     let mut frame = frames.begin().expect("a frame");
     let refused = generator.generate(&mut frame, &pair, 0.5, &targets[0].resting()).expect_err("a render target");
@@ -481,7 +481,7 @@ fn frames_of_a_prepared_pair_are_those_made_each_for_itself() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
     let mut single = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
-    let mut frames = Frames::new(&gpu, gpu.frames(), DESCRIPTORS / 2).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS / 2).expect("a ring");
     let (mut uncovered, out) = (0, target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM));
     for seed in 0..8 {
         let mut dice = Dice(seed);
@@ -511,13 +511,13 @@ fn frames_are_made_of_the_pair_that_was_prepared_last_and_of_no_other() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let scene = Scene::new(&gpu);
     let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
-    let mut frames = Frames::new(&gpu, gpu.frames(), 4 * DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), 4 * DESCRIPTORS).expect("a ring");
     let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
     let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
     let pair = scene.pair(&anchors);
     let turned = TexturePair { previous: pair.current, current: pair.previous, ..pair };
     let mut frame = frames.begin().expect("a frame");
-    let refused = |generator: &mut ShaderGenerator, frame: &mut Frame<'_>, pair: &TexturePair<'_>| {
+    let refused = |generator: &mut ShaderGenerator, frame: &mut CommandRecorder<'_>, pair: &TexturePair<'_>| {
         let refused = generator.interpolate(frame, pair, 0.5, &out.resting()).expect_err("another is prepared");
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("pair")));
     };
@@ -545,7 +545,7 @@ fn what_cannot_be_made_is_refused_by_name() {
 
     let scene = Scene::new(&gpu);
     let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
-    let mut frames = Frames::new(&gpu, gpu.frames(), 4 * DESCRIPTORS).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), 4 * DESCRIPTORS).expect("a ring");
     let mut frame = frames.begin().expect("a frame");
     let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of);
     let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
@@ -559,11 +559,11 @@ fn what_cannot_be_made_is_refused_by_name() {
         target(&other, SIZE, rgba),
     ];
     let [small, grey, srgb, bgra, foreign] = kept.each_ref().map(Kept::resting);
-    let elsewhere = Resting { state: D3D12_RESOURCE_STATE_COPY_DEST, ..good.previous };
+    let elsewhere = ResourceWithState { state: D3D12_RESOURCE_STATE_COPY_DEST, ..good.previous };
     let tiled = GuidanceTextures { motion_tile: 4, ..good.guidance };
     let hidden = GuidanceTextures { hud: Some(grey), ..good.guidance };
     let guided_by_grey = GuidanceTextures { motion: grey, ..good.guidance };
-    let cases: [(TexturePair<'_>, f32, Resting<'_>, &str); 15] = [
+    let cases: [(TexturePair<'_>, f32, ResourceWithState<'_>, &str); 15] = [
         (good, 0.0, out.resting(), "t"),
         (good, 1.0, out.resting(), "t"),
         (good, f32::NAN, out.resting(), "t"),
@@ -591,7 +591,7 @@ fn what_cannot_be_made_is_refused_by_name() {
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("t")));
     }
     drop(frame);
-    let mut short = Frames::new(&gpu, gpu.frames(), DESCRIPTORS - 1).expect("a ring");
+    let mut short = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS - 1).expect("a ring");
     let mut frame = short.begin().expect("a frame");
     let refused = generator.generate(&mut frame, &good, 0.5, &out.resting()).expect_err("too few descriptors");
     assert_eq!(refused.kind(), ErrorKind::Unsupported);

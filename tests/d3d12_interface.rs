@@ -20,7 +20,7 @@ use cairn::abi::statistics::{cairn_rollout_get_statistics, cairn_rollout_statist
 use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_options};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Fence, ID3D12Resource};
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{Gpu, Moment, read_texture, texture_of};
+use cairn::gpu::{FencePoint, Gpu, read_texture, texture_of};
 
 mod common;
 use common::bundle_path;
@@ -133,7 +133,7 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
         // SAFETY: the references that the call gave, used once.
         let (picture, fence) =
             unsafe { (ID3D12Resource::from_raw(picture.cast()), ID3D12Fence::from_raw(fence.cast())) };
-        Moment::of_engine(&gpu, &fence, value).expect("a fence of the device").wait().expect("it is there");
+        FencePoint::of_engine(&gpu, &fence, value).expect("a fence of the device").wait().expect("it is there");
         shown.push(read_texture(&gpu, &picture, D3D12_RESOURCE_STATE_COMMON).expect("a picture"));
         // SAFETY: live handles.
         assert_eq!(unsafe { [cairn_anchor_destroy(anchor), cairn_rollout_destroy(rollout)] }, [CAIRN_OK; 2]);

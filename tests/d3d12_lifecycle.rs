@@ -115,8 +115,8 @@ fn grown(engine: &Engine, held_before: [u32; 3], count: u64, cycle: impl Fn(&Eng
 /// A device of Cairn's.
 fn own(engine: &Engine) {
     let device = device(engine).expect("a device");
-    let moment = device.gpu().expect("a Direct3D 12 device").anchors().now().expect("a moment");
-    moment.wait().expect("nothing was to be done");
+    let fence_point = device.gpu().expect("a Direct3D 12 device").anchors().now().expect("a moment");
+    fence_point.wait().expect("nothing was to be done");
 }
 
 /// Software that plays a device leaves something of each call that makes something, whoever calls: what is counted is what Cairn adds.

@@ -4,7 +4,7 @@
 
 use cairn::bundle::Precision;
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::Frames;
+use cairn::gpu::compute::CommandRing;
 use cairn::runtime::{Device, DirectMlOptions};
 use cairn::world::{Rollout, World, WorldOptions};
 use cairn::{ErrorKind, Result};
@@ -62,7 +62,7 @@ fn memory_runs_out_at_each_allocation() {
     comes_back(|| held(&engine), before);
     let count = walk(1, || {
         let gpu = gpu(&engine)?;
-        Frames::new(&gpu, gpu.frames(), 8)
+        CommandRing::new(&gpu, gpu.frames(), 8)
     });
     assert!(count > 6, "{count} allocations make a ring");
     comes_back(|| held(&engine), before);

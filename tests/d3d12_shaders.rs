@@ -1,11 +1,11 @@
 //! The library's compute shaders against what the processor computes, and the frames they are recorded in. On Windows, or in the lab.
 #![cfg(windows)]
 
-use cairn::gpu::compute::{FRAMES_IN_FLIGHT, Frames, Resting};
+use cairn::gpu::compute::{CommandRing, FRAMES_IN_FLIGHT, ResourceWithState};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{Gpu, Moment, Planes, Resize};
+use cairn::gpu::{FencePoint, Gpu, Planes, Resize};
 use cairn::guidance::paper::{self, GpuExtractor, LatentBuffer};
 use cairn::guidance::{Guidance, LatentView};
 use cairn::world::Bilinear;
@@ -38,11 +38,11 @@ fn planes(buffer: &Kept, size: (u32, u32), half: bool, picture: u32) -> Planes<'
 }
 
 /// A fence behind which the queue of frames waits, and the moment when it opens.
-fn gate(gpu: &Gpu) -> (ID3D12Fence, Moment) {
+fn gate(gpu: &Gpu) -> (ID3D12Fence, FencePoint) {
     // SAFETY: values only.
     let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-    let moment = Moment::of_engine(gpu, &fence, 1).expect("a fence of the device");
-    (fence, moment)
+    let fence_point = FencePoint::of_engine(gpu, &fence, 1).expect("a fence of the device");
+    (fence, fence_point)
 }
 
 fn open(gate: &ID3D12Fence) {
@@ -61,7 +61,7 @@ fn references(object: &ID3D12Resource) -> u32 {
 fn a_decoded_picture_is_resized_as_the_processor_does() {
     let gpu = gpu();
     let resize = Resize::new(&gpu).expect("the shader");
-    let mut frames = Frames::new(&gpu, gpu.frames(), 2).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), 2).expect("a ring");
     let rests = [
         D3D12_RESOURCE_STATE_COMMON,
         D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE,
@@ -133,7 +133,7 @@ fn a_decoded_picture_is_resized_as_the_processor_does() {
 fn a_frame_in_an_engines_list_waits_for_its_turn_and_lets_go_in_the_end() {
     let gpu = gpu();
     let resize = Resize::new(&gpu).expect("the shader");
-    let mut frames = Frames::new(&gpu, gpu.frames(), 2).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), 2).expect("a ring");
     let values: Vec<u8> = [1.0_f32, 0.5, 0.0].iter().flat_map(|v| v.to_le_bytes()).collect();
     let source = buffer(&gpu, &values);
     let target = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_RENDER_TARGET);
@@ -175,7 +175,7 @@ fn a_frame_in_an_engines_list_waits_for_its_turn_and_lets_go_in_the_end() {
 fn a_frame_allocates_nothing() {
     let gpu = gpu();
     let resize = Resize::new(&gpu).expect("the shader");
-    let mut frames = Frames::new(&gpu, gpu.anchors(), 2).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.anchors(), 2).expect("a ring");
     let source = buffer(&gpu, &[0; 12]);
     let target = texture(&gpu, (64, 64), DXGI_FORMAT_R16G16B16A16_FLOAT, D3D12_RESOURCE_STATE_COMMON);
     let mut one = || {
@@ -194,7 +194,7 @@ fn a_frame_allocates_nothing() {
 fn what_cannot_be_recorded_is_refused_by_name() {
     let (gpu, other) = (gpu(), self::gpu());
     let resize = Resize::new(&gpu).expect("the shader");
-    let mut frames = Frames::new(&gpu, gpu.frames(), 4).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), 4).expect("a ring");
     let source = buffer(&gpu, &[0; 4 * 3 * 6]);
     let common = D3D12_RESOURCE_STATE_COMMON;
     let good = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, common);
@@ -224,7 +224,7 @@ fn what_cannot_be_recorded_is_refused_by_name() {
         let refused = resize.record(&mut frame, &planes, &target.resting()).expect_err("it cannot be");
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)), "{refused}");
         // Had anything been recorded, this would not be the first use of the texture.
-        let rendered = Resting { resource: &good.resource, state: D3D12_RESOURCE_STATE_RENDER_TARGET };
+        let rendered = ResourceWithState { resource: &good.resource, state: D3D12_RESOURCE_STATE_RENDER_TARGET };
         resize.record(&mut frame, &fits, &rendered).expect("it fits");
         let refused = resize.record(&mut frame, &fits, &good.resting()).expect_err("two states");
         assert_eq!(refused.offending_field(), Some("state"));
@@ -232,8 +232,8 @@ fn what_cannot_be_recorded_is_refused_by_name() {
         let refused = resize.record(&mut frame, &fits, &rendered).expect_err("it is full");
         assert_eq!(refused.kind(), ErrorKind::Unsupported);
     }
-    let mut frames = Frames::new(&gpu, gpu.anchors(), 2).expect("a ring");
-    let rendered = Resting { resource: &good.resource, state: D3D12_RESOURCE_STATE_RENDER_TARGET };
+    let mut frames = CommandRing::new(&gpu, gpu.anchors(), 2).expect("a ring");
+    let rendered = ResourceWithState { resource: &good.resource, state: D3D12_RESOURCE_STATE_RENDER_TARGET };
     let refused = resize.record(&mut frames.begin().expect("a frame"), &fits, &rendered).expect_err("a compute queue");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("state")));
     run(&gpu, |list| {
@@ -241,7 +241,7 @@ fn what_cannot_be_recorded_is_refused_by_name() {
         assert_eq!(frames.begin_in(list, &opened).expect_err("a direct list").offending_field(), Some("list"));
     });
     for descriptors in [0, 400_000, u32::MAX] {
-        let refused = Frames::new(&gpu, gpu.frames(), descriptors).expect_err("no such heap");
+        let refused = CommandRing::new(&gpu, gpu.frames(), descriptors).expect_err("no such heap");
         assert_eq!(refused.offending_field(), Some("descriptors"));
     }
 }
@@ -250,7 +250,7 @@ fn what_cannot_be_recorded_is_refused_by_name() {
 fn a_removed_device_is_reported_by_every_call_and_all_is_released() {
     let gpu = gpu();
     let resize = Resize::new(&gpu).expect("the shader");
-    let mut frames = Frames::new(&gpu, gpu.frames(), 2).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), 2).expect("a ring");
     let source = buffer(&gpu, &[0; 12]);
     let target = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON);
     let mut frame = frames.begin().expect("a frame");
@@ -267,7 +267,7 @@ fn a_removed_device_is_reported_by_every_call_and_all_is_released() {
     assert_eq!(frames.begin().expect_err("the device is gone").kind(), ErrorKind::DeviceRemoved);
     drop((frames, resize));
     assert_eq!(references(&target.resource), 1, "nothing else holds it");
-    for made in [Resize::new(&gpu).map(drop), Frames::new(&gpu, gpu.frames(), 2).map(drop)] {
+    for made in [Resize::new(&gpu).map(drop), CommandRing::new(&gpu, gpu.frames(), 2).map(drop)] {
         // A driver may still make what it is asked for; what it refuses, it refuses for the one reason.
         assert!(made.is_ok() || made.is_err_and(|e| e.kind() == ErrorKind::DeviceRemoved));
     }
@@ -282,7 +282,7 @@ fn half_steps(a: f32, b: f32) -> f32 {
 #[test]
 fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
     let gpu = gpu();
-    let mut frames = Frames::new(&gpu, gpu.frames(), 6).expect("a ring");
+    let mut frames = CommandRing::new(&gpu, gpu.frames(), 6).expect("a ring");
     let bytes = |values: &[f32], half: bool| -> Vec<u8> {
         if half {
             values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect()

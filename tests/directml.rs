@@ -241,8 +241,8 @@ fn an_anchor_stays_on_the_device_until_it_is_read() {
     steps(&mut rollout, 0..1);
     let anchor = KeptAnchor::of(&mut rollout, false).expect("an anchor");
     let shown = |i| {
-        let (texture, moment) = anchor.texture(i).expect("a texture");
-        moment.wait().expect("it is there");
+        let (texture, fence_point) = anchor.texture(i).expect("a texture");
+        fence_point.wait().expect("it is there");
         read_texture(&gpu, texture, D3D12_RESOURCE_STATE_COMMON).expect("a picture")
     };
     let pictures: Vec<_> = (0..anchor.count()).map(shown).collect();

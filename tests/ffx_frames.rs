@@ -4,10 +4,10 @@
 use cairn::ErrorKind;
 use cairn::ffx::bindings::{Coordinates, CreateFlags, Dimensions, Rect, SurfaceFormat, TransferFunction};
 use cairn::ffx::{Choice, Effect, Family, Library, Part, Pictures, Seen, Shot, TextureGenerator, TextureOptions};
-use cairn::gpu::compute::Resting;
+use cairn::gpu::compute::ResourceWithState;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
-use cairn::gpu::{Gpu, Moment};
+use cairn::gpu::{FencePoint, Gpu};
 
 #[path = "ffx/costs.rs"]
 mod costs;
@@ -356,7 +356,7 @@ fn in_an_engine_s_list_and_on_a_compute_queue() {
         // The same in a list of the engine's, which goes on from the frame before.
         // SAFETY: values only.
         let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-        let until = Moment::of_engine(&gpu, &fence, 1).expect("its own");
+        let until = FencePoint::of_engine(&gpu, &fence, 1).expect("its own");
         textures.fill(&textures.color, moved(2 * STEP));
         run(&gpu, |list| generator.record(list, &until, &of(&textures), &Shot::of(SIZE)).expect("recorded"));
         // SAFETY: a live fence.
@@ -375,13 +375,13 @@ fn no_more_than_three_frames_are_under_way() {
     textures.fill(&textures.color, moved(0));
     // SAFETY: values only.
     let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-    let gate = Moment::of_engine(&gpu, &fence, 1).expect("its own");
+    let gate = FencePoint::of_engine(&gpu, &fence, 1).expect("its own");
     gpu.frames().wait(&gate).expect("it waits");
     let mut moments = Vec::new();
     for _ in 0..3 {
         moments.push(generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated"));
     }
-    assert!(moments.iter().all(|moment| !moment.reached()));
+    assert!(moments.iter().all(|fence_point| !fence_point.reached()));
     std::thread::scope(|scope| {
         let opener = scope.spawn(|| {
             std::thread::sleep(std::time::Duration::from_millis(300));
@@ -541,7 +541,10 @@ fn what_does_not_fit_is_refused_with_its_name() {
         (Pictures { hudless: Some(foreign.color.resting()), ..pictures }, "hudless"),
         (Pictures { distortion: Some(small.motion.resting()), ..pictures }, "distortion"),
         (Pictures { output: pictures.color, ..pictures }, "output"),
-        (Pictures { output: Resting { state: D3D12_RESOURCE_STATE_COMMON, ..pictures.color }, ..pictures }, "state"),
+        (
+            Pictures { output: ResourceWithState { state: D3D12_RESOURCE_STATE_COMMON, ..pictures.color }, ..pictures },
+            "state",
+        ),
     ] {
         let refused = generator.generate(&spoilt, &Shot::of(SIZE)).expect_err(field);
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)), "{refused}");

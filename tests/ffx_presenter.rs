@@ -18,11 +18,11 @@ use cairn::abi::statistics::*;
 use cairn::ffx::{Choice, Effect, Part};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{Gpu, Moment, Target};
+use cairn::gpu::{FencePoint, Gpu, Target};
 use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
 use cairn::present::device::{DeviceDrawer, Preparation, ScaledBy};
 use cairn::present::pacing::Interval;
-use cairn::present::presenter::{Presenter, PresenterOptions, Shown, ShownSource};
+use cairn::present::presenter::{FrameInfo, FrameSource, Presenter, PresenterOptions};
 use cairn::world::KeptAnchor;
 use cairn::{Colours, Picture};
 use half::f16;
@@ -160,7 +160,7 @@ impl Stream {
     }
 
     /// The frame `t` after the anchor before the last, in a list of an engine's or of ours; its pixels, where the list is run.
-    fn draw(&mut self, t: f64, own: bool, runs: bool) -> (Shown, Option<Vec<u8>>) {
+    fn draw(&mut self, t: f64, own: bool, runs: bool) -> (FrameInfo, Option<Vec<u8>>) {
         let now = (self.anchors - 1) * INTERVAL + (t * INTERVAL as f64) as u64;
         let size = self.presenter.size().expect("anchors have come");
         self.prepare().expect("it is prepared");
@@ -168,12 +168,12 @@ impl Stream {
         let target = Target { texture: texture.clone(), before: REST, after: REST };
         let shown = if own {
             let made = self.presenter.submit(now, &mut self.drawer, &target).expect("it is made");
-            let (shown, moment) = made.made().expect("a frame");
-            moment.wait().expect("it has run");
+            let (shown, fence_point) = made.made().expect("a frame");
+            fence_point.wait().expect("it has run");
             shown
         } else {
             let recording = Recording::on(&self.engine.device, &self.engine.direct);
-            let until = Moment::of_engine(self.drawer.gpu(), recording.fence(), 1).expect("the device's");
+            let until = FencePoint::of_engine(self.drawer.gpu(), recording.fence(), 1).expect("the device's");
             let made = self.presenter.record(now, &mut self.drawer, recording.list(), &target, &until);
             let shown = made.expect("it is recorded").made().expect("a frame");
             if !runs {
@@ -190,7 +190,7 @@ impl Stream {
     /// The frame half way between the last two anchors, and who made it.
     fn half(&mut self, own: bool) -> Option<String> {
         let (shown, pixels) = self.draw(0.5, own, true);
-        assert_eq!((shown.source, shown.t), (ShownSource::Generated, 0.5));
+        assert_eq!((shown.source, shown.t), (FrameSource::Generated, 0.5));
         let place = STEP * i32::try_from(self.anchors).expect("few") - 3 * STEP / 2;
         let error = off(&pixels.expect("it has run"), &moved(place));
         assert!(error <= 3, "anchor {}: {error} off", self.anchors);
@@ -224,7 +224,7 @@ fn frames_half_way_are_a_provider_s_and_all_others_the_shaders() {
         for (quarter, made) in [(1, None), (2, version()), (3, None)] {
             let own = (pair + quarter) % 2 == 0;
             let (shown, pixels) = stream.draw(quarter as f64 / 4.0, own, true);
-            assert_eq!(shown.source, ShownSource::Generated);
+            assert_eq!(shown.source, FrameSource::Generated);
             let place = STEP * i32::try_from(pair).expect("few") + STEP * quarter as i32 / 4;
             let error = off(&pixels.expect("it has run"), &moved(place));
             assert!(error <= 3, "{tiles:?}, {quarter} of 4: {error} off");
@@ -242,7 +242,7 @@ fn frames_half_way_are_a_provider_s_and_all_others_the_shaders() {
     assert_eq!(pictures(&stage) - asked, 1);
     // What is late is extrapolated by shaders.
     let (shown, _) = stream.draw(1.25, true, true);
-    assert_eq!((shown.source, stream.made_by()), (ShownSource::Extrapolated, None));
+    assert_eq!((shown.source, stream.made_by()), (FrameSource::Extrapolated, None));
     assert!(stream.drawer.fsr_failed().is_none());
     assert_eq!(stage.judgement(), [""; 0]);
 }
@@ -257,7 +257,7 @@ fn frames_that_are_left_out_or_never_run_do_not_break_history() {
     let asked = pictures(&stage);
     // An engine drops its list: what the provider was shown it was shown.
     stream.push([1, 1]);
-    assert_eq!(stream.draw(0.5, false, false).0.source, ShownSource::Generated);
+    assert_eq!(stream.draw(0.5, false, false).0.source, FrameSource::Generated);
     stream.push([1, 1]);
     assert_eq!(stream.half(false), version());
     assert_eq!(pictures(&stage) - asked, 2, "one to a pair");

@@ -1,7 +1,7 @@
 //! What is measured.
 
 use cairn::framegen::shader::{self, GuidanceTextures, ShaderGenerator, TexturePair};
-use cairn::gpu::compute::Frames;
+use cairn::gpu::compute::CommandRing;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{Gpu, adapters};
@@ -80,7 +80,7 @@ pub(crate) fn run() {
     let of_pictures = TexturePair { guidance: guidance(&found, &flat, 16), ..pair };
 
     let generator = || ShaderGenerator::new(gpu, size).expect("a generator");
-    let ring = |descriptors| Frames::new(gpu, gpu.frames(), descriptors).expect("a ring");
+    let ring = |descriptors| CommandRing::new(gpu, gpu.frames(), descriptors).expect("a ring");
     let line = |name, least, record| Line { name, least, record, seconds: Vec::new() };
     let blend = Blend::new(gpu, [&before, &after, &out], size);
     let (whole, mut ring_of_whole) = (&mut generator(), ring(shader::DESCRIPTORS));

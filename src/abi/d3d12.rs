@@ -12,10 +12,10 @@ use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outco
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out, describe, read};
 use super::worker::Job;
-use crate::present::presenter::Shown;
+use crate::present::presenter::FrameInfo;
 
 #[cfg_attr(windows, path = "d3d12/windows.rs")]
-#[cfg_attr(not(windows), path = "d3d12/elsewhere.rs")]
+#[cfg_attr(not(windows), path = "d3d12/unsupported.rs")]
 pub(super) mod behind;
 
 /// Direct3D 12's own, declared so that its header is not needed.
@@ -550,7 +550,7 @@ pub(super) enum Recorded {
     /// As many lists as may have not run.
     QueueFull,
     /// It is made; with what guards its target where that is submitted.
-    Frame(Shown, Option<Guard>),
+    Frame(FrameInfo, Option<Guard>),
 }
 
 /// Where a frame is recorded to.

@@ -20,7 +20,7 @@ use super::structs::{Out, check_out, describe, read_or_default, slice};
 use crate::Colours;
 use crate::framegen::Phases;
 use crate::present::pacing::Interval;
-use crate::present::presenter::{Presenter, PresenterOptions, Shown, ShownSource};
+use crate::present::presenter::{FrameInfo, FrameSource, Presenter, PresenterOptions};
 use crate::runtime::Device;
 
 /// The generator is used where it can be.
@@ -116,7 +116,7 @@ impl Presenting {
             return Err(Failure::no_d3d12());
         }
         // SAFETY: the caller's promise.
-        unsafe { self.recording.lock().record(&self.asked(), device, now, to) }
+        unsafe { self.recording.lock().record(&self.request(), device, now, to) }
     }
 
     /// Makes all that frames need, and uses it from then on; false where it is not known how large anchors are. Frames are recorded meanwhile.
@@ -128,11 +128,11 @@ impl Presenting {
             return Err(Failure::new(CAIRN_ERROR_BUSY, "another thread prepares the presenter")
                 .remedy("Wait for that call to return"));
         };
-        let asked = self.asked();
-        let made = match Prepared::new(&asked, device, wanted, &mut amd) {
+        let request = self.request();
+        let made = match Prepared::new(&request, device, wanted, &mut amd) {
             Err(why) if why.code == CAIRN_ERROR_OUT_OF_MEMORY && put(&self.recording, None) => {
                 log::info!("what was prepared before is released, as there is no memory for both");
-                Prepared::new(&asked, device, wanted, &mut amd)
+                Prepared::new(&request, device, wanted, &mut amd)
             }
             made => made,
         }?;
@@ -143,9 +143,9 @@ impl Presenting {
         Ok(is_known)
     }
 
-    fn asked(&self) -> Asked<'_> {
+    fn request(&self) -> RenderRequest<'_> {
         let Self { presenter, colours, fsr, shader, upscaler, .. } = self;
-        Asked { presenter, colours: *colours, fsr: *fsr, shader: *shader, upscaler: *upscaler }
+        RenderRequest { presenter, colours: *colours, fsr: *fsr, shader: *shader, upscaler: *upscaler }
     }
 
     /// Waits until all frames have run, and lets go of their targets.
@@ -172,7 +172,7 @@ impl Presenting {
 
 /// What frames for Direct3D 12 are recorded of, and how.
 #[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door reads it"))]
-pub(super) struct Asked<'a> {
+pub(super) struct RenderRequest<'a> {
     pub(super) presenter: &'a Presenter,
     pub(super) colours: Colours,
     pub(super) fsr: u32,
@@ -553,13 +553,13 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
     })
 }
 
-pub(super) fn to_header(shown: &Shown) -> cairn_frame {
+pub(super) fn to_header(shown: &FrameInfo) -> cairn_frame {
     let source = match shown.source {
-        ShownSource::Anchor => CAIRN_FRAME_ANCHOR,
-        ShownSource::Decoded => CAIRN_FRAME_DECODED,
-        ShownSource::Generated => CAIRN_FRAME_GENERATED,
-        ShownSource::Extrapolated => CAIRN_FRAME_EXTRAPOLATED,
-        ShownSource::Held => CAIRN_FRAME_HELD,
+        FrameSource::Anchor => CAIRN_FRAME_ANCHOR,
+        FrameSource::Decoded => CAIRN_FRAME_DECODED,
+        FrameSource::Generated => CAIRN_FRAME_GENERATED,
+        FrameSource::Extrapolated => CAIRN_FRAME_EXTRAPOLATED,
+        FrameSource::Held => CAIRN_FRAME_HELD,
     };
     let cut = if shown.cut { CAIRN_FRAME_CUT } else { 0 };
     let repeated = if shown.repeated { CAIRN_FRAME_REPEATED } else { 0 };

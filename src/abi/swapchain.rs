@@ -12,7 +12,7 @@ use super::results::{CAIRN_ERROR_BUSY, CAIRN_OK, Failure, Outcome, cairn_result}
 use super::structs::{Out, check_out, read};
 
 #[cfg_attr(windows, path = "swapchain/windows.rs")]
-#[cfg_attr(not(windows), path = "swapchain/elsewhere.rs")]
+#[cfg_attr(not(windows), path = "swapchain/unsupported.rs")]
 mod behind;
 pub mod structs;
 #[cfg(any(windows, test))]

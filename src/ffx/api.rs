@@ -9,7 +9,7 @@ use super::Header;
 use super::bindings::{
     Configure, CreateContext, DestroyContext, Dispatch, EffectId, Query, RawContext, ReturnCode, StructId,
 };
-use super::suspect::Suspect;
+use super::diagnose::Diagnosis;
 use super::{Chain, Described, message};
 use crate::{Error, ErrorKind, Result};
 
@@ -68,7 +68,13 @@ impl Api {
         if context.is_null() {
             let says = "it says that it succeeded, and gave no context".to_owned();
             let (call, code) = ("ffxCreateContext", ReturnCode::OK);
-            return Err(Failure { call, code, passed: format!("{chain:?}"), says, suspect: Suspect::of(chain, code) });
+            return Err(Failure {
+                call,
+                code,
+                passed: format!("{chain:?}"),
+                says,
+                diagnose: Diagnosis::of(chain, code),
+            });
         }
         Ok(context)
     }
@@ -80,7 +86,7 @@ impl Api {
     pub(super) unsafe fn destroy(&self, mut context: RawContext) -> Result<(), Failure> {
         // SAFETY: as the caller promises.
         let code = asked(|| unsafe { (self.destroy)(&mut context, null()) });
-        answered("ffxDestroyContext", code, || (String::new(), Suspect::OF_END))
+        answered("ffxDestroyContext", code, || (String::new(), Diagnosis::OF_END))
     }
 
     /// `ffxConfigure`.
@@ -153,15 +159,15 @@ fn asked(call: impl FnOnce() -> ReturnCode) -> ReturnCode {
 }
 
 fn done<Head: Described>(call: &'static str, code: ReturnCode, chain: &Chain<Head>) -> Result<(), Failure> {
-    answered(call, code, || (format!("{chain:?}"), Suspect::of(chain, code)))
+    answered(call, code, || (format!("{chain:?}"), Diagnosis::of(chain, code)))
 }
 
-fn answered(call: &'static str, code: ReturnCode, told: impl FnOnce() -> (String, Suspect)) -> Result<(), Failure> {
+fn answered(call: &'static str, code: ReturnCode, told: impl FnOnce() -> (String, Diagnosis)) -> Result<(), Failure> {
     if code == ReturnCode::OK {
         return Ok(());
     }
-    let (passed, suspect) = told();
-    Err(Failure { call, code, passed, says: message::last(), suspect })
+    let (passed, diagnose) = told();
+    Err(Failure { call, code, passed, says: message::last(), diagnose })
 }
 
 /// A call that did not succeed.
@@ -174,7 +180,7 @@ pub(super) struct Failure {
     /// What the library said meanwhile; may be nothing.
     pub(super) says: String,
     /// What most likely made it fail.
-    suspect: Suspect,
+    diagnose: Diagnosis,
 }
 
 impl Failure {
@@ -186,7 +192,7 @@ impl Failure {
     /// The failure as an error, of the field that most likely was its cause.
     pub(super) fn error(&self) -> Error {
         let (kind, meaning, remedy) = meaning(self.code);
-        let Suspect { field, why } = &self.suspect;
+        let Diagnosis { field, why } = &self.diagnose;
         let mut cause = format!("{} answered {} ({:?}): {meaning}; {field}: {why}", self.call, self.code.0, self.code);
         if !self.says.is_empty() {
             cause = format!("{cause}; the library says: {}", self.says);

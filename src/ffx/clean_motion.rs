@@ -6,7 +6,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use super::bindings::{Coordinates, Dimensions};
 use super::textures::{GROUP, WRITTEN, texture};
 use crate::gpu::Gpu;
-use crate::gpu::compute::{Frame, Kernel, Resting, Shape, View};
+use crate::gpu::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, View};
 use crate::{Error, ErrorKind, Result};
 
 /// Formats that motion is read in.
@@ -45,11 +45,11 @@ impl CleanMotion {
     pub(super) fn record(
         &mut self,
         gpu: &Gpu,
-        frame: &mut Frame<'_>,
-        motion: &Resting<'_>,
+        frame: &mut CommandRecorder<'_>,
+        motion: &ResourceWithState<'_>,
         size: Dimensions,
         scale: Coordinates,
-    ) -> Result<Resting<'_>> {
+    ) -> Result<ResourceWithState<'_>> {
         // SAFETY: live resources.
         let (format, had) = unsafe { (motion.resource.GetDesc().Format, self.texture.GetDesc()) };
         if !MOTION.contains(&format) {
@@ -60,7 +60,7 @@ impl CleanMotion {
             // What is under way holds the one before.
             self.texture = texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT)?;
         }
-        let clean = Resting { resource: &self.texture, state: WRITTEN };
+        let clean = ResourceWithState { resource: &self.texture, state: WRITTEN };
         // What a half can hold, where the scale is nearly 0.
         const LARGEST: f32 = 65504.0;
         let limit = |side: u32, scale: f32| (side as f32 / scale.abs()).min(LARGEST);

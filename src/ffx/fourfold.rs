@@ -7,8 +7,8 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use super::bindings::{Coordinates, CreateFlags, Dimensions, MemoryUsage};
 use super::textures::{GROUP, Memory, Pictures, TextureGenerator, TextureOptions, motion_size_at, texture};
 use super::{Api, Shot};
-use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
-use crate::gpu::{Gpu, Moment};
+use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
+use crate::gpu::{FencePoint, Gpu};
 use crate::{Error, ErrorKind, Result};
 
 /// Generates the frames at a quarter, the half and three quarters between a frame and the one before: one generator makes the half,
@@ -23,7 +23,7 @@ use crate::{Error, ErrorKind, Result};
 /// Threads: one at a time; may move between them.
 pub struct FourfoldGenerator {
     /// First: it waits until nothing that follows is used any more.
-    ring: Frames,
+    ring: CommandRing,
     half: TextureGenerator,
     quarters: TextureGenerator,
     /// Of frames without interface, the one half way; made for the first that is given.
@@ -63,7 +63,7 @@ impl FourfoldGenerator {
         let choice = half.provider().version.family().map_or(options.choice, super::Choice::Require);
         let second = TextureOptions { choice, self_test: false, ..*options };
         Ok(Self {
-            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
             quarters: TextureGenerator::new(gpu, api, &second)?,
             half,
             bare: None,
@@ -117,7 +117,12 @@ impl FourfoldGenerator {
     ///
     /// # Errors
     /// As of [`TextureGenerator::generate`]. What of the three was submitted before is then of no use, and the next starts anew.
-    pub fn generate(&mut self, pictures: &Pictures<'_>, quarters: [Resting<'_>; 2], shot: &Shot) -> Result<Moment> {
+    pub fn generate(
+        &mut self,
+        pictures: &Pictures<'_>,
+        quarters: [ResourceWithState<'_>; 2],
+        shot: &Shot,
+    ) -> Result<FencePoint> {
         let done = self.all(pictures, quarters, shot);
         if done.is_err() {
             self.half.forget();
@@ -127,7 +132,12 @@ impl FourfoldGenerator {
         done
     }
 
-    fn all(&mut self, pictures: &Pictures<'_>, quarters: [Resting<'_>; 2], shot: &Shot) -> Result<Moment> {
+    fn all(
+        &mut self,
+        pictures: &Pictures<'_>,
+        quarters: [ResourceWithState<'_>; 2],
+        shot: &Shot,
+    ) -> Result<FencePoint> {
         let head = &self.options.head;
         let motion_size = motion_size_at(head, shot.render_size);
         let rendered = shot.render_size;
@@ -147,10 +157,10 @@ impl FourfoldGenerator {
                 None
             }
         };
-        let bare = bare.as_ref().map(|resource| Resting { resource, state: WRITTEN });
+        let bare = bare.as_ref().map(|resource| ResourceWithState { resource, state: WRITTEN });
         self.half.generate(pictures, shot)?;
         let between = self.between(rendered)?.clone();
-        let [motion, depth] = between.each_ref().map(|resource| Resting { resource, state: WRITTEN });
+        let [motion, depth] = between.each_ref().map(|resource| ResourceWithState { resource, state: WRITTEN });
         self.carry(pictures, [&motion, &depth], shot, is_inverted)?;
         // Half of the way, in half of the time.
         let Coordinates { x, y } = shot.motion_scale;
@@ -166,7 +176,12 @@ impl FourfoldGenerator {
     }
 
     /// The frame without interface half way.
-    fn bare(&mut self, hudless: &Resting<'_>, pictures: &Pictures<'_>, shot: &Shot) -> Result<ID3D12Resource> {
+    fn bare(
+        &mut self,
+        hudless: &ResourceWithState<'_>,
+        pictures: &Pictures<'_>,
+        shot: &Shot,
+    ) -> Result<ID3D12Resource> {
         let TextureOptions { mut head, hudless: format, .. } = self.options;
         let bare = match &mut self.bare {
             Some(bare) => bare,
@@ -182,7 +197,7 @@ impl FourfoldGenerator {
                 })
             }
         };
-        let output = Resting { resource: &bare.half, state: WRITTEN };
+        let output = ResourceWithState { resource: &bare.half, state: WRITTEN };
         let pictures = Pictures { color: *hudless, output, hudless: None, ..*pictures };
         // What the provider says of it is of the colour; here that is the frame without interface.
         bare.generator.generate(&pictures, shot).map_err(|why| match why.offending_field() {
@@ -214,7 +229,7 @@ impl FourfoldGenerator {
     fn carry(
         &mut self,
         pictures: &Pictures<'_>,
-        [motion, depth]: [&Resting<'_>; 2],
+        [motion, depth]: [&ResourceWithState<'_>; 2],
         shot: &Shot,
         is_inverted: bool,
     ) -> Result<()> {

@@ -11,14 +11,15 @@ mod chain;
 #[cfg(windows)]
 mod clean_motion;
 mod context;
+mod diagnose;
+#[cfg(test)]
+mod double;
 #[cfg(windows)]
 mod fourfold;
 mod generator;
 mod library;
 mod memory;
 mod message;
-#[cfg(test)]
-mod played;
 mod provider;
 #[cfg(windows)]
 mod requirements;
@@ -26,7 +27,6 @@ mod requirements;
 mod resource;
 #[cfg(windows)]
 mod self_test;
-mod suspect;
 #[cfg(windows)]
 mod swapchain;
 #[cfg(windows)]

@@ -7,7 +7,7 @@ use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLO
 use super::Shot;
 use super::bindings::{Coordinates, CreateFlags, CreateFrameGeneration, Dimensions};
 use super::textures::{GROUP, Pictures, TextureGenerator, TextureOptions, texture};
-use crate::gpu::compute::{self, Frame, Frames, Kernel, Resting, Shape, View, Words, untyped};
+use crate::gpu::compute::{self, CommandRecorder, CommandRing, Kernel, ResourceWithState, Shape, View, Words, untyped};
 use crate::gpu::{Gpu, Heap, Shared, buffer};
 use crate::{Error, ErrorKind, Result};
 
@@ -15,7 +15,7 @@ use crate::{Error, ErrorKind, Result};
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Mode {
     /// The frame of that number: 0 and 1 are shown to the provider.
-    Frame(f32),
+    CommandRecorder(f32),
     /// Two numbers for the background and two for the foreground, where both are in the frame of that number.
     Values {
         number: f32,
@@ -44,14 +44,14 @@ const fn generated(factor: [f32; 2], jitter: f32) -> Mode {
 /// What the frame between may be. The first is right.
 const CANDIDATES: [(Mode, &str); 14] = [
     (generated([1.0, 1.0], 0.0), "it is far from where it belongs"),
-    (Mode::Frame(1.0), "the frame itself comes back: it passes frames through"),
-    (Mode::Frame(0.0), "the frame before comes back: it passes frames through"),
+    (Mode::CommandRecorder(1.0), "the frame itself comes back: it passes frames through"),
+    (Mode::CommandRecorder(0.0), "the frame before comes back: it passes frames through"),
     (generated([0.0, 0.0], 0.0), "both frames lie over one another: motion is not used"),
     (generated([-1.0, -1.0], 0.0), "both frames are moved against the motion: the sign is wrong"),
     (generated([-1.0, 1.0], 0.0), "both frames are moved against horizontal motion: the sign is wrong"),
     (generated([1.0, -1.0], 0.0), "both frames are moved against vertical motion: the sign is wrong"),
-    (Mode::Frame(1.5), "it is moved against the motion: the sign is wrong"),
-    (Mode::Frame(-0.5), "it is moved against the motion: the sign is wrong"),
+    (Mode::CommandRecorder(1.5), "it is moved against the motion: the sign is wrong"),
+    (Mode::CommandRecorder(-0.5), "it is moved against the motion: the sign is wrong"),
     (Mode::Reversed, "what is far hides what is near: the order of depths is wrong"),
     (Mode::Black, "it is black"),
     (generated([1.0, 1.0], 1.0), "jitter is taken out of motion that holds none"),
@@ -157,7 +157,7 @@ impl<'a> Stage<'a> {
     /// Both frames, through the generator.
     fn frames(&self, generator: &mut TextureGenerator) -> Result<()> {
         const DESCRIPTORS: u32 = 2;
-        let mut ring = Frames::new(self.gpu, self.gpu.frames(), 3 * DESCRIPTORS)?;
+        let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), 3 * DESCRIPTORS)?;
         let (motion, depth) = (resting(&self.motion), resting(&self.depth));
         let head = &self.options.head;
         let (shown, rendered, of_motion) = (head.display_size, head.max_render_size, motion_size(head));
@@ -177,7 +177,7 @@ impl<'a> Stage<'a> {
             self.draw(&mut frame, &motion, DXGI_FORMAT_R16G16_FLOAT, values(to_before), scaled(jitter, of_motion))?;
             let depths = [BACKGROUND, FOREGROUND].map(|distance| [device_depth(distance, head.flags), 0.0]);
             self.draw(&mut frame, &depth, DXGI_FORMAT_R32_FLOAT, values(depths), scaled(jitter, rendered))?;
-            self.draw(&mut frame, &resting(&self.color), self.format, Mode::Frame(number), [0.0; 2])?;
+            self.draw(&mut frame, &resting(&self.color), self.format, Mode::CommandRecorder(number), [0.0; 2])?;
             frame.submit(self.gpu.frames())?;
             let pictures = Pictures {
                 color: resting(&self.color),
@@ -202,7 +202,7 @@ impl<'a> Stage<'a> {
     /// How far the frame between is from each candidate.
     fn found(&self) -> Result<[u32; CANDIDATES.len()]> {
         const DESCRIPTORS: u32 = 5;
-        let mut ring = Frames::new(self.gpu, self.gpu.frames(), DESCRIPTORS * CANDIDATES.len() as u32)?;
+        let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), DESCRIPTORS * CANDIDATES.len() as u32)?;
         let mut frame = ring.begin()?;
         let shown = self.options.head.display_size;
         // The inner part: what comes into the picture nobody can know.
@@ -211,7 +211,7 @@ impl<'a> Stage<'a> {
         let step = Dimensions { width: inner.width.div_ceil(512), height: inner.height.div_ceil(512) };
         let samples = Dimensions { width: inner.width / step.width, height: inner.height / step.height };
         let groups = [samples.width.div_ceil(GROUP), samples.height.div_ceil(GROUP), 1];
-        let sums = Resting { resource: &self.sums, state: D3D12_RESOURCE_STATE_COMMON };
+        let sums = ResourceWithState { resource: &self.sums, state: D3D12_RESOURCE_STATE_COMMON };
         let bytes = CANDIDATES.len() * 4;
         let mut zeroes = Shared::new(self.gpu, Heap::Upload, bytes)?;
         zeroes.write(0, &[0; CANDIDATES.len() * 4]);
@@ -241,8 +241,8 @@ impl<'a> Stage<'a> {
     /// Draws into a texture of any size, seen with such a jitter in its pixels.
     fn draw(
         &self,
-        frame: &mut Frame<'_>,
-        to: &Resting<'_>,
+        frame: &mut CommandRecorder<'_>,
+        to: &ResourceWithState<'_>,
         format: DXGI_FORMAT,
         mode: Mode,
         jitter: [f32; 2],
@@ -257,11 +257,11 @@ impl<'a> Stage<'a> {
             let held = self.jitter_in_motion();
             self.moved.map(|moved| [0, 1].map(|axis| moved[axis] * factor[axis] + held[axis] * jitter))
         };
-        let is_drawn = matches!(mode, Mode::Frame(_)) && to.resource == &self.color;
+        let is_drawn = matches!(mode, Mode::CommandRecorder(_)) && to.resource == &self.color;
         let (kind, number, [background, foreground]) = match mode {
-            Mode::Frame(number) if is_drawn => (0, number, self.moved),
+            Mode::CommandRecorder(number) if is_drawn => (0, number, self.moved),
             Mode::Values { number, background, foreground } => (1, number, [background, foreground]),
-            Mode::Frame(number) => (2, number, self.moved),
+            Mode::CommandRecorder(number) => (2, number, self.moved),
             Mode::Generated(motion) => (2, BETWEEN, believed(motion)),
             Mode::Reversed => (3, BETWEEN, self.moved),
             Mode::Black => (4, 0.0, self.moved),
@@ -313,8 +313,8 @@ fn motion_size(head: &CreateFrameGeneration) -> Dimensions {
     super::textures::motion_size_at(head, head.max_render_size)
 }
 
-fn resting(resource: &ID3D12Resource) -> Resting<'_> {
-    Resting { resource, state: STATE }
+fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
+    ResourceWithState { resource, state: STATE }
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ use super::bindings::{
 use super::clean_motion::CleanMotion;
 use super::textures::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
 use super::{Api, Chain, Choice, Context, Frame, Generator, Provider, Shot};
-use crate::gpu::compute::{Frames, Resting};
+use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{Gpu, check_list, failed_on};
 use crate::{Error, ErrorKind, Result};
 use present_fence::PresentFence;
@@ -45,7 +45,7 @@ use taken::{references, wrapped};
 pub struct Swapchain {
     /// Dropped first: it signals what the ring waits for.
     presented: PresentFence,
-    ring: Frames,
+    ring: CommandRing,
     gpu: Gpu,
     api: Api,
     options: SwapchainOptions,
@@ -210,7 +210,7 @@ impl Swapchain {
             generated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
         });
-        let (presented, ring) = (PresentFence::new(gpu)?, Frames::new(gpu, gpu.frames(), CleanMotion::ROOM)?);
+        let (presented, ring) = (PresentFence::new(gpu)?, CommandRing::new(gpu, gpu.frames(), CleanMotion::ROOM)?);
         let motion = CleanMotion::new(gpu, motion_size_at(&head, head.max_render_size))?;
         let pacer = pace(gpu, api, &mut given, from)?;
         if given.swapchain.is_null() {
@@ -313,13 +313,13 @@ impl Swapchain {
             return Err(Error::new(ErrorKind::InvalidState, why).field("swapchain").remedy("Call fit after a resize"));
         }
         const INPUT: ResourceState = ResourceState::COMPUTE_READ;
-        let told = |resting: &Resting<'_>, size, field: &str, state| {
+        let told = |resting: &ResourceWithState<'_>, size, field: &str, state| {
             picture(&self.gpu, resting, size, field).map(|()| Resource::of(resting.resource, state))
         };
         let motion_size = motion_size_at(&made, shot.render_size);
         let depth = told(&pictures.depth, shot.render_size, "depth", INPUT)?;
         told(&pictures.motion, motion_size, "motion", INPUT)?;
-        let resting = |given: &Resting<'_>, field: &str| {
+        let resting = |given: &ResourceWithState<'_>, field: &str| {
             let state = ResourceState::from_d3d12(given.state.0.cast_unsigned());
             let state = state.ok_or_else(|| {
                 Error::new(ErrorKind::InvalidArgument, "AMD's swap chain has no word for its state").field(field)
@@ -327,7 +327,7 @@ impl Swapchain {
             told(given, size, field, state)
         };
         // These are read later, in the state that they rest in.
-        let late = |given: &Option<Resting<'_>>, field: &str| {
+        let late = |given: &Option<ResourceWithState<'_>>, field: &str| {
             given.as_ref().map_or(Ok(Resource::default()), |given| resting(given, field))
         };
         let (hudless, distortion) = (late(&pictures.hudless, "hudless")?, late(&pictures.distortion, "distortion")?);

@@ -9,8 +9,8 @@ use super::bindings::{
 use super::clean_motion::CleanMotion;
 use super::textures::{READ, WRITTEN, picture, texture};
 use super::{Api, Choice, Memory, Provider, ReactiveMask, UpscaleFrame, UpscaleShot, Upscaler};
-use crate::gpu::compute::{Frame, Frames, Resting};
-use crate::gpu::{Gpu, Moment};
+use crate::gpu::compute::{CommandRecorder, CommandRing, ResourceWithState};
+use crate::gpu::{FencePoint, Gpu};
 use crate::{Error, ErrorKind, Result};
 
 /// A frame, and where the larger one is to go. Each is a texture of two dimensions with one level, layer and sample, and in the state it
@@ -18,21 +18,21 @@ use crate::{Error, ErrorKind, Result};
 #[derive(Clone, Copy)]
 pub struct UpscalePictures<'a> {
     /// The frame, of the size rendered at.
-    pub color: Resting<'a>,
+    pub color: ResourceWithState<'a>,
     /// Device depth, of the same size.
-    pub depth: Resting<'a>,
+    pub depth: ResourceWithState<'a>,
     /// From this frame to the one before, of the same size or, where the upscaler was made so, of the size shown. A vector that is not
     /// finite counts as none, and one that is longer than the picture as one of its length.
-    pub motion: Resting<'a>,
+    pub motion: ResourceWithState<'a>,
     /// What the frame's numbers are to be multiplied by, one pixel.
-    pub exposure: Option<Resting<'a>>,
+    pub exposure: Option<ResourceWithState<'a>>,
     /// From 0 to 1, how little each pixel's past is to be trusted, of the size rendered at; see [`TextureUpscaler::find_reactive`].
-    pub reactive: Option<Resting<'a>>,
+    pub reactive: Option<ResourceWithState<'a>>,
     /// From 0 to 1, where what is seen is not what depth and motion are of, of the size rendered at.
-    pub transparency: Option<Resting<'a>>,
+    pub transparency: Option<ResourceWithState<'a>>,
     /// Gets the larger frame, of the size shown. Where shaders may not write it, the frame is made in a texture of the upscaler's and
     /// copied.
-    pub output: Resting<'a>,
+    pub output: ResourceWithState<'a>,
 }
 
 /// Makes frames larger, from textures into textures of an engine's, on its list or its queue. At most three frames are under way, and what
@@ -41,7 +41,7 @@ pub struct UpscalePictures<'a> {
 /// Threads: one at a time; may move between them.
 pub struct TextureUpscaler {
     /// First: it waits until nothing that follows is used any more.
-    ring: Frames,
+    ring: CommandRing,
     upscaler: Upscaler,
     gpu: Gpu,
     motion: CleanMotion,
@@ -75,7 +75,7 @@ impl TextureUpscaler {
         let has_shown_motion = head.flags.contains(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION);
         let size = if has_shown_motion { head.max_upscale_size } else { head.max_render_size };
         Ok(Self {
-            ring: Frames::new(gpu, gpu.frames(), CleanMotion::ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), CleanMotion::ROOM)?,
             upscaler,
             gpu: gpu.clone(),
             motion: CleanMotion::new(gpu, size)?,
@@ -112,14 +112,14 @@ impl TextureUpscaler {
     /// # Errors
     /// `InvalidArgument` with the field for what a provider would fail, hang or crash on, and for a picture that it must have and is not
     /// there; what the library answers; `DeviceRemoved`, `OutOfMemory`. Nothing is submitted then.
-    pub fn upscale(&mut self, pictures: &UpscalePictures<'_>, shot: &UpscaleShot) -> Result<Moment> {
+    pub fn upscale(&mut self, pictures: &UpscalePictures<'_>, shot: &UpscaleShot) -> Result<FencePoint> {
         let Self { ring, upscaler, gpu, motion, large, required } = self;
         let mut frame = ring.begin()?;
         let mut parts = Parts { gpu, upscaler: &mut *upscaler, motion, large, required: *required };
         let recorded = parts.record(&mut frame, pictures, shot);
-        let moment = recorded.and_then(|()| frame.submit(gpu.frames()));
+        let fence_point = recorded.and_then(|()| frame.submit(gpu.frames()));
         // What the library has of a frame that does not run is none to go on with.
-        moment.inspect_err(|_| upscaler.forget())
+        fence_point.inspect_err(|_| upscaler.forget())
     }
 
     /// Records the same into an engine's open list for its queue for frames, which will have run at `until`, a moment that must come
@@ -133,7 +133,7 @@ impl TextureUpscaler {
     pub fn record(
         &mut self,
         list: &ID3D12GraphicsCommandList,
-        until: &Moment,
+        until: &FencePoint,
         pictures: &UpscalePictures<'_>,
         shot: &UpscaleShot,
     ) -> Result<()> {
@@ -150,11 +150,11 @@ impl TextureUpscaler {
     /// As of [`upscale`](Self::upscale); what a provider without masks answers.
     pub fn find_reactive(
         &mut self,
-        opaque: &Resting<'_>,
-        color: &Resting<'_>,
-        output: &Resting<'_>,
+        opaque: &ResourceWithState<'_>,
+        color: &ResourceWithState<'_>,
+        output: &ResourceWithState<'_>,
         mask: &ReactiveMask,
-    ) -> Result<Moment> {
+    ) -> Result<FencePoint> {
         let size = mask.render_size;
         let mut frame = self.ring.begin()?;
         for (given, field) in [(opaque, "opaque"), (color, "color"), (output, "output")] {
@@ -163,7 +163,7 @@ impl TextureUpscaler {
         frame.bring(opaque, READ)?;
         frame.bring(color, READ)?;
         frame.bring(output, WRITTEN)?;
-        let told = |given: &Resting<'_>, state| Resource::of(given.resource, state);
+        let told = |given: &ResourceWithState<'_>, state| Resource::of(given.resource, state);
         let (input, written) = (ResourceState::COMPUTE_READ, ResourceState::UNORDERED_ACCESS);
         let list = frame.list().as_raw();
         // SAFETY: the frame's open list; what it uses is of the device, in the states that are told, and held by the frame; the
@@ -197,7 +197,12 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    fn record(&mut self, frame: &mut Frame<'_>, pictures: &UpscalePictures<'_>, shot: &UpscaleShot) -> Result<()> {
+    fn record(
+        &mut self,
+        frame: &mut CommandRecorder<'_>,
+        pictures: &UpscalePictures<'_>,
+        shot: &UpscaleShot,
+    ) -> Result<()> {
         let (rendered, shown) = (shot.render_size, shot.shown);
         for (size, field) in [(rendered, "render_size"), (shown, "shown")] {
             if let Some(why) = size.fault() {
@@ -207,14 +212,14 @@ impl Parts<'_> {
         let flags = self.upscaler.made_with().flags;
         let moved = if flags.contains(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION) { shown } else { rendered };
         const INPUT: ResourceState = ResourceState::COMPUTE_READ;
-        let told = |resting: &Resting<'_>, size, field: &str, state| {
+        let told = |resting: &ResourceWithState<'_>, size, field: &str, state| {
             picture(self.gpu, resting, size, field).map(|()| Resource::of(resting.resource, state))
         };
         let color = told(&pictures.color, rendered, "color", INPUT)?;
         let depth = told(&pictures.depth, rendered, "depth", INPUT)?;
         told(&pictures.motion, moved, "motion", INPUT)?;
         let one = Dimensions { width: 1, height: 1 };
-        let optional = |given: &Option<Resting<'_>>, size, field: &str, kind| match given {
+        let optional = |given: &Option<ResourceWithState<'_>>, size, field: &str, kind| match given {
             Some(given) => told(given, size, field, INPUT),
             None if self.required.contains(kind) => {
                 Err(Error::new(ErrorKind::InvalidArgument, "the provider must be given it").field(field))
@@ -238,7 +243,7 @@ impl Parts<'_> {
             }
         }
         let large = self.large.as_ref().filter(|_| !is_written);
-        let large = large.map(|resource| Resting { resource, state: WRITTEN });
+        let large = large.map(|resource| ResourceWithState { resource, state: WRITTEN });
         let output = large.unwrap_or(pictures.output);
         let motion = self.motion.record(self.gpu, frame, &pictures.motion, moved, shot.motion_scale)?;
         let inputs = [Some(pictures.color), Some(pictures.depth), Some(motion)];

@@ -10,8 +10,8 @@ use super::bindings::{
 use super::clean_motion::CleanMotion;
 use super::watch::Watch;
 use super::{Api, Choice, Frame, Generator, Provider, Seen, Shot, Version, self_test};
-use crate::gpu::compute::{self, Frames, Resting};
-use crate::gpu::{Gpu, Moment, written_texture};
+use crate::gpu::compute::{self, CommandRing, ResourceWithState};
+use crate::gpu::{FencePoint, Gpu, written_texture};
 use crate::{Error, ErrorKind, Result};
 
 /// How a [`TextureGenerator`] is made.
@@ -47,20 +47,20 @@ impl TextureOptions {
 #[derive(Clone, Copy)]
 pub struct Pictures<'a> {
     /// The frame, of the size shown and the format that the generator was made for.
-    pub color: Resting<'a>,
+    pub color: ResourceWithState<'a>,
     /// Gets the generated frame, of the same size and format. Where shaders may not write it, such as a swapchain's own, the frame
     /// is made in a texture of the generator's and copied.
-    pub output: Resting<'a>,
+    pub output: ResourceWithState<'a>,
     /// Device depth, of the size rendered at.
-    pub depth: Resting<'a>,
+    pub depth: ResourceWithState<'a>,
     /// From this frame to the one before, of the size rendered at or shown, as the generator was made. A vector that is not finite
     /// counts as none, and one that is longer than the picture as one of its length.
-    pub motion: Resting<'a>,
+    pub motion: ResourceWithState<'a>,
     /// The frame without interface, of the size shown.
-    pub hudless: Option<Resting<'a>>,
+    pub hudless: Option<ResourceWithState<'a>>,
     /// Where a lens puts each pixel less where it was, in parts of the picture, of the size shown. Once one was given, every frame
     /// has one.
-    pub distortion: Option<Resting<'a>>,
+    pub distortion: Option<ResourceWithState<'a>>,
 }
 
 /// Generates frames into textures of an engine's, on its list or its queue. At most three frames are under way, and what they use is
@@ -72,7 +72,7 @@ pub struct Pictures<'a> {
 /// Threads: one at a time; may move between them.
 pub struct TextureGenerator {
     /// First: it waits until nothing that follows is used any more.
-    ring: Frames,
+    ring: CommandRing,
     generator: Generator,
     gpu: Gpu,
     motion: CleanMotion,
@@ -143,7 +143,7 @@ impl TextureGenerator {
         // SAFETY: a live device, of which the generator holds a reference as long as the context lives.
         let generator = unsafe { Generator::create(api, device, choice, head, options.hudless) }?;
         Ok(Self {
-            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
             generator,
             gpu: gpu.clone(),
             motion: CleanMotion::new(gpu, motion_size(&head))?,
@@ -186,18 +186,18 @@ impl TextureGenerator {
     /// # Errors
     /// `InvalidArgument` with the field for what a provider would fail, hang or crash on; what the library answers;
     /// `DeviceRemoved`, `OutOfMemory`. Nothing is submitted then.
-    pub fn generate(&mut self, pictures: &Pictures<'_>, shot: &Shot) -> Result<Moment> {
+    pub fn generate(&mut self, pictures: &Pictures<'_>, shot: &Shot) -> Result<FencePoint> {
         let Self { ring, generator, gpu, motion, between, watch, .. } = self;
         let mut frame = ring.begin()?;
         let mut parts = Parts { gpu, generator: &mut *generator, motion, between, watch: watch.as_mut() };
         let watched = parts.record(&mut frame, pictures, shot);
-        let moment = watched.and_then(|watched| Ok((watched, frame.submit(gpu.frames())?)));
+        let fence_point = watched.and_then(|watched| Ok((watched, frame.submit(gpu.frames())?)));
         // What the library has of a frame that does not run is none to go on with.
-        let (watched, moment) = moment.inspect_err(|_| generator.forget())?;
+        let (watched, fence_point) = fence_point.inspect_err(|_| generator.forget())?;
         if let (Some(watch), true) = (watch, watched) {
-            watch.comes(&moment);
+            watch.comes(&fence_point);
         }
-        Ok(moment)
+        Ok(fence_point)
     }
 
     /// Records the same into an engine's open list for its queue for frames, which will have run at `until`, a moment that must come
@@ -211,7 +211,7 @@ impl TextureGenerator {
     pub fn record(
         &mut self,
         list: &ID3D12GraphicsCommandList,
-        until: &Moment,
+        until: &FencePoint,
         pictures: &Pictures<'_>,
         shot: &Shot,
     ) -> Result<()> {
@@ -259,14 +259,19 @@ struct Parts<'a> {
 
 impl Parts<'_> {
     /// Records a frame; whether it is watched.
-    fn record(&mut self, frame: &mut compute::Frame<'_>, pictures: &Pictures<'_>, shot: &Shot) -> Result<bool> {
+    fn record(
+        &mut self,
+        frame: &mut compute::CommandRecorder<'_>,
+        pictures: &Pictures<'_>,
+        shot: &Shot,
+    ) -> Result<bool> {
         let made = *self.generator.made_with();
         let (shown, motion) = (made.display_size, motion_size_at(&made, shot.render_size));
-        let told = |resting: &Resting<'_>, size, field: &str, state| {
+        let told = |resting: &ResourceWithState<'_>, size, field: &str, state| {
             picture(self.gpu, resting, size, field).map(|()| Resource::of(resting.resource, state))
         };
         const INPUT: ResourceState = ResourceState::COMPUTE_READ;
-        let optional = |given: &Option<Resting<'_>>, field| {
+        let optional = |given: &Option<ResourceWithState<'_>>, field| {
             given.as_ref().map_or(Ok(Resource::default()), |given| told(given, shown, field, INPUT))
         };
         let color = told(&pictures.color, shown, "color", INPUT)?;
@@ -286,7 +291,7 @@ impl Parts<'_> {
             *self.between = Some(texture(self.gpu, shown, wanted.Format)?);
         }
         let between = self.between.as_ref().filter(|_| !is_written);
-        let between = between.map(|resource| Resting { resource, state: WRITTEN });
+        let between = between.map(|resource| ResourceWithState { resource, state: WRITTEN });
         let output = between.unwrap_or(pictures.output);
 
         let clean = self.motion.record(self.gpu, frame, &pictures.motion, motion, shot.motion_scale)?;
@@ -341,7 +346,7 @@ pub(super) fn motion_size_at(made: &CreateFrameGeneration, rendered: Dimensions)
 }
 
 /// Refuses what is no picture of that size.
-pub(super) fn picture(gpu: &Gpu, given: &Resting<'_>, size: Dimensions, field: &str) -> Result<()> {
+pub(super) fn picture(gpu: &Gpu, given: &ResourceWithState<'_>, size: Dimensions, field: &str) -> Result<()> {
     gpu.owns(given.resource, field)?;
     // SAFETY: a live resource.
     let found = unsafe { given.resource.GetDesc() };

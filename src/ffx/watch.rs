@@ -6,8 +6,8 @@ use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R16G16_FLOAT;
 use super::bindings::{Coordinates, Dimensions};
 use super::textures::GROUP;
 use crate::Result;
-use crate::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Kernel, Resting, Shape, View, Words, untyped};
-use crate::gpu::{Gpu, Heap, Moment, Shared, buffer};
+use crate::gpu::compute::{CommandRecorder, FRAMES_IN_FLIGHT, Kernel, ResourceWithState, Shape, View, Words, untyped};
+use crate::gpu::{FencePoint, Gpu, Heap, Shared, buffer};
 
 /// What a generated frame turned out to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -39,7 +39,7 @@ pub(super) struct Watch {
     zeroes: Shared,
     back: Shared,
     /// For each frame under way, when it has run.
-    comes: [Option<Moment>; FRAMES_IN_FLIGHT],
+    comes: [Option<FencePoint>; FRAMES_IN_FLIGHT],
     next: usize,
     last: Option<Seen>,
 }
@@ -64,15 +64,15 @@ impl Watch {
     /// it. To be followed by [`comes`](Self::comes), unless the frame is given up.
     pub(super) fn record(
         &mut self,
-        frame: &mut Frame<'_>,
-        generated: &Resting<'_>,
-        color: &Resting<'_>,
-        motion: &Resting<'_>,
+        frame: &mut CommandRecorder<'_>,
+        generated: &ResourceWithState<'_>,
+        color: &ResourceWithState<'_>,
+        motion: &ResourceWithState<'_>,
         (shown, moved, scale): (Dimensions, Dimensions, Coordinates),
     ) -> Result<()> {
         // As many frames later the ring had waited for this one.
         self.harvest(self.next);
-        let counts = Resting { resource: &self.counts, state: D3D12_RESOURCE_STATE_COMMON };
+        let counts = ResourceWithState { resource: &self.counts, state: D3D12_RESOURCE_STATE_COMMON };
         frame.bring(&counts, D3D12_RESOURCE_STATE_COPY_DEST)?;
         // SAFETY: an open list, and live buffers of that many bytes in the states of a copy.
         unsafe { frame.list().CopyBufferRegion(&self.counts, 0, self.zeroes.resource(), 0, BYTES as u64) };
@@ -89,7 +89,7 @@ impl Watch {
             samples.width,
             samples.height,
         ];
-        let view = |resting: &Resting<'_>| {
+        let view = |resting: &ResourceWithState<'_>| {
             // SAFETY: a live resource.
             unsafe { resting.resource.GetDesc() }.Format
         };
@@ -109,8 +109,8 @@ impl Watch {
     }
 
     /// Says when the frame that was recorded last has run.
-    pub(super) fn comes(&mut self, moment: &Moment) {
-        self.comes[self.next] = Some(moment.clone());
+    pub(super) fn comes(&mut self, fence_point: &FencePoint) {
+        self.comes[self.next] = Some(fence_point.clone());
         self.next = (self.next + 1) % FRAMES_IN_FLIGHT;
     }
 
@@ -123,7 +123,7 @@ impl Watch {
 
     /// Takes what a frame that has run has counted.
     fn harvest(&mut self, slot: usize) {
-        if self.comes[slot].take_if(|moment| moment.reached()).is_none() {
+        if self.comes[slot].take_if(|fence_point| fence_point.reached()).is_none() {
             return;
         }
         let mut bytes = [0; BYTES * FRAMES_IN_FLIGHT];

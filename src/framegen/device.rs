@@ -12,7 +12,7 @@ use super::shader::{
 };
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases};
 use crate::ffx::{Api, Choice};
-use crate::gpu::compute::{Frames, Resting};
+use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{Gpu, Heap, Shared, read_buffer, read_texture, texture_of, written_texture};
 use crate::guidance::{DepthMap, Guidance};
 use crate::{Error, ErrorKind, Picture, Result};
@@ -36,7 +36,7 @@ struct Made {
     size: (u32, u32),
     shader: ShaderGenerator,
     fsr: Option<FsrGenerator>,
-    frames: Frames,
+    frames: CommandRing,
     target: ID3D12Resource,
     /// The later anchor of the last pair, and its number.
     last: Option<(Picture, u64)>,
@@ -75,7 +75,7 @@ impl DeviceGenerator {
                 size,
                 shader: ShaderGenerator::new(gpu, size)?,
                 fsr,
-                frames: Frames::new(gpu, gpu.frames(), DESCRIPTORS)?,
+                frames: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
                 target: written_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, STATE)?,
                 last: None,
             });
@@ -154,8 +154,8 @@ impl FrameGenerator for DeviceGenerator {
                 .take()
                 .map_or(1, |(picture, number)| number + if picture == *pair.previous() { 1 } else { 2 });
             let facts = PairFacts { place: (0, number), projection: pair.guidance().depth().projection(), interval_ms };
-            let (half, moment) = fsr.generate(&textures, &facts)?;
-            moment.wait()?;
+            let (half, fence_point) = fsr.generate(&textures, &facts)?;
+            fence_point.wait()?;
             copy(&read_texture(&gpu, &half, STATE)?, out);
             made.last = Some((pair.current().clone(), number));
             return Ok(GenerateReport { outcome: Outcome::Generated, uncovered: 0.0, unexplained: 0.0 });
@@ -210,8 +210,8 @@ impl std::fmt::Debug for DeviceGenerator {
     }
 }
 
-fn resting(resource: &ID3D12Resource) -> Resting<'_> {
-    Resting { resource, state: STATE }
+fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
+    ResourceWithState { resource, state: STATE }
 }
 
 fn copy(from: &Picture, to: &mut Picture) {
@@ -241,9 +241,9 @@ fn upload(gpu: &Gpu, bytes: &[u8], size: (u32, u32), format: DXGI_FORMAT) -> Res
     let rows =
         D3D12_SUBRESOURCE_FOOTPRINT { Format: format, Width: size.0, Height: size.1, Depth: 1, RowPitch: pitch as u32 };
     let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows };
-    let mut ring = Frames::new(gpu, gpu.frames(), 1)?;
+    let mut ring = CommandRing::new(gpu, gpu.frames(), 1)?;
     let mut frame = ring.begin()?;
-    let from = Resting { resource: memory.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
+    let from = ResourceWithState { resource: memory.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
     frame.copy_rows(&from, rows, &resting(&to))?;
     frame.submit(gpu.frames())?.wait()?;
     Ok(to)

@@ -3,12 +3,12 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8_UNORM, DXGI_FORMAT_R8G8B8A8_UNORM};
 
-use super::each_pixel::EachPixel;
+use super::densify::Densifier;
 use super::shader::TexturePair;
 use crate::ffx::bindings::{CreateFrameGeneration, Dimensions, SurfaceFormat};
 use crate::ffx::{Api, Camera, Choice, Pictures, Shot, TextureGenerator, TextureOptions, Version};
-use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
-use crate::gpu::{Gpu, Moment, written_texture};
+use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
+use crate::gpu::{FencePoint, Gpu, written_texture};
 use crate::guidance::Projection;
 use crate::{Error, ErrorKind, Result};
 
@@ -29,11 +29,11 @@ pub struct FsrGenerator {
     generator: TextureGenerator,
     size: (u32, u32),
     rendered: (u32, u32),
-    each: EachPixel,
+    each: Densifier,
     overlay: Overlay,
     half: ID3D12Resource,
     /// The later anchor of the pair that it made a frame of last, which `half` is, and when that is there.
-    last: Option<(Place, Moment)>,
+    last: Option<(Place, FencePoint)>,
 }
 
 /// Which anchor it is: stream, and place in it. What follows another has the next place.
@@ -71,7 +71,7 @@ impl FsrGenerator {
             generator: TextureGenerator::new(gpu, api, &options)?,
             size,
             rendered,
-            each: EachPixel::new(gpu, rendered)?,
+            each: Densifier::new(gpu, rendered)?,
             overlay: Overlay::new(gpu, size)?,
             half: written_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON)?,
             last: None,
@@ -87,12 +87,12 @@ impl FsrGenerator {
     ///
     /// # Errors
     /// As of [`TextureGenerator::generate`]. The next frame then starts anew.
-    pub fn generate(&mut self, pair: &TexturePair<'_>, facts: &PairFacts) -> Result<(ID3D12Resource, Moment)> {
+    pub fn generate(&mut self, pair: &TexturePair<'_>, facts: &PairFacts) -> Result<(ID3D12Resource, FencePoint)> {
         let (stream, number) = facts.place;
         let last = self.last.take();
-        if let Some((place, moment)) = last.as_ref().filter(|(place, _)| *place == facts.place) {
-            let made = (self.half.clone(), moment.clone());
-            self.last = Some((*place, moment.clone()));
+        if let Some((place, fence_point)) = last.as_ref().filter(|(place, _)| *place == facts.place) {
+            let made = (self.half.clone(), fence_point.clone());
+            self.last = Some((*place, fence_point.clone()));
             return Ok(made);
         }
         let before = number.checked_sub(1).map(|before| (stream, before));
@@ -106,7 +106,7 @@ impl FsrGenerator {
         };
         let pictures = |color| Pictures {
             color,
-            output: Resting { resource: &self.half, state: D3D12_RESOURCE_STATE_COMMON },
+            output: ResourceWithState { resource: &self.half, state: D3D12_RESOURCE_STATE_COMMON },
             depth: depth.resting(),
             motion: motion.resting(),
             hudless: None,
@@ -115,13 +115,13 @@ impl FsrGenerator {
         if !goes_on {
             self.generator.generate(&pictures(pair.previous), &shot(true))?;
         }
-        let mut moment = self.generator.generate(&pictures(pair.current), &shot(false))?;
+        let mut fence_point = self.generator.generate(&pictures(pair.current), &shot(false))?;
         if let Some(hud) = &pair.guidance.hud {
-            let half = Resting { resource: &self.half, state: D3D12_RESOURCE_STATE_COMMON };
-            moment = self.overlay.lay(&pair.current, hud, &half)?;
+            let half = ResourceWithState { resource: &self.half, state: D3D12_RESOURCE_STATE_COMMON };
+            fence_point = self.overlay.lay(&pair.current, hud, &half)?;
         }
-        self.last = Some((facts.place, moment.clone()));
-        Ok((self.half.clone(), moment))
+        self.last = Some((facts.place, fence_point.clone()));
+        Ok((self.half.clone(), fence_point))
     }
 }
 
@@ -136,7 +136,7 @@ struct Overlay {
     gpu: Gpu,
     size: (u32, u32),
     kernel: Kernel,
-    ring: Frames,
+    ring: CommandRing,
 }
 
 impl Overlay {
@@ -146,12 +146,17 @@ impl Overlay {
             gpu: gpu.clone(),
             size,
             kernel: Kernel::new(gpu, code, Shape { constants: 2, inputs: 2, outputs: 1 })?,
-            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
         })
     }
 
     /// Lays what `mask` says of `anchor` over `frame`; the moment when it lies there.
-    fn lay(&mut self, anchor: &Resting<'_>, mask: &Resting<'_>, frame: &Resting<'_>) -> Result<Moment> {
+    fn lay(
+        &mut self,
+        anchor: &ResourceWithState<'_>,
+        mask: &ResourceWithState<'_>,
+        frame: &ResourceWithState<'_>,
+    ) -> Result<FencePoint> {
         let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
         let inputs = [View::Texture(*anchor, DXGI_FORMAT_R8G8B8A8_UNORM), View::Texture(*mask, DXGI_FORMAT_R8_UNORM)];
         let output = View::Texture(*frame, DXGI_FORMAT_R8G8B8A8_UNORM);

@@ -2,9 +2,9 @@
 
 pub mod cpu;
 #[cfg(windows)]
-pub mod device;
+pub(crate) mod densify;
 #[cfg(windows)]
-pub(crate) mod each_pixel;
+pub mod device;
 #[cfg(windows)]
 pub mod fsr;
 mod pair;

@@ -2,7 +2,7 @@
 //!
 //! A [`Gpu`] is an engine's own device with its queue, or one of ours on an adapter; it has two [`Queue`]s, one for frames and
 //! one for anchors, so that a world's long passes never stand before a frame. Work of one queue waits for work of the other at
-//! a [`Moment`] and nowhere else.
+//! a [`FencePoint`] and nowhere else.
 
 mod adapter;
 mod budget;
@@ -11,8 +11,8 @@ mod clock;
 pub mod compute;
 mod device;
 mod failure;
+mod fence_point;
 mod memory;
-mod moment;
 mod pipeline;
 mod pipelines;
 mod queue;
@@ -32,8 +32,8 @@ pub(crate) use clock::Marks;
 pub use clock::Spent;
 pub use device::Gpu;
 pub(crate) use failure::failed_on;
+pub use fence_point::FencePoint;
 pub(crate) use memory::{Heap, Shared, buffer};
-pub use moment::Moment;
 pub(crate) use pipeline::Pipeline;
 pub(crate) use pipelines::Pipelines;
 pub use queue::Queue;

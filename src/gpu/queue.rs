@@ -9,7 +9,7 @@ use windows::Win32::Graphics::Direct3D12::{
 };
 use windows::core::Interface;
 
-use super::Moment;
+use super::FencePoint;
 use super::failure::{failed_on, removed};
 use crate::Result;
 
@@ -63,7 +63,7 @@ impl Queue {
     ///
     /// # Errors
     /// `DeviceRemoved`.
-    pub fn submit(&self, lists: &[ID3D12CommandList]) -> Result<Moment> {
+    pub fn submit(&self, lists: &[ID3D12CommandList]) -> Result<FencePoint> {
         // Not every driver drops what a device that is gone is given, and whoever is told so lets go of what the lists use.
         if let Some(gone) = removed(&self.device) {
             return Err(gone);
@@ -74,14 +74,14 @@ impl Queue {
             unsafe { std::slice::from_raw_parts(lists.as_ptr().cast(), lists.len()) };
         // SAFETY: live lists of this device; an open one makes Direct3D remove the device, which `now` reports.
         unsafe { self.queue.ExecuteCommandLists(lists) };
-        self.now().inspect_err(|_| self.settle())
+        self.now().inspect_err(|_| self.wait_ignoring_loss())
     }
 
     /// The moment when everything that it has been given so far is done, by whomever.
     ///
     /// # Errors
     /// `DeviceRemoved`.
-    pub fn now(&self) -> Result<Moment> {
+    pub fn now(&self) -> Result<FencePoint> {
         let mut last = self.last.lock();
         // Checked first: a queue that is gone may never come to what it is told now.
         if let Some(gone) = removed(&self.device) {
@@ -91,7 +91,7 @@ impl Queue {
         unsafe { self.queue.Signal(&self.fence, *last + 1) }
             .map_err(|e| failed_on(&self.device, "ID3D12CommandQueue::Signal", &e))?;
         *last += 1;
-        Ok(Moment::new(&self.fence, *last, &self.device))
+        Ok(FencePoint::new(&self.fence, *last, &self.device))
     }
 
     /// Names what it is given during `work`, for tools that show the device's work.
@@ -106,30 +106,30 @@ impl Queue {
     }
 
     /// Waits until nothing that it has been given runs any more, before what that uses is freed; also on a device that is gone.
-    pub(crate) fn settle(&self) {
-        let moment = {
+    pub(crate) fn wait_ignoring_loss(&self) {
+        let fence_point = {
             let mut last = self.last.lock();
             // SAFETY: a live queue and a fence of its device.
             if unsafe { self.queue.Signal(&self.fence, *last + 1) }.is_err() {
                 return;
             }
             *last += 1;
-            Moment::new(&self.fence, *last, &self.device)
+            FencePoint::new(&self.fence, *last, &self.device)
         };
-        moment.settle();
+        fence_point.wait_ignoring_loss();
     }
 
-    /// Lets what it is given from now on wait for `moment`, of another queue or an engine's own; this thread does not wait.
+    /// Lets what it is given from now on wait for `fence_point`, of another queue or an engine's own; this thread does not wait.
     ///
     /// # Errors
     /// `DeviceRemoved`.
-    pub fn wait(&self, moment: &Moment) -> Result<()> {
+    pub fn wait(&self, fence_point: &FencePoint) -> Result<()> {
         // What stands before in the same queue is waited for anyway.
-        if moment.fence().as_raw() == self.fence.as_raw() {
+        if fence_point.fence().as_raw() == self.fence.as_raw() {
             return Ok(());
         }
         // SAFETY: a live queue and a live fence.
-        unsafe { self.queue.Wait(moment.fence(), moment.value()) }
+        unsafe { self.queue.Wait(fence_point.fence(), fence_point.value()) }
             .map_err(|e| failed_on(&self.device, "ID3D12CommandQueue::Wait", &e))
     }
 }

@@ -1,6 +1,6 @@
 //! Memory that command lists of an engine's read, and the engine's own fences that say when they have run.
 
-use super::Moment;
+use super::FencePoint;
 use crate::Result;
 
 /// Slots of memory, each of which lists of an engine's may read until the fences that came with them have their values.
@@ -15,7 +15,7 @@ pub(crate) struct RecordedMemory<M> {
 struct Slot<M> {
     memory: M,
     /// One for each fence: the largest of its values.
-    readers: Vec<Moment>,
+    readers: Vec<FencePoint>,
 }
 
 /// Fences of a slot for which there is room from the start.
@@ -51,7 +51,7 @@ impl<M> RecordedMemory<M> {
     }
 
     /// A list reads the slot until that moment.
-    pub(crate) fn read_until(&mut self, slot: usize, until: &Moment) {
+    pub(crate) fn read_until(&mut self, slot: usize, until: &FencePoint) {
         let readers = &mut self.slots[slot].readers;
         readers.retain(|reader| !reader.reached());
         match readers.iter_mut().find(|reader| reader.fence() == until.fence()) {

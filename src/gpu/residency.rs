@@ -8,7 +8,7 @@ use windows::Win32::Graphics::Direct3D12::{
 use windows::core::Interface;
 
 use super::failure::failed_on;
-use super::{Gpu, Moment, Queue};
+use super::{FencePoint, Gpu, Queue};
 use crate::{Error, ErrorKind, Result};
 
 /// Memory that is resident, or evicted, together. What is added to it has a priority below an engine's own memory, which has
@@ -73,7 +73,7 @@ impl ResidencySet {
         }
         match self.enqueue(gpu)? {
             // Nothing was brought back that nothing waits for.
-            Some(moment) => queue.wait(&moment),
+            Some(fence_point) => queue.wait(&fence_point),
             None => {
                 // SAFETY: a live device and live objects.
                 unsafe { gpu.device().MakeResident(&self.objects) }
@@ -85,7 +85,7 @@ impl ResidencySet {
     }
 
     /// Has the system bring the memory back; when it is there. None where the system cannot do that beside its caller.
-    fn enqueue(&mut self, gpu: &Gpu) -> Result<Option<Moment>> {
+    fn enqueue(&mut self, gpu: &Gpu) -> Result<Option<FencePoint>> {
         let device = gpu.device();
         let Ok(newer) = device.cast::<ID3D12Device3>() else { return Ok(None) };
         let (fence, value) = match &self.fence {
@@ -103,9 +103,9 @@ impl ResidencySet {
             Err(e) => return Err(no_place(failed_on(device, "ID3D12Device3::EnqueueMakeResident", &e))),
         }
         self.is_resident = true;
-        let moment = Moment::new(&fence, value, device);
+        let fence_point = FencePoint::new(&fence, value, device);
         self.fence = Some((fence, value));
-        Ok(Some(moment))
+        Ok(Some(fence_point))
     }
 }
 

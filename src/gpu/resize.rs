@@ -3,14 +3,14 @@
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::Gpu;
-use super::compute::{Frame, Kernel, Resting, Shape, Texture, View, Words, texture};
+use super::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, Texture, View, Words, texture};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
 /// Pictures of a decoder in a buffer: for each its planes red, green and blue, `[height, width]` numbers in [0, 1], tightly packed.
 #[derive(Clone, Copy)]
 pub struct Planes<'a> {
     /// Where they are.
-    pub buffer: Resting<'a>,
+    pub buffer: ResourceWithState<'a>,
     /// Which picture of the buffer, counted from 0.
     pub picture: u32,
     /// Width and height, each 1 to [`MAX_SIDE`].
@@ -56,7 +56,12 @@ impl Resize {
     /// # Errors
     /// `InvalidArgument` for a buffer that is too short, for another texture, or for one of another device; `Unsupported` when the
     /// device cannot write the format from a shader; as for any frame. Nothing is recorded then.
-    pub fn record(&self, frame: &mut Frame<'_>, planes: &Planes<'_>, texture: &Resting<'_>) -> Result<()> {
+    pub fn record(
+        &self,
+        frame: &mut CommandRecorder<'_>,
+        planes: &Planes<'_>,
+        texture: &ResourceWithState<'_>,
+    ) -> Result<()> {
         let (width, height) = planes.size;
         let sides = 1..=MAX_SIDE;
         if !sides.contains(&width) || !sides.contains(&height) {
@@ -85,7 +90,7 @@ impl Resize {
     }
 }
 
-fn texture_to_write(gpu: &Gpu, given: &Resting<'_>) -> Result<Texture> {
+fn texture_to_write(gpu: &Gpu, given: &ResourceWithState<'_>) -> Result<Texture> {
     texture(gpu, given, &FORMATS.map(|(format, _)| format), "texture")
 }
 

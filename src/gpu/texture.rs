@@ -7,7 +7,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::Interface;
 
 use super::memory::{Heap, Shared};
-use super::{Gpu, Moment, failed_on};
+use super::{FencePoint, Gpu, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 
@@ -71,18 +71,18 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
 ///
 /// # Errors
 /// `OutOfMemory`; `DeviceRemoved`.
-pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Moment)> {
+pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, FencePoint)> {
     let state = D3D12_RESOURCE_STATE_COPY_DEST;
     let (texture, desc) = make(gpu, picture.size(), PLAIN, D3D12_RESOURCE_FLAG_NONE, state)?;
     let (layout, bytes) = layout(gpu, &desc);
     let mut upload = Shared::new(gpu, Heap::Upload, bytes)?;
     let rows = picture.rgba().chunks_exact(picture.width() as usize * 4);
     rows.enumerate().for_each(|(y, row)| upload.write(y * layout.Footprint.RowPitch as usize, row));
-    let moment = once(gpu, |list| {
+    let fence_point = once(gpu, |list| {
         copy(list, &first_level(&texture), &placed(upload.resource(), layout));
         barrier(list, &texture, state, D3D12_RESOURCE_STATE_COMMON);
     })?;
-    Ok((texture, moment))
+    Ok((texture, fence_point))
 }
 
 /// A texture that shaders may write, RGBA8, in the state COMMON. What is in it is not said.
@@ -180,7 +180,7 @@ pub(super) fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUB
 }
 
 /// Runs what `record` records on the queue for frames, and waits for it; the moment when it was done.
-fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Moment> {
+fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<FencePoint> {
     let (device, kind) = (gpu.device(), gpu.frames().kind());
     // An allocator and a list.
     (0..2).for_each(|_| count_object());
@@ -194,10 +194,10 @@ fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Mo
     // SAFETY: an open list.
     unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
     let list = list.cast().map_err(|e| failed_on(device, "IUnknown::QueryInterface", &e))?;
-    let moment = gpu.frames().submit(&[list])?;
+    let fence_point = gpu.frames().submit(&[list])?;
     // Until then the list needs its allocator, and what it copies.
-    moment.wait()?;
-    Ok(moment)
+    fence_point.wait()?;
+    Ok(fence_point)
 }
 
 /// A resource as a call names it that takes no reference.

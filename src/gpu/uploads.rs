@@ -6,7 +6,7 @@ use super::memory::{Heap, Shared};
 use super::recorded::RecordedMemory;
 use super::target::{Target, check_list};
 use super::texture::layout;
-use super::{Gpu, Moment};
+use super::{FencePoint, Gpu};
 use crate::texels::{Encoder, Texel};
 use crate::{Colours, Error, ErrorKind, Picture, Result};
 
@@ -95,7 +95,7 @@ impl Uploads {
     }
 
     /// The list of the last copy reads its memory until that moment.
-    pub fn read_until(&mut self, until: &Moment) {
+    pub fn read_until(&mut self, until: &FencePoint) {
         if let Some((slot, _)) = self.last {
             self.slots.read_until(slot, until);
         }
@@ -161,7 +161,7 @@ fn no_memory() -> Error {
 impl Drop for Uploads {
     fn drop(&mut self) {
         // The queue may still read what is freed next. Lists that it was not given are the engine's to drop first.
-        self.gpu.frames().settle();
+        self.gpu.frames().wait_ignoring_loss();
     }
 }
 

@@ -6,13 +6,13 @@
 
 pub mod camera;
 mod depth;
-mod larger;
 mod latent;
 pub mod latent_flow;
 mod lift;
 mod motion;
 pub mod paper;
 pub mod picture_flow;
+mod upsample;
 pub mod visual;
 
 pub use depth::{DepthEncoding, DepthMap, Projection};

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::area::Area;
 use super::motion::{Extractors, MotionSource};
-use super::presenter::{Drawn, Plan, PresenterOptions, Taken};
+use super::presenter::{FrameKey, PendingFrame, Plan, PresenterOptions};
 use super::statistics::PresenterStatistics;
 use super::upscale::{Filter, Upscaler};
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
@@ -24,7 +24,7 @@ pub(super) struct Drawer {
     /// With bars around it.
     framed: Option<Picture>,
     /// What was drawn last.
-    pub(super) drawn: Option<Drawn>,
+    pub(super) drawn: Option<FrameKey>,
     /// What the generator said of what it made last.
     pub(super) outcome: Outcome,
 }
@@ -52,21 +52,21 @@ impl Drawer {
     /// The picture of a frame that was taken, in the size of the frames.
     pub(super) fn make<'a>(
         &'a mut self,
-        taken: &'a Taken,
+        pending: &'a PendingFrame,
         options: &PresenterOptions,
         size: (u32, u32),
         times: &mut PresenterStatistics,
     ) -> Result<&'a Picture> {
-        let again = taken.shown.repeated;
+        let again = pending.shown.repeated;
         if !again {
             self.drawn = None;
-            self.generate(taken, options.motion, times)?;
+            self.generate(pending, options.motion, times)?;
         }
-        let made = match &taken.plan {
+        let made = match &pending.plan {
             Plan::Copy { current, picture, .. } => current.anchor.read(*picture)?,
-            Plan::Between { .. } | Plan::Beyond { .. } => self.generated.as_ref().ok_or_else(nothing_made)?,
+            Plan::Interpolate { .. } | Plan::Extrapolate { .. } => self.generated.as_ref().ok_or_else(nothing_made)?,
         };
-        let wanted = taken.size.unwrap_or(made.size());
+        let wanted = pending.size.unwrap_or(made.size());
         if wanted != size {
             let cause = format!("{} x {} pixels where frames have {} x {}", size.0, size.1, wanted.0, wanted.1);
             return Err(Error::new(ErrorKind::InvalidArgument, cause).field("target"));
@@ -99,14 +99,14 @@ impl Drawer {
     /// Fills `generated` where the plan is to generate.
     fn generate(
         &mut self,
-        Taken { plan, epoch, overlay, .. }: &Taken,
+        PendingFrame { plan, epoch, overlay, .. }: &PendingFrame,
         motion: MotionSource,
         times: &mut PresenterStatistics,
     ) -> Result<()> {
         let (previous, current, index, t) = match plan {
             Plan::Copy { .. } => return Ok(()),
-            Plan::Between { previous, current, index, t } => (Some(previous), current, *index, *t),
-            Plan::Beyond { previous, last, index, t } => (previous.as_ref(), last, *index, *t),
+            Plan::Interpolate { previous, current, index, t } => (Some(previous), current, *index, *t),
+            Plan::Extrapolate { previous, last, index, t } => (previous.as_ref(), last, *index, *t),
         };
         let start = Instant::now();
         if current.guidance.is_none() && self.guidance.as_ref().is_none_or(|(of, _)| *of != (*epoch, index)) {
@@ -123,7 +123,7 @@ impl Drawer {
         let picture = current.anchor.picture()?;
         let out = of_size(&mut self.generated, picture.size())?;
         let report = match plan {
-            Plan::Between { previous, .. } => {
+            Plan::Interpolate { previous, .. } => {
                 let mut pair = AnchorPair::new(previous.anchor.picture()?, picture, guidance)?;
                 if let Some(guidance) = &previous.guidance {
                     pair = pair.with_previous_depth(guidance.depth())?;

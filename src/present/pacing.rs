@@ -106,14 +106,14 @@ pub enum DueFrame {
     /// An anchor itself.
     Anchor(u64),
     /// The frame `step / multiplier` of the way from anchor `previous` to the next.
-    Between {
+    Interpolate {
         /// The earlier anchor.
         previous: u64,
         /// 1 to `multiplier - 1`.
         step: u32,
     },
     /// The next anchor is late: the frame `step / multiplier` of an interval beyond the last.
-    Beyond {
+    Extrapolate {
         /// The last anchor.
         last: u64,
         /// 1 to `multiplier`.
@@ -209,8 +209,8 @@ impl Pacer {
         let beyond = position.saturating_sub(last.saturating_mul(multiplier.into()));
         let frame = match u32::try_from(beyond) {
             Ok(0) if step == 0 => DueFrame::Anchor(anchor),
-            Ok(0) => DueFrame::Between { previous: anchor, step },
-            Ok(step) if step <= multiplier => DueFrame::Beyond { last, step },
+            Ok(0) => DueFrame::Interpolate { previous: anchor, step },
+            Ok(step) if step <= multiplier => DueFrame::Extrapolate { last, step },
             _ => DueFrame::Stalled { last },
         };
         let at =

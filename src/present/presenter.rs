@@ -61,11 +61,11 @@ impl Default for PresenterOptions {
 
 /// A frame as it is shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shown {
+pub struct FrameInfo {
     /// When it is due, and its place in the stream.
     pub due: Due,
     /// What it is made of.
-    pub source: ShownSource,
+    pub source: FrameSource,
     /// Number of the anchor it shows or starts from.
     pub previous: u64,
     /// Number of the anchor it leads to; the same as `previous` where it leads to none.
@@ -82,7 +82,7 @@ pub struct Shown {
 
 /// What a shown frame is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ShownSource {
+pub enum FrameSource {
     /// An anchor.
     Anchor,
     /// A picture that the next anchor brought with it.
@@ -166,13 +166,13 @@ pub(super) enum Plan {
         index: u64,
         picture: usize,
     },
-    Between {
+    Interpolate {
         previous: Slot,
         current: Slot,
         index: u64,
         t: f32,
     },
-    Beyond {
+    Extrapolate {
         previous: Option<Slot>,
         last: Slot,
         index: u64,
@@ -181,11 +181,11 @@ pub(super) enum Plan {
 }
 
 /// What a drawn picture shows: the resets before it, the frame, and its size where that is not the anchors'.
-pub(super) type Drawn = (u64, DueFrame, Option<(u32, u32)>);
+pub(super) type FrameKey = (u64, DueFrame, Option<(u32, u32)>);
 
 /// A frame that is due.
-pub(super) struct Taken {
-    pub(super) shown: Shown,
+pub(super) struct PendingFrame {
+    pub(super) shown: FrameInfo,
     pub(super) plan: Plan,
     /// Number of resets before it.
     pub(super) epoch: u64,
@@ -193,7 +193,7 @@ pub(super) struct Taken {
     pub(super) size: Option<(u32, u32)>,
     /// What lies over the anchors.
     pub(super) overlay: Option<Arc<Overlay>>,
-    pub(super) key: Drawn,
+    pub(super) key: FrameKey,
 }
 
 impl Presenter {
@@ -280,7 +280,7 @@ impl Presenter {
     }
 
     /// Which frame is due at `now`; none before the first anchor came.
-    pub fn query(&self, now: u64) -> Option<Shown> {
+    pub fn query(&self, now: u64) -> Option<FrameInfo> {
         let mut stream = self.stream.lock();
         stream.arrive(now, self.options.multiplier);
         let due = stream.due(now)?;
@@ -352,7 +352,7 @@ impl Presenter {
     ///
     /// # Errors
     /// `InvalidArgument` when frames have not `size`, or latents are needed and the anchors have none; `OutOfMemory`.
-    pub fn draw(&self, now: u64, size: (u32, u32), write: impl FnOnce(&Picture)) -> Result<Option<Shown>> {
+    pub fn draw(&self, now: u64, size: (u32, u32), write: impl FnOnce(&Picture)) -> Result<Option<FrameInfo>> {
         self.draw_of(Draws::Frames, now, size, |picture, _| write(picture))
     }
 
@@ -363,25 +363,25 @@ impl Presenter {
         now: u64,
         size: (u32, u32),
         write: impl FnOnce(&Picture, bool),
-    ) -> Result<Option<Shown>> {
+    ) -> Result<Option<FrameInfo>> {
         let mut drawer = self.drawer.lock();
         let phases = drawer.phases().filter(|_| draws == Draws::Frames);
-        let Some(mut taken) = self.take(now, phases) else { return Ok(None) };
-        if let (Draws::Anchors, Plan::Copy { current, index, picture, .. }) = (draws, &taken.plan)
+        let Some(mut pending) = self.take(now, phases) else { return Ok(None) };
+        if let (Draws::Anchors, Plan::Copy { current, index, picture, .. }) = (draws, &pending.plan)
             && picture + 1 == current.anchor.count()
         {
             // All frames that show an anchor are one picture.
-            taken.key.1 = DueFrame::Anchor(*index);
+            pending.key.1 = DueFrame::Anchor(*index);
         }
-        taken.shown.unprepared = draws == Draws::Anchors;
-        taken.shown.repeated = drawer.drawn == Some(taken.key);
+        pending.shown.unprepared = draws == Draws::Anchors;
+        pending.shown.repeated = drawer.drawn == Some(pending.key);
         let mut figures = PresenterStatistics::default();
-        let picture = drawer.make(&taken, &self.options, size, &mut figures)?;
-        write(picture, taken.shown.repeated);
-        drawer.drawn = Some(taken.key);
-        let Taken { mut shown, plan, .. } = taken;
+        let picture = drawer.make(&pending, &self.options, size, &mut figures)?;
+        write(picture, pending.shown.repeated);
+        drawer.drawn = Some(pending.key);
+        let PendingFrame { mut shown, plan, .. } = pending;
         if !matches!(plan, Plan::Copy { .. }) && drawer.outcome != Outcome::Generated {
-            shown.source = ShownSource::Held;
+            shown.source = FrameSource::Held;
             shown.cut |= drawer.outcome == Outcome::CutFallback;
         }
         self.count(&shown, &figures);
@@ -389,18 +389,18 @@ impl Presenter {
     }
 
     /// The frame that is due at `now`, to be made by whoever does `phases`; none before the first anchor came.
-    pub(super) fn take(&self, now: u64, phases: Option<Phases>) -> Option<Taken> {
+    pub(super) fn take(&self, now: u64, phases: Option<Phases>) -> Option<PendingFrame> {
         let mut stream = self.stream.lock();
         stream.arrive(now, self.options.multiplier);
         let due = stream.due(now)?;
         let (shown, plan) = self.resolve(&stream, due, phases)?;
         let frame = if self.options.extrapolate { due.frame } else { stands(due.frame) };
         let (epoch, size, overlay) = (stream.epoch, stream.wanted, stream.overlay.clone());
-        Some(Taken { shown, plan, epoch, size, overlay, key: (epoch, frame, size) })
+        Some(PendingFrame { shown, plan, epoch, size, overlay, key: (epoch, frame, size) })
     }
 
     /// Counts a frame that was made.
-    pub(super) fn count(&self, shown: &Shown, times: &PresenterStatistics) {
+    pub(super) fn count(&self, shown: &FrameInfo, times: &PresenterStatistics) {
         self.stream.lock().statistics.count(shown, times);
     }
 
@@ -471,14 +471,14 @@ impl Presenter {
     }
 
     /// What to show and how it comes about.
-    fn resolve(&self, stream: &Stream, due: Due, phases: Option<Phases>) -> Option<(Shown, Plan)> {
+    fn resolve(&self, stream: &Stream, due: Due, phases: Option<Phases>) -> Option<(FrameInfo, Plan)> {
         let slot = |index: u64| {
             let at = usize::try_from(index.checked_sub(stream.first)?).ok()?;
             stream.slots.get(at)
         };
         let t = |step: u32| step as f32 / self.options.multiplier as f32;
         let generates = |t: f32| phases.is_some_and(|phases| phases.contains(t));
-        let shown = |source, previous: u64, current: u64, t, cut| Shown {
+        let shown = |source, previous: u64, current: u64, t, cut| FrameInfo {
             due,
             source,
             previous,
@@ -495,7 +495,7 @@ impl Presenter {
         let held = |index: u64, cut| {
             let anchor = &slot(index)?.anchor;
             let number = anchor.number();
-            Some((shown(ShownSource::Held, number, number, 0.0, cut), copy(index, anchor.count() - 1)?))
+            Some((shown(FrameSource::Held, number, number, 0.0, cut), copy(index, anchor.count() - 1)?))
         };
         match due.frame {
             // One that stands for a frame that is not made.
@@ -504,24 +504,24 @@ impl Presenter {
             }
             DueFrame::Anchor(index) => {
                 let (of, plan) = held(index, false)?;
-                Some((Shown { source: ShownSource::Anchor, ..of }, plan))
+                Some((FrameInfo { source: FrameSource::Anchor, ..of }, plan))
             }
-            DueFrame::Between { previous: index, step } => {
+            DueFrame::Interpolate { previous: index, step } => {
                 let (previous, current) = (slot(index)?, slot(index + 1)?);
                 let (t, numbers) = (t(step), (previous.anchor.number(), current.anchor.number()));
                 let pictures = current.anchor.count();
                 if self.brings_all(pictures) {
                     let plan = copy(index + 1, step as usize - 1)?;
-                    return Some((shown(ShownSource::Decoded, numbers.0, numbers.1, t, false), plan));
+                    return Some((shown(FrameSource::Decoded, numbers.0, numbers.1, t, false), plan));
                 }
                 if current.cut || !generates(t) {
                     return held(if t < 0.5 { index } else { index + 1 }, current.cut);
                 }
                 let (previous, current) = (previous.clone(), current.clone());
-                let plan = Plan::Between { previous, current, index: index + 1, t };
-                Some((shown(ShownSource::Generated, numbers.0, numbers.1, t, false), plan))
+                let plan = Plan::Interpolate { previous, current, index: index + 1, t };
+                Some((shown(FrameSource::Generated, numbers.0, numbers.1, t, false), plan))
             }
-            DueFrame::Beyond { last: index, .. } | DueFrame::Stalled { last: index } => {
+            DueFrame::Extrapolate { last: index, .. } | DueFrame::Stalled { last: index } => {
                 let last = slot(index)?;
                 let previous = index.checked_sub(1).and_then(slot);
                 let motion = last.guidance.is_some() || previous.is_some();
@@ -529,11 +529,11 @@ impl Presenter {
                     return held(index, last.cut);
                 }
                 let (step, source) = match due.frame {
-                    DueFrame::Beyond { step, .. } => (step, ShownSource::Extrapolated),
-                    _ => (self.options.multiplier, ShownSource::Held),
+                    DueFrame::Extrapolate { step, .. } => (step, FrameSource::Extrapolated),
+                    _ => (self.options.multiplier, FrameSource::Held),
                 };
                 let (t, number) = (t(step), last.anchor.number());
-                let plan = Plan::Beyond { previous: previous.cloned(), last: last.clone(), index, t };
+                let plan = Plan::Extrapolate { previous: previous.cloned(), last: last.clone(), index, t };
                 Some((shown(source, number, number, t, false), plan))
             }
         }
@@ -568,7 +568,7 @@ impl Stream {
 /// A late anchor's frames where nothing is extrapolated: the last anchor.
 fn stands(frame: DueFrame) -> DueFrame {
     match frame {
-        DueFrame::Beyond { last, .. } | DueFrame::Stalled { last } => DueFrame::Anchor(last),
+        DueFrame::Extrapolate { last, .. } | DueFrame::Stalled { last } => DueFrame::Anchor(last),
         other => other,
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::presenter::{Shown, ShownSource};
+use super::presenter::{FrameInfo, FrameSource};
 
 /// What a presenter has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -44,13 +44,13 @@ pub struct PresenterStatistics {
 }
 
 impl PresenterStatistics {
-    pub(super) fn count(&mut self, shown: &Shown, times: &Self) {
+    pub(super) fn count(&mut self, shown: &FrameInfo, times: &Self) {
         let of = match shown.source {
-            ShownSource::Anchor => &mut self.shown_anchors,
-            ShownSource::Decoded => &mut self.decoded,
-            ShownSource::Generated => &mut self.generated,
-            ShownSource::Extrapolated => &mut self.extrapolated,
-            ShownSource::Held => &mut self.held,
+            FrameSource::Anchor => &mut self.shown_anchors,
+            FrameSource::Decoded => &mut self.decoded,
+            FrameSource::Generated => &mut self.generated,
+            FrameSource::Extrapolated => &mut self.extrapolated,
+            FrameSource::Held => &mut self.held,
         };
         *of += 1;
         self.repeated += u64::from(shown.repeated);

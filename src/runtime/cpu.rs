@@ -185,7 +185,7 @@ impl ExecutionContext for CpuContext {
     }
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
-        let [to, from] = self.memories.get_disjoint_mut([to.0, from.0]).expect("two buffers of this lane");
+        let [to, from] = self.memories.get_disjoint_mut([to.0, from.0]).expect("two buffers of this context");
         let (to, from) = (to.bytes_mut(), from.bytes());
         for r in regions {
             to[r.to..r.to + r.len].copy_from_slice(&from[r.from..r.from + r.len]);
@@ -201,7 +201,7 @@ impl ExecutionContext for CpuContext {
 
     fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
         copies.iter().try_for_each(|copies| {
-            // Taken out meanwhile, as a copy needs the whole lane.
+            // Taken out meanwhile, as a copy needs the whole context.
             let recorded = std::mem::take(&mut self.recorded[copies.0]);
             let done = recorded.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
             self.recorded[copies.0] = recorded;
@@ -228,7 +228,7 @@ impl ExecutionContext for CpuContext {
                 Ok(())
             }
             #[cfg(windows)]
-            Backup::Device(_) => unreachable!("a backup of another lane"),
+            Backup::Device(_) => unreachable!("a backup of another context"),
         }
     }
 

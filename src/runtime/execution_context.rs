@@ -6,19 +6,19 @@ use super::Graph;
 use crate::Result;
 use crate::bundle::Precision;
 
-/// Names a buffer of one lane.
+/// Names a buffer of one context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BufferId(pub(super) usize);
 
-/// Names a graph of one lane with every input and output bound.
+/// Names a graph of one context with every input and output bound.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BindingId(pub(super) usize);
 
-/// Names copies of one lane that were written down once to be done often.
+/// Names copies of one context that were written down once to be done often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct RecordedCopiesId(pub(super) usize);
 
-/// Names a look at buffers of one lane that was written down once to be taken often.
+/// Names a look at buffers of one context that was written down once to be taken often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct FiniteCheckId(pub(super) usize);
 
@@ -41,7 +41,7 @@ pub(crate) struct Region {
     pub(crate) len: usize,
 }
 
-/// Bytes a lane has moved since it was made, outside of graphs.
+/// Bytes a context has moved since it was made, outside of graphs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Bytes {
     /// From the host to the device.
@@ -77,8 +77,8 @@ impl std::ops::Add for Bytes {
     }
 }
 
-/// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the lane, so a handle can
-/// never outlive what it names; a lane belongs to one user at a time.
+/// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the context, so a handle can
+/// never outlive what it names; a context belongs to one user at a time.
 ///
 /// What writes submits and may return before the work is done; `read` and `not_finite` wait for it.
 ///
@@ -116,7 +116,7 @@ pub(crate) trait ExecutionContext: Send {
     /// Copies what is in buffers, for [`put_back`](Self::put_back).
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup>;
 
-    /// Lets buffers have what they had when this lane backed them up. Asks for no memory, as it is what follows a failure.
+    /// Lets buffers have what they had when this context backed them up. Asks for no memory, as it is what follows a failure.
     fn put_back(&mut self, backup: Backup) -> Result<()>;
 
     /// Runs a bound graph.
@@ -176,7 +176,7 @@ pub(crate) trait ExecutionContext: Send {
         Ok(None)
     }
 
-    /// Has a latent and its pictures copied into their room, which is of this lane. Nothing waits for it, and no memory is asked
+    /// Has a latent and its pictures copied into their room, which is of this context. Nothing waits for it, and no memory is asked
     /// for.
     #[cfg(windows)]
     fn keep_on_device(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut super::Snapshot) -> Result<()> {
@@ -185,14 +185,14 @@ pub(crate) trait ExecutionContext: Send {
     }
 }
 
-/// What was in buffers of one lane.
+/// What was in buffers of one context.
 pub(crate) enum Backup {
     Host(Vec<(BufferId, Vec<u8>)>),
     #[cfg(windows)]
     Device(super::directml::Backup),
 }
 
-/// Wall time of a lane that is not the library's own.
+/// Wall time of a context that is not the library's own.
 #[cfg(windows)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ExternalTimes {
@@ -216,17 +216,17 @@ impl ExternalTimes {
     }
 }
 
-/// What a lane times on its device.
+/// What a context times on its device.
 #[cfg(windows)]
 #[derive(Clone, Copy)]
 pub(crate) enum Work<'a> {
-    /// Runs of a graph that is bound in the lane, through whichever binding.
+    /// Runs of a graph that is bound in the context, through whichever binding.
     Runs(&'a Arc<Graph>),
     /// Copies that were written down once.
     Repeated,
 }
 
-/// A decoder's pictures in a buffer of one lane.
+/// A decoder's pictures in a buffer of one context.
 #[cfg(windows)]
 pub(crate) struct Decoded<'a> {
     /// `[pictures, 3, height, width]`

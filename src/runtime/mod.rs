@@ -1,7 +1,7 @@
 //! ONNX Runtime on one device: sessions, memory and their bindings.
 //!
 //! [`Ort`] is the library itself, loaded by path. A [`Device`] makes `Graph`s (sessions, shared by everybody) and
-//! `ExecutionContext`s (one rollout's memory and bound runs, in order). What lies behind a lane may be host memory or a graphics
+//! `ExecutionContext`s (one rollout's memory and bound runs, in order). What lies behind a context may be host memory or a graphics
 //! device: users name buffers by handle, move bytes only through `ExecutionContext`, and wait only in `ExecutionContext::read` and
 //! `ExecutionContext::finite`.
 

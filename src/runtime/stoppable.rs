@@ -1,4 +1,4 @@
-//! A lane that can be told to stop.
+//! A context that can be told to stop.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,14 +10,14 @@ use super::{Device, Graph};
 use crate::bundle::Precision;
 use crate::{Error, ErrorKind, Result};
 
-/// A lane that begins no run while its flag is set. All else goes on, so that what a failed run left can be put right.
+/// A context that begins no run while its flag is set. All else goes on, so that what a failed run left can be put right.
 pub(crate) struct StoppableContext {
     inner: Box<dyn ExecutionContext>,
     stop: Arc<AtomicBool>,
 }
 
 impl StoppableContext {
-    /// A lane of `device` that heeds `stop`.
+    /// A context of `device` that heeds `stop`.
     pub(crate) fn new(device: &Device, stop: Arc<AtomicBool>) -> Result<Self> {
         Ok(Self { inner: device.context()?, stop })
     }

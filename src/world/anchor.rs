@@ -206,7 +206,7 @@ impl KeptAnchor {
     pub fn texture(
         &self,
         i: usize,
-    ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::Moment)> {
+    ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::FencePoint)> {
         self.on_device.as_ref()?.texture(i)
     }
 
@@ -215,7 +215,7 @@ impl KeptAnchor {
     #[cfg(windows)]
     pub(crate) fn latent_buffer(
         &self,
-    ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::Moment, bool)> {
+    ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::FencePoint, bool)> {
         self.on_device.as_ref()?.latent()
     }
 

@@ -5,7 +5,7 @@ use std::borrow::Borrow;
 use crate::bundle::Precision;
 use crate::runtime::{Backup, BindingId, BufferId, ExecutionContext, FiniteCheckId};
 use crate::world::contract::Shapes;
-use crate::world::numbers::{self, Uploader};
+use crate::world::convert::{self, Uploader};
 use crate::world::resize::Bilinear;
 use crate::world::world::World;
 use crate::{Error, ErrorKind, Picture, Result};
@@ -140,7 +140,7 @@ impl Autoencoder {
                 .remedy(format!("Give 1 or {}", self.shapes.pictures)));
         }
         let [height, width] = self.shapes.decoded;
-        let mut rgb = numbers::zeroed(self.shapes.pictures * self.shapes.picture_len())?;
+        let mut rgb = convert::zeroed(self.shapes.pictures * self.shapes.picture_len())?;
         for (i, planes) in rgb.chunks_exact_mut(self.shapes.picture_len()).enumerate() {
             let picture: &Picture = pictures[i % pictures.len()].borrow();
             Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, planes);
@@ -216,7 +216,7 @@ impl Autoencoder {
 
     /// Fills `planes`, `[3, H, W]`, with picture `i` of the last decoded latent.
     pub(super) fn read(&self, context: &dyn ExecutionContext, i: usize, planes: &mut [f32]) -> Result<()> {
-        numbers::read(context, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
+        convert::read(context, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
     }
 
     /// Where the last decoded pictures are, `[pictures, 3, H, W]`.

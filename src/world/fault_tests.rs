@@ -38,7 +38,7 @@ impl Fault {
     }
 }
 
-/// A lane whose calls fail when they are told to, but for the one that puts right what a failure left.
+/// A context whose calls fail when they are told to, but for the one that puts right what a failure left.
 struct Faulty {
     inner: Box<dyn ExecutionContext>,
     fault: Arc<Fault>,
@@ -147,7 +147,7 @@ fn no_fault_of_the_device_leaves_a_trace() {
     let mut untroubled = Rollout::new(&world, &common::point(&world), 1).expect("a rollout");
     let mut rollout = Rollout::new(&world, &common::point(&world), 1).expect("a rollout");
     let fault = Arc::new(Fault::default());
-    let idle = world.device().context().expect("a lane");
+    let idle = world.device().context().expect("a context");
     let inner = std::mem::replace(&mut rollout.context, idle);
     rollout.context = Box::new(Faulty { inner, fault: fault.clone() });
 

@@ -5,6 +5,7 @@ mod autoencoder;
 mod budget;
 mod contract;
 mod controls;
+mod convert;
 #[cfg(windows)]
 mod device_times;
 #[cfg(test)]
@@ -15,7 +16,6 @@ mod governor;
 mod keys;
 mod kv_memory;
 mod noise;
-mod numbers;
 mod operating_point;
 mod passes;
 mod plan;

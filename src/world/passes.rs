@@ -1,8 +1,8 @@
 //! The transformer of one rollout: its inputs on the device and the passes that read them.
 
 use super::contract::Shapes;
+use super::convert::{self, Uploader};
 use super::kv_memory::KvMemory;
-use super::numbers::{self, Uploader};
 use super::plan::{RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::schedule::MAX_POINTS;
@@ -71,11 +71,11 @@ impl Passes {
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
         let staging = Staging {
-            x: numbers::zeroed(shapes.latent_len())?,
-            rope_cos: numbers::zeroed(rope.len())?,
-            rope_sin: numbers::zeroed(rope.len())?,
-            local_mask: numbers::zeroed(shapes.keys(false))?,
-            global_mask: numbers::zeroed(shapes.keys(true))?,
+            x: convert::zeroed(shapes.latent_len())?,
+            rope_cos: convert::zeroed(rope.len())?,
+            rope_sin: convert::zeroed(rope.len())?,
+            local_mask: convert::zeroed(shapes.keys(false))?,
+            global_mask: convert::zeroed(shapes.keys(true))?,
             table: Vec::with_capacity(MAX_POINTS),
         };
         let largest = shapes.latent_len().max(shapes.keys(true)).max(shapes.keys(false));
@@ -165,7 +165,7 @@ impl Passes {
 
     /// What the last pass made of the latent it read.
     pub(super) fn read_next(&self, context: &dyn ExecutionContext, x_next: &mut [f32]) -> Result<()> {
-        numbers::read(context, self.precision, self.x[1], 0, x_next)
+        convert::read(context, self.precision, self.x[1], 0, x_next)
     }
 }
 

@@ -9,9 +9,9 @@ use std::time::Instant;
 use super::autoencoder::Autoencoder;
 use super::budget::LatentBudget;
 use super::controls::ControlInput;
+use super::convert;
 use super::governor::Governed;
 use super::kv_memory::{KvMemory, Part};
-use super::numbers;
 use super::operating_point::OperatingPoint;
 use super::passes::Passes;
 use super::plan::{CachePass, Planner, StepPlan};
@@ -127,8 +127,8 @@ impl Rollout {
             context,
             plan: StepPlan::default(),
             host_latent: OnceCell::new(),
-            spare_latent: Cell::new(numbers::zeroed(world.latent_len())?),
-            planes: numbers::zeroed(world.shapes.picture_len())?,
+            spare_latent: Cell::new(convert::zeroed(world.latent_len())?),
+            planes: convert::zeroed(world.shapes.picture_len())?,
             to_render: Bilinear::new(world.decoded_size(), world.render_size()),
             statistics: Statistics::default(),
             stop,
@@ -259,13 +259,13 @@ impl Rollout {
         self.passes.prepare(&mut *self.context, plan, [sigma, -1.0])?;
         self.passes.set_latent(&mut *self.context, x)?;
         self.passes.extra(&mut *self.context, plan)?;
-        let mut velocity = numbers::zeroed(x.len())?;
+        let mut velocity = convert::zeroed(x.len())?;
         self.passes.read_next(&*self.context, &mut velocity)?;
         velocity.iter_mut().zip(x).for_each(|(v, x)| *v = x - *v);
         let (mut keys, mut values) = (Vec::new(), Vec::new());
         for (i, slab) in self.kv.slabs().enumerate() {
-            let mut numbers = numbers::zeroed(self.world.shapes.slab_len())?;
-            numbers::read(&*self.context, self.world.precision(), slab, 0, &mut numbers)?;
+            let mut numbers = convert::zeroed(self.world.shapes.slab_len())?;
+            convert::read(&*self.context, self.world.precision(), slab, 0, &mut numbers)?;
             if i % 2 == 0 { keys.push(numbers) } else { values.push(numbers) }
         }
         Ok(Probe { velocity, keys, values })
@@ -277,8 +277,8 @@ impl Rollout {
     /// `Device` when the encoder fails or gives a number that is not finite.
     pub fn encode(&mut self, picture: &Picture) -> Result<Vec<f32>> {
         self.autoencoder.encode(&mut *self.context, &[picture])?;
-        let mut latent = numbers::zeroed(self.world.latent_len())?;
-        numbers::read(&*self.context, self.world.precision(), self.passes.latent(), 0, &mut latent)?;
+        let mut latent = convert::zeroed(self.world.latent_len())?;
+        convert::read(&*self.context, self.world.precision(), self.passes.latent(), 0, &mut latent)?;
         match self.context.not_finite(self.latent_check)? {
             None => Ok(latent),
             Some(_) => Err(device_not_finite("the encoded latent")),
@@ -324,9 +324,9 @@ impl Rollout {
         }
         let mut latent = self.spare_latent.take();
         if latent.is_empty() {
-            latent = numbers::zeroed(self.world.latent_len())?;
+            latent = convert::zeroed(self.world.latent_len())?;
         }
-        numbers::read(&*self.context, self.world.precision(), self.latent, 0, &mut latent)?;
+        convert::read(&*self.context, self.world.precision(), self.latent, 0, &mut latent)?;
         Ok(self.host_latent.get_or_init(|| latent))
     }
 
@@ -362,7 +362,7 @@ impl Rollout {
     pub fn decoded(&self) -> Result<Vec<f32>> {
         self.check_started()?;
         let shapes = &self.world.shapes;
-        let mut rgb = numbers::zeroed(shapes.pictures * shapes.picture_len())?;
+        let mut rgb = convert::zeroed(shapes.pictures * shapes.picture_len())?;
         self.autoencoder.read(&*self.context, 0, &mut rgb)?;
         Ok(rgb)
     }
@@ -378,8 +378,8 @@ impl Rollout {
             .state()
             .take(count)
             .map(|buffer| {
-                let mut memory = numbers::zeroed(self.context.size(buffer) / element)?;
-                numbers::read(&*self.context, self.world.precision(), buffer, 0, &mut memory)?;
+                let mut memory = convert::zeroed(self.context.size(buffer) / element)?;
+                convert::read(&*self.context, self.world.precision(), buffer, 0, &mut memory)?;
                 Ok(memory)
             })
             .collect()
@@ -395,7 +395,7 @@ impl Rollout {
             Error::new(ErrorKind::InvalidArgument, format!("there is no layer {layer}; the world has {layers}"))
                 .field("layer")
         })?;
-        let mut bytes = numbers::zeroed(self.context.size(buffer))?;
+        let mut bytes = convert::zeroed(self.context.size(buffer))?;
         self.context.read(buffer, 0, &mut bytes)?;
         Ok(bytes)
     }
@@ -417,7 +417,7 @@ impl Rollout {
 
     /// Figures since it was made; [`reset`](Self::reset) and [`restore`](Self::restore) do not touch them.
     pub fn statistics(&self) -> Statistics {
-        // What lanes before this one moved is kept there.
+        // What contexts before this one moved is kept there.
         Statistics { bytes: self.statistics.bytes + self.context.bytes(), ..self.statistics }
     }
 

@@ -36,10 +36,10 @@ impl Rollout {
         let slots = moved.planner.take_over(&self.planner);
         let mut contents = Vec::new();
         for (to, from) in moved.state_buffers().zip(self.state_buffers()) {
-            let mut bytes = super::numbers::zeroed(self.context.size(from))?;
+            let mut bytes = super::convert::zeroed(self.context.size(from))?;
             self.context.read(from, 0, &mut bytes)?;
             if self.is_global_ring(from) {
-                let mut other = super::numbers::zeroed(moved.context.size(to))?;
+                let mut other = super::convert::zeroed(moved.context.size(to))?;
                 self.world.shapes.move_slots(self.world.precision(), &bytes, &mut other, &slots);
                 bytes = other;
             }

@@ -41,8 +41,8 @@ pub(crate) fn is_left() -> bool {
 
 /// Watches the fence of a device's queue for anchors.
 pub(crate) fn watch(gpu: &Gpu) {
-    let moment = gpu.anchors().now().expect("a moment");
-    WATCHED.lock().expect("nobody panics here").push(moment.fence().as_raw() as usize);
+    let fence_point = gpu.anchors().now().expect("a moment");
+    WATCHED.lock().expect("nobody panics here").push(fence_point.fence().as_raw() as usize);
 }
 
 /// Lets watched fences show nobody that work is done, so that what is theirs is not used again and all is allocated anew; who waits

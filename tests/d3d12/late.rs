@@ -116,9 +116,9 @@ fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() 
             // Each frame is compared once the queue has made it: it waits for nothing.
             let shown = both.compare(&engine, quarter * INTERVAL / 4, KINDS[0], quarter % 2 == 0);
             let source = match quarter {
-                4 | 8 => ShownSource::Anchor,
-                5..8 => ShownSource::Generated,
-                _ => ShownSource::Extrapolated,
+                4 | 8 => FrameSource::Anchor,
+                5..8 => FrameSource::Generated,
+                _ => FrameSource::Extrapolated,
             };
             assert_eq!(shown.source, source, "{shown:?}");
         }
@@ -131,7 +131,7 @@ fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() 
                 std::thread::yield_now();
             }
             let shown = both.compare(&engine, 13 * INTERVAL / 4, KINDS[0], false);
-            assert_eq!((shown.source, shown.previous), (ShownSource::Anchor, anchors[2].number()), "{shown:?}");
+            assert_eq!((shown.source, shown.previous), (FrameSource::Anchor, anchors[2].number()), "{shown:?}");
             assert_eq!((both.device.statistics().late, both.device.arriving()), (1, 0));
         }
     }

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each user of this module needs another part of it")]
 
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::Resting;
+use cairn::gpu::compute::ResourceWithState;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
@@ -14,8 +14,8 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
-    pub(crate) fn resting(&self) -> Resting<'_> {
-        Resting { resource: &self.resource, state: self.state }
+    pub(crate) fn resting(&self) -> ResourceWithState<'_> {
+        ResourceWithState { resource: &self.resource, state: self.state }
     }
 }
 
@@ -135,7 +135,7 @@ pub(crate) fn filled(gpu: &Gpu, (width, height): (u32, u32), format: DXGI_FORMAT
 }
 
 /// The first words of a buffer.
-pub(crate) fn words<const N: usize>(gpu: &Gpu, buffer: &Resting<'_>) -> [u32; N] {
+pub(crate) fn words<const N: usize>(gpu: &Gpu, buffer: &ResourceWithState<'_>) -> [u32; N] {
     let back = made(gpu, D3D12_HEAP_TYPE_READBACK, &linear(4 * N), D3D12_RESOURCE_STATE_COPY_DEST);
     run(gpu, |list| {
         // SAFETY: an open list; both buffers live until it has run.

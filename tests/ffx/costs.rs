@@ -34,10 +34,10 @@ fn frames_are_recorded_without_allocating() {
         let (mut counts, mut quickest) = (Vec::new(), Duration::MAX);
         for _ in 0..12 {
             let (before, start) = (ALLOCATIONS.get(), Instant::now());
-            let moment = generator.generate(&pictures, &Shot::of(SIZE)).expect("generated");
+            let fence_point = generator.generate(&pictures, &Shot::of(SIZE)).expect("generated");
             quickest = quickest.min(start.elapsed());
             counts.push(ALLOCATIONS.get() - before);
-            moment.wait().expect("it has run");
+            fence_point.wait().expect("it has run");
             _ = generator.seen();
         }
         println!("{}: generated in {quickest:?} with the double and Direct3D; allocations {counts:?}", release[0]);

@@ -27,7 +27,7 @@ impl Stream {
     }
 
     /// The frame `t` after the anchor before the last, and how far it is off in its size.
-    fn error(&mut self, t: f64, own: bool) -> (ShownSource, u8) {
+    fn error(&mut self, t: f64, own: bool) -> (FrameSource, u8) {
         let (shown, pixels) = self.draw(t, own, true);
         let place = STEP * (i32::try_from(self.anchors).expect("few") - 2) + (f64::from(STEP) * t) as i32;
         let size = self.presenter.size().expect("anchors have come");
@@ -51,7 +51,7 @@ fn anchors_are_made_larger_before_frames_are_generated_between_them() {
         stream.push(tiles);
         for (quarter, made) in [(0, None), (1, None), (2, version()), (3, None)] {
             let (source, error) = stream.error(quarter as f64 / 4.0, (pair + quarter) % 2 == 0);
-            assert_eq!(source, if quarter == 0 { ShownSource::Anchor } else { ShownSource::Generated });
+            assert_eq!(source, if quarter == 0 { FrameSource::Anchor } else { FrameSource::Generated });
             assert!(error <= 8, "{tiles:?}, {quarter} of 4: {error} off");
             if quarter > 0 {
                 assert_eq!(stream.made_by(), made, "{tiles:?}, {quarter} of 4");
@@ -61,7 +61,7 @@ fn anchors_are_made_larger_before_frames_are_generated_between_them() {
     }
     // What is late goes on from the larger anchor.
     let (source, error) = stream.error(1.25, true);
-    assert!(source == ShownSource::Extrapolated && error <= 8, "{source:?}: {error} off");
+    assert!(source == FrameSource::Extrapolated && error <= 8, "{source:?}: {error} off");
     // Another size; none; and what is smaller is resized in space.
     for (size, by) in [((192, 144), "4.0.3"), (SIZE, "nothing"), ((64, 48), "space"), (LARGE, "4.0.3")] {
         stream.presenter.resize(Some(size)).expect("a size");
@@ -85,7 +85,7 @@ fn larger_anchors_go_on_from_those_before_them() {
     assert_eq!(enlarged(&stage), 2);
     // An engine drops its list, and anchors are left out: the earlier one of the pair is made larger first.
     stream.push([8, 8]);
-    assert_eq!(stream.draw(0.5, false, false).0.source, ShownSource::Generated);
+    assert_eq!(stream.draw(0.5, false, false).0.source, FrameSource::Generated);
     assert_eq!(enlarged(&stage), 3);
     (0..3).for_each(|_| stream.push([1, 1]));
     assert!(stream.error(0.5, false).1 <= 8);
@@ -121,7 +121,7 @@ fn frames_are_resized_in_space_where_there_is_no_upscaler() {
                     break;
                 }
                 let (source, error) = stream.error(0.5, pair % 2 == 0);
-                assert!(source == ShownSource::Generated && error <= 8, "{lines}, pair {pair}: {error} off");
+                assert!(source == FrameSource::Generated && error <= 8, "{lines}, pair {pair}: {error} off");
                 assert_eq!(stream.scaled_by(), if made_larger { "4.0.3" } else { "space" }, "{lines}, pair {pair}");
                 assert_eq!(stream.drawer.upscaler_failed().is_none(), made_larger);
                 assert_eq!(stream.made_by(), version());

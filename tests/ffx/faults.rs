@@ -10,7 +10,7 @@ impl Gate {
     fn before(gpu: &Gpu) -> Self {
         // SAFETY: values only.
         let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-        let gate = Moment::of_engine(gpu, &fence, 1).expect("its own");
+        let gate = FencePoint::of_engine(gpu, &fence, 1).expect("its own");
         gpu.frames().wait(&gate).expect("it waits");
         Self(fence)
     }
@@ -44,13 +44,13 @@ fn a_target_that_is_let_go_of_under_way_is_held_until_its_frame_has_run() {
     for target in targets {
         let own = engine::references(&target.resource);
         let gate = Gate::before(&gpu);
-        let moment = generator
+        let fence_point = generator
             .generate(&Pictures { output: target.resting(), ..of(&textures) }, &Shot::of(SIZE))
             .expect("generated");
         // What an engine would let go of is one reference less; the frame has its own.
         assert!(engine::references(&target.resource) > own, "it is held");
         gate.open();
-        moment.wait().expect("it has run");
+        fence_point.wait().expect("it has run");
         // Until the ring comes by its place again.
         for _ in 0..3 {
             generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated").wait().expect("it has run");

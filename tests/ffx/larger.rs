@@ -2,7 +2,7 @@
 
 use cairn::ffx::bindings::ReactiveFlags;
 use cairn::ffx::{ReactiveMask, TextureUpscaler, UpscalePictures};
-use cairn::gpu::Moment;
+use cairn::gpu::FencePoint;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
 
@@ -67,7 +67,7 @@ fn textures_in_any_state_become_what_the_library_makes_of_them() {
     };
     for (number, by) in [(0, 0.0), (1, 8.0)] {
         scene.draw(by, Coordinates::default());
-        let until = Moment::of_engine(&scene.gpu, &fence, number + 1).expect("its own");
+        let until = FencePoint::of_engine(&scene.gpu, &fence, number + 1).expect("its own");
         let shot = UpscaleShot { reset: number == 0, ..UpscaleShot::of(RENDERED, SHOWN) };
         run(&scene.gpu, |list| upscaler.record(list, &until, &scene.pictures(), &shot).expect("recorded"));
         // SAFETY: a live fence, and the list has run.
@@ -103,7 +103,7 @@ fn four_frames_at_once_wait_for_one_another() {
     let shot = UpscaleShot::of(RENDERED, SHOWN);
     let all: Vec<_> = (0..8).map(|_| upscaler.upscale(&scene.pictures(), &shot).expect("submitted")).collect();
     drop(upscaler);
-    assert!(all.iter().all(Moment::reached), "a frame that is under way is waited for");
+    assert!(all.iter().all(FencePoint::reached), "a frame that is under way is waited for");
     assert_eq!(stage.judgement(), [""; 0]);
 }
 
@@ -122,8 +122,8 @@ fn a_mask_says_where_the_past_is_not_to_be_trusted() {
     for flags in [ReactiveFlags::empty(), max, mapped, back, threshold | max] {
         let mask = ReactiveMask { scale: 0.75, threshold: 0.3, value: 0.8, flags, ..ReactiveMask::of(RENDERED) };
         let (from, color) = (opaque.color.resting(), scene.rendered.color.resting());
-        let moment = upscaler.find_reactive(&from, &color, &scene.reactive.resting(), &mask);
-        moment.expect("found").wait().expect("it is there");
+        let fence_point = upscaler.find_reactive(&from, &color, &scene.reactive.resting(), &mask);
+        fence_point.expect("found").wait().expect("it is there");
         let colour = |pixel: [u8; 4]| {
             let unit = [0, 1, 2].map(|c| f32::from(pixel[c]) / 255.0);
             let brightest = unit.iter().copied().fold(0.0, f32::max);

@@ -7,7 +7,7 @@ use cairn::ffx::{
     Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Part, Shot, Swapchain, SwapchainOptions,
 };
 use cairn::gpu::Gpu;
-use cairn::gpu::compute::Resting;
+use cairn::gpu::compute::ResourceWithState;
 use cairn::gpu::windows::Win32::Foundation::HWND;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
@@ -231,7 +231,7 @@ fn an_interface_lies_over_real_and_generated_frames() {
     assert_eq!(off(&pixels(&stage, number + 2), moved(STEP * (show.frames - 1))), 0);
     // Of another size, or in a state that there is no word for.
     let small = Textures::new(&show.gpu, Dimensions { width: 64, height: 48 });
-    let depth_read = Resting { resource: &interface.color.resource, state: D3D12_RESOURCE_STATE_DEPTH_READ };
+    let depth_read = ResourceWithState { resource: &interface.color.resource, state: D3D12_RESOURCE_STATE_DEPTH_READ };
     for picture in [small.color.resting(), depth_read] {
         let told = Interface { picture, premultiplied: false, copied: false };
         let refused = show.swapchain.set_interface(Some(told)).expect_err("no interface");

@@ -10,17 +10,17 @@ use std::process::Command;
 
 use provision::{Console, Progress as _};
 
-use crate::clone::Clone;
 use crate::dist::tree::{joined, without_dead_links};
 use crate::shell::show;
+use crate::workspace::Workspace;
 
 /// The chapters in their order, with paths from `docs/`.
 pub(crate) const SUMMARY: &str = "docs/SUMMARY.md";
 const SETTINGS: &str = "docs/book.toml";
 
 /// Renders the book and says where it is.
-pub(crate) fn run(clone: &Clone) -> Result<(), String> {
-    let (place, said) = render(clone, &clone.target.join("book"))?;
+pub(crate) fn run(workspace: &Workspace) -> Result<(), String> {
+    let (place, said) = render(workspace, &workspace.target.join("book"))?;
     let complaints = complaints(&said);
     if !complaints.is_empty() {
         return Err(format!("mdBook complains:\n{}", complaints.join("\n")));
@@ -30,14 +30,14 @@ pub(crate) fn run(clone: &Clone) -> Result<(), String> {
 }
 
 /// Renders the book into a folder, which is made anew, and gives that of its pages and what mdBook said.
-pub(crate) fn render(clone: &Clone, folder: &Path) -> Result<(PathBuf, String), String> {
+pub(crate) fn render(workspace: &Workspace, folder: &Path) -> Result<(PathBuf, String), String> {
     let mdbook = provision::mdbook(&Console::new()).map_err(|e| e.to_string())?;
     match fs::remove_dir_all(folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
         _ => {}
     }
     let (stage, pages) = (folder.join("source"), folder.join("html"));
-    bring_together(clone, &stage)?;
+    bring_together(workspace, &stage)?;
     let mut command = Command::new(mdbook);
     command.arg("build").arg("--dest-dir").arg(&pages).arg(&stage);
     let ended = command.output().map_err(|e| format!("{} does not run: {e}", show(&command)))?;
@@ -70,29 +70,29 @@ const FIRST: &str = "index.md";
 
 /// Writes the settings, the chapters and what they show or link to below `stage`. A link to a folder, or to a page that is no chapter,
 /// becomes its words.
-fn bring_together(clone: &Clone, stage: &Path) -> Result<(), String> {
+fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
     let put = |path: &str, bytes: &[u8]| {
         let to = stage.join(path);
         let folder = to.parent().unwrap_or(stage);
         fs::create_dir_all(folder).and_then(|()| fs::write(&to, bytes)).map_err(|e| format!("{}: {e}", to.display()))
     };
-    let summary = clone.read(SUMMARY)?;
+    let summary = workspace.read(SUMMARY)?;
     let ordered = chapters(&summary)?;
     let first = ordered.first().ok_or_else(|| format!("{SUMMARY} has no chapter"))?;
     let chapters: BTreeSet<&String> = ordered.iter().collect();
-    put("book.toml", clone.read(SETTINGS)?.as_bytes())?;
+    put("book.toml", workspace.read(SETTINGS)?.as_bytes())?;
     put(
         &format!("src/{}", SUMMARY.trim_start_matches("docs/")),
         from_root(folder_of(SUMMARY), &summary).replacen(first.as_str(), FIRST, 1).as_bytes(),
     )?;
     let mut shown = BTreeSet::new();
     for chapter in &ordered {
-        let text = clone.read(chapter)?;
+        let text = workspace.read(chapter)?;
         let folder = folder_of(chapter);
         let is_page = |path: &str| Path::new(path).extension().is_some_and(|ending| ending == "md");
         let there = |target: &str| match joined(folder, target) {
             Some(path) if is_page(&path) => chapters.contains(&path),
-            Some(path) => clone.root.join(path).is_file(),
+            Some(path) => workspace.root.join(path).is_file(),
             None => false,
         };
         let files = links(&text).filter(|target| there(target)).filter_map(|target| joined(folder, target));
@@ -106,7 +106,7 @@ fn bring_together(clone: &Clone, stage: &Path) -> Result<(), String> {
     // A report of the same name lies beside its page, which becomes that file.
     shown.retain(|file| !chapters.contains(&file.replace(".html", ".md")));
     for file in shown {
-        let bytes = fs::read(clone.root.join(&file)).map_err(|e| format!("{file}: {e}"))?;
+        let bytes = fs::read(workspace.root.join(&file)).map_err(|e| format!("{file}: {e}"))?;
         put(&format!("src/{file}"), &bytes)?;
     }
     Ok(())

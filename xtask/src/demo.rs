@@ -2,16 +2,16 @@
 
 use provision::{Console, Progress, tools};
 
-use crate::clone::Clone;
 use crate::shell::pass_through;
 use crate::test::{DENY_VERSION, for_windows};
+use crate::workspace::Workspace;
 
 fn text(error: provision::Error) -> String {
     error.to_string()
 }
 
 /// Fetches what the demo needs; with `all` what the tests need too.
-pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
+pub(crate) fn setup(workspace: &Workspace, all: bool) -> Result<(), String> {
     let console = Console::new();
     eprintln!("Setting up (cache: {})", provision::cache_dir().map_err(text)?.display());
     provision::onnxruntime(&console).map_err(text)?;
@@ -40,16 +40,16 @@ pub(crate) fn setup(clone: &Clone, all: bool) -> Result<(), String> {
         }
         tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
         provision::mdbook(&console).map_err(text)?;
-        pass_through(&mut clone.cargo(["fetch", "--quiet"]))?;
+        pass_through(&mut workspace.cargo(["fetch", "--quiet"]))?;
     }
     eprintln!("Everything is there.");
     Ok(())
 }
 
 /// Sets up, builds the study in release and lets it make the demo.
-pub(crate) fn run(clone: &Clone, arguments: &[String]) -> Result<(), String> {
-    setup(clone, false)?;
-    let mut command = clone.cargo(["run", "--release", "--package", "study"]);
+pub(crate) fn run(workspace: &Workspace, arguments: &[String]) -> Result<(), String> {
+    setup(workspace, false)?;
+    let mut command = workspace.cargo(["run", "--release", "--package", "study"]);
     if tools::on_path("nasm").is_some() {
         command.args(["--features", "asm"]);
     }
@@ -61,23 +61,23 @@ pub(crate) fn run(clone: &Clone, arguments: &[String]) -> Result<(), String> {
 }
 
 /// Builds and runs the bench.
-pub(crate) fn bench(clone: &Clone, arguments: &[String]) -> Result<(), String> {
+pub(crate) fn bench(workspace: &Workspace, arguments: &[String]) -> Result<(), String> {
     let console = Console::new();
     let library = provision::onnxruntime(&console).map_err(text)?;
     let bundles = provision::test_bundles(&console).map_err(text)?;
-    let mut command = clone.cargo(["bench", "--quiet", "--package", "cairn", "--"]);
+    let mut command = workspace.cargo(["bench", "--quiet", "--package", "cairn", "--"]);
     command.env("CAIRN_ONNXRUNTIME", library).env("CAIRN_TEST_BUNDLE", bundles);
     pass_through(command.args(arguments))
 }
 
 /// Builds for Windows and runs in the lab, or on Windows itself: the bench of the compute shaders, what latent steps cost on DirectML and
 /// an engine beside them, and the table of how near each generator's frames come to the true ones.
-pub(crate) fn bench_in_lab(clone: &Clone, arguments: &[String]) -> Result<(), String> {
+pub(crate) fn bench_in_lab(workspace: &Workspace, arguments: &[String]) -> Result<(), String> {
     let console = Console::new();
     let library = provision::onnxruntime_for_windows(&console).map_err(text)?;
     let bundles = provision::test_bundles(&console).map_err(text)?;
     for (package, bench) in [("cairn", "gpu"), ("cairn", "anchors"), ("scenes", "generators")] {
-        let mut command = clone.cargo(["bench", "--quiet", "--package", package, "--bench", bench]);
+        let mut command = workspace.cargo(["bench", "--quiet", "--package", package, "--bench", bench]);
         for_windows(&mut command)?;
         command.env("CAIRN_ONNXRUNTIME", &library).env("CAIRN_TEST_BUNDLE", &bundles);
         pass_through(command.arg("--").args(arguments))?;
@@ -86,8 +86,8 @@ pub(crate) fn bench_in_lab(clone: &Clone, arguments: &[String]) -> Result<(), St
 }
 
 /// Formats, applies what clippy can mend, and writes the C header and its record anew.
-pub(crate) fn fix(clone: &Clone) -> Result<(), String> {
-    pass_through(&mut clone.cargo([
+pub(crate) fn fix(workspace: &Workspace) -> Result<(), String> {
+    pass_through(&mut workspace.cargo([
         "clippy",
         "--workspace",
         "--all-targets",
@@ -95,6 +95,6 @@ pub(crate) fn fix(clone: &Clone) -> Result<(), String> {
         "--allow-dirty",
         "--allow-staged",
     ]))?;
-    pass_through(&mut clone.cargo(["fmt", "--all"]))?;
-    crate::abi::fix(clone)
+    pass_through(&mut workspace.cargo(["fmt", "--all"]))?;
+    crate::abi::fix(workspace)
 }

@@ -3,20 +3,20 @@
 mod abi;
 mod book;
 mod cli;
-mod clone;
 mod demo;
 mod dist;
 mod lab;
 mod shaders;
 mod shell;
 mod test;
+mod workspace;
 
 use std::process::ExitCode;
 
 use clap::Parser;
 
 use cli::{Cli, Command, LabCommand};
-use clone::Clone;
+use workspace::Workspace;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -26,18 +26,18 @@ fn main() -> ExitCode {
     {
         return lab::run(program.as_ref(), arguments).unwrap_or_else(|why| failed(&why));
     }
-    let result = Clone::find().and_then(|clone| match cli.command {
+    let result = Workspace::find().and_then(|workspace| match cli.command {
         Command::Lab { .. } => lab::build().map(|()| true),
-        Command::Setup { all } => demo::setup(&clone, all).map(|()| true),
-        Command::Demo { arguments } => demo::run(&clone, &arguments).map(|()| true),
-        Command::Test(options) => test::run(&clone, &options),
-        Command::Bench { lab: false, arguments } => demo::bench(&clone, &arguments).map(|()| true),
-        Command::Bench { lab: true, arguments } => demo::bench_in_lab(&clone, &arguments).map(|()| true),
-        Command::Dist(options) => dist::run(&clone, &options).map(|()| true),
-        Command::Book => book::run(&clone).map(|()| true),
-        Command::Shaders => shaders::compile(&clone).map(|()| true),
-        Command::Fix { abi: true } => abi::fix(&clone).map(|()| true),
-        Command::Fix { abi: false } => demo::fix(&clone).map(|()| true),
+        Command::Setup { all } => demo::setup(&workspace, all).map(|()| true),
+        Command::Demo { arguments } => demo::run(&workspace, &arguments).map(|()| true),
+        Command::Test(options) => test::run(&workspace, &options),
+        Command::Bench { lab: false, arguments } => demo::bench(&workspace, &arguments).map(|()| true),
+        Command::Bench { lab: true, arguments } => demo::bench_in_lab(&workspace, &arguments).map(|()| true),
+        Command::Dist(options) => dist::run(&workspace, &options).map(|()| true),
+        Command::Book => book::run(&workspace).map(|()| true),
+        Command::Shaders => shaders::compile(&workspace).map(|()| true),
+        Command::Fix { abi: true } => abi::fix(&workspace).map(|()| true),
+        Command::Fix { abi: false } => demo::fix(&workspace).map(|()| true),
     });
     match result {
         Ok(true) => ExitCode::SUCCESS,

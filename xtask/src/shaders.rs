@@ -12,7 +12,7 @@ use std::process::Command;
 use provision::{Console, tools};
 use sha2::{Digest, Sha256};
 
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 use crate::{lab, shell};
 
 /// Where they are.
@@ -35,8 +35,8 @@ pub(crate) struct Shaders {
 }
 
 impl Shaders {
-    pub(crate) fn find(clone: &Clone, name: &'static str) -> Result<Self, String> {
-        let folder = clone.root.join(name);
+    pub(crate) fn find(workspace: &Workspace, name: &'static str) -> Result<Self, String> {
+        let folder = workspace.root.join(name);
         let entries = fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         files.sort();
@@ -104,13 +104,13 @@ impl Shaders {
     }
 
     /// A command that compiles all of them into `out`; builds the program that does it.
-    pub(crate) fn compiler(&self, clone: &Clone, out: &Path) -> Result<Command, String> {
+    pub(crate) fn compiler(&self, workspace: &Workspace, out: &Path) -> Result<Command, String> {
         let console = Console::new();
         let library = provision::d3dcompiler(&console).map_err(|e| e.to_string())?;
         fs::create_dir_all(out).map_err(|e| format!("{}: {e}", out.display()))?;
         let program = out.join("compile.exe");
         let mut rustc = Command::new("rustc");
-        rustc.args(["--edition=2024", "-o"]).arg(&program).arg(COMPILER).current_dir(&clone.root);
+        rustc.args(["--edition=2024", "-o"]).arg(&program).arg(COMPILER).current_dir(&workspace.root);
         if !cfg!(windows) {
             tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
             tools::mingw(&console).map_err(|e| e.to_string())?;
@@ -133,11 +133,11 @@ pub(crate) fn made(out: &Path, name: &str) -> PathBuf {
 }
 
 /// Compiles every shader, and writes blobs and records anew.
-pub(crate) fn compile(clone: &Clone) -> Result<(), String> {
+pub(crate) fn compile(workspace: &Workspace) -> Result<(), String> {
     for folder in FOLDERS {
-        let shaders = Shaders::find(clone, folder)?;
-        let out = clone.target.join("xtask").join("shaders");
-        shell::pass_through(&mut shaders.compiler(clone, &out)?)?;
+        let shaders = Shaders::find(workspace, folder)?;
+        let out = workspace.target.join("xtask").join("shaders");
+        shell::pass_through(&mut shaders.compiler(workspace, &out)?)?;
         let mut record = RECORD_HEAD.to_owned();
         for name in &shaders.names {
             let (from, to) = (made(&out, name), shaders.blob(name));

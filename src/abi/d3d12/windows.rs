@@ -11,7 +11,7 @@ use windows::Win32::Graphics::Dxgi::Common as Dxgi;
 use windows::core::{IUnknown, Interface};
 
 use super::super::device::{CAIRN_DEVICE_D3D12, DeviceOptions};
-use super::super::presenter::{Asked, CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE};
+use super::super::presenter::{CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE, RenderRequest};
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
@@ -23,8 +23,8 @@ use super::{
 use crate::ffx::{self, Needed};
 use crate::framegen::shader::ShaderGenerator;
 use crate::gpu::compute::pictures::Format;
-use crate::gpu::compute::{Frames, Spent};
-use crate::gpu::{Gpu, Moment, Target, Uploads, read_texture};
+use crate::gpu::compute::{CommandRing, Spent};
+use crate::gpu::{FencePoint, Gpu, Target, Uploads, read_texture};
 use crate::object_count::counted;
 use crate::present::device::{DeviceDrawer, FrameResult, LISTS, Preparation, RetiredFrames, ScaledBy, check_recording};
 use crate::present::presenter::{Draws, Presenter};
@@ -118,8 +118,8 @@ pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut ID3D12Resource,
 
 /// A picture of an anchor where it was made.
 pub(in crate::abi) fn texture(anchor: &KeptAnchor, index: u32) -> Outcome<Guarded> {
-    let (texture, moment) = anchor.texture(index as usize).ok_or_else(Failure::no_d3d12)?;
-    Ok((texture.clone().into_raw().cast(), moment.fence().clone().into_raw().cast(), moment.value()))
+    let (texture, fence_point) = anchor.texture(index as usize).ok_or_else(Failure::no_d3d12)?;
+    Ok((texture.clone().into_raw().cast(), fence_point.fence().clone().into_raw().cast(), fence_point.value()))
 }
 
 /// Whether frames can be made by shaders.
@@ -187,25 +187,25 @@ struct OnProcessor {
 struct Upload {
     uploads: Uploads,
     /// Lists of our own, for frames that are submitted.
-    lists: Frames,
+    lists: CommandRing,
 }
 
 impl Upload {
     fn new(gpu: &Gpu) -> Outcome<Self> {
-        Ok(Self { uploads: Uploads::new(gpu, LISTS)?, lists: Frames::new(gpu, gpu.frames(), 1)? })
+        Ok(Self { uploads: Uploads::new(gpu, LISTS)?, lists: CommandRing::new(gpu, gpu.frames(), 1)? })
     }
 
     /// The frame that is due at `now`, or the nearest anchor, made by the processor.
     fn record(
         &mut self,
-        asked: &Asked<'_>,
+        request: &RenderRequest<'_>,
         draws: Draws,
         now: u64,
-        list: Option<&(direct3d::ID3D12GraphicsCommandList, Moment)>,
+        list: Option<&(direct3d::ID3D12GraphicsCommandList, FencePoint)>,
         target: Target,
     ) -> Outcome<Recorded> {
         let Self { uploads, lists } = self;
-        let Some(size) = asked.presenter.size() else { return Ok(Recorded::NotReady) };
+        let Some(size) = request.presenter.size() else { return Ok(Recorded::NotReady) };
         let own = match list {
             Some((list, until)) => {
                 check_recording(uploads.gpu(), list, until)?;
@@ -215,11 +215,11 @@ impl Upload {
         };
         let recorded_in = list.map(|(list, _)| list).or_else(|| own.as_ref().map(|frame| frame.list()));
         let Some(recorded_in) = recorded_in.cloned() else { return Ok(Recorded::NotReady) };
-        let Some(place) = uploads.place(recorded_in, target, size, asked.colours)? else {
+        let Some(place) = uploads.place(recorded_in, target, size, request.colours)? else {
             return Ok(Recorded::QueueFull);
         };
         let (mut place, mut recorded) = (Some(place), Ok(()));
-        let shown = asked.presenter.draw_of(draws, now, size, |picture, is_repeated| {
+        let shown = request.presenter.draw_of(draws, now, size, |picture, is_repeated| {
             recorded = place.take().map_or(Ok(()), |place| place.fill(picture, is_repeated));
         })?;
         drop(place);
@@ -234,13 +234,13 @@ impl Upload {
 impl Prepared {
     /// Makes it. None where no anchor has come and nobody says how large anchors are.
     pub(in crate::abi) fn new(
-        asked: &Asked<'_>,
+        request: &RenderRequest<'_>,
         device: &Device,
         wanted: &cairn_d3d12_preparation,
         amd: &mut Amd,
     ) -> Outcome<Option<Self>> {
         let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
-        let presenter = asked.presenter;
+        let presenter = request.presenter;
         let given = |size: (u32, u32)| (size != (0, 0)).then_some(size);
         let Some(anchors) = given((wanted.anchor_width, wanted.anchor_height)).or_else(|| presenter.anchor_size())
         else {
@@ -273,10 +273,10 @@ impl Prepared {
         }
         amd.set_search(device.library_search());
         let mut without = Without::default();
-        let is_required = [asked.fsr, asked.shader, asked.upscaler].contains(&CAIRN_PREFER_REQUIRE);
-        let drawer = match asked.shader {
+        let is_required = [request.fsr, request.shader, request.upscaler].contains(&CAIRN_PREFER_REQUIRE);
+        let drawer = match request.shader {
             CAIRN_PREFER_NEVER => Err("shader: it is not to be used, and fsr cannot be without it".to_owned()),
-            _ => match without.drawer(gpu, anchors, asked, &preparation, amd) {
+            _ => match without.drawer(gpu, anchors, request, &preparation, amd) {
                 Ok(drawer) => Ok(drawer),
                 Err(why) if is_required || [ErrorKind::DeviceRemoved, ErrorKind::OutOfMemory].contains(&why.kind()) => {
                     return Err(why.into());
@@ -309,14 +309,14 @@ impl Without {
         &mut self,
         gpu: &Gpu,
         anchors: (u32, u32),
-        asked: &Asked<'_>,
+        request: &RenderRequest<'_>,
         wanted: &Preparation,
         amd: &mut Amd,
     ) -> crate::Result<DeviceDrawer> {
-        let drawer = DeviceDrawer::new(gpu, anchors, asked.colours)?;
-        let drawer = self.with_fsr(drawer, asked.fsr, amd)?;
-        let mut drawer = self.with_upscaler(drawer, asked.upscaler, amd)?;
-        drawer.prepare(asked.presenter, wanted)?;
+        let drawer = DeviceDrawer::new(gpu, anchors, request.colours)?;
+        let drawer = self.with_fsr(drawer, request.fsr, amd)?;
+        let mut drawer = self.with_upscaler(drawer, request.upscaler, amd)?;
+        drawer.prepare(request.presenter, wanted)?;
         Ok(drawer)
     }
 
@@ -386,7 +386,7 @@ impl Recording {
     /// What `to` points to are objects of COM and live during the call.
     pub(in crate::abi) unsafe fn record(
         &mut self,
-        asked: &Asked<'_>,
+        request: &RenderRequest<'_>,
         device: &Device,
         now: u64,
         to: &To,
@@ -399,7 +399,7 @@ impl Recording {
                 let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(list.cast(), "recording.list") }?;
                 // SAFETY: the caller's promise.
                 let fence: direct3d::ID3D12Fence = unsafe { object(fence.cast(), "recording.fence") }?;
-                Some((list, Moment::of_engine(gpu, &fence, *value)?))
+                Some((list, FencePoint::of_engine(gpu, &fence, *value)?))
             }
         };
         // SAFETY: the caller's promise.
@@ -408,20 +408,20 @@ impl Recording {
         let target = Target { texture, before, after };
         self.retired.pending();
         self.retired_uploads.retain(|uploads| uploads.pending() > 0);
-        let (made, objects) = counted(|| self.record_with(asked, gpu, now, list.as_ref(), target));
-        asked.presenter.count_objects(objects);
+        let (made, objects) = counted(|| self.record_with(request, gpu, now, list.as_ref(), target));
+        request.presenter.count_objects(objects);
         made
     }
 
     fn record_with(
         &mut self,
-        asked: &Asked<'_>,
+        request: &RenderRequest<'_>,
         gpu: &Gpu,
         now: u64,
-        list: Option<&(direct3d::ID3D12GraphicsCommandList, Moment)>,
+        list: Option<&(direct3d::ID3D12GraphicsCommandList, FencePoint)>,
         target: Target,
     ) -> Outcome<Recorded> {
-        let presenter = asked.presenter;
+        let presenter = request.presenter;
         let is_prepared = |prepared: &&mut Prepared| prepared.gpu.frames().d3d12() == gpu.frames().d3d12();
         match self.prepared.as_mut().filter(is_prepared).map(|prepared| &mut prepared.made_by) {
             Some(MadeBy::Shaders(drawer)) => {
@@ -442,7 +442,7 @@ impl Recording {
                 let OnProcessor { upload, size, pixel_bytes, why } = &mut **made_by;
                 let fits = target.pixel_bytes().is_some_and(|bytes| bytes <= *pixel_bytes);
                 if fits && presenter.size() == Some(*size) {
-                    let made = upload.record(asked, Draws::Frames, now, list, target)?;
+                    let made = upload.record(request, Draws::Frames, now, list, target)?;
                     self.used = Some(why.clone());
                     return Ok(made);
                 }
@@ -459,7 +459,7 @@ impl Recording {
             Some(upload) => upload,
             none => none.insert(Upload::new(gpu)?),
         };
-        let made = upload.record(asked, Draws::Anchors, now, list, target)?;
+        let made = upload.record(request, Draws::Anchors, now, list, target)?;
         self.used = Some(NOT_PREPARED.to_owned());
         Ok(made)
     }
@@ -578,8 +578,8 @@ fn times(spent: Spent) -> DeviceTimes {
 }
 
 /// A moment as an engine waits for it, with a reference.
-fn guard(moment: &Moment) -> Guard {
-    Guard { fence: moment.fence().clone().into_raw().cast(), value: moment.value() }
+fn guard(fence_point: &FencePoint) -> Guard {
+    Guard { fence: fence_point.fence().clone().into_raw().cast(), value: fence_point.value() }
 }
 
 /// The interface `I` of a COM object that is not null.

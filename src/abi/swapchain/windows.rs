@@ -16,7 +16,7 @@ pub(super) use crate::ffx::is_presenting_thread;
 use crate::ffx::{
     Api, Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Swapchain, SwapchainOptions,
 };
-use crate::gpu::compute::Resting;
+use crate::gpu::compute::ResourceWithState;
 use crate::runtime::Device;
 
 /// A swap chain, and what it was made of.
@@ -136,8 +136,8 @@ unsafe fn rested(texture: *mut ID3D12Resource, state: u32, name: &str) -> Outcom
     Ok(Some((texture, direct3d::D3D12_RESOURCE_STATES(state.cast_signed()))))
 }
 
-fn resting(rested: &Rested) -> Option<Resting<'_>> {
-    rested.as_ref().map(|(resource, state)| Resting { resource, state: *state })
+fn resting(rested: &Rested) -> Option<ResourceWithState<'_>> {
+    rested.as_ref().map(|(resource, state)| ResourceWithState { resource, state: *state })
 }
 
 impl Showing {

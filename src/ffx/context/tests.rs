@@ -3,12 +3,12 @@
 use std::ffi::c_void;
 
 use super::super::bindings::*;
-use super::super::played::{ANALYTIC, ANALYTIC_20, ML, PLAY, Play, api, count, creations, head};
+use super::super::double::{ANALYTIC, ANALYTIC_20, Double, ML, PLAY, api, count, creations, head};
 use super::super::{Dialect, Family, versions};
 use super::*;
 
 /// Makes a context of a library that plays so.
-fn made(choice: Choice, play: Play) -> Result<Context<CreateFrameGeneration>> {
+fn made(choice: Choice, play: Double) -> Result<Context<CreateFrameGeneration>> {
     PLAY.set(play);
     // SAFETY: the library played here uses no device.
     unsafe { Context::create(&api(), 0x1000 as *mut c_void, choice, head(), |chain| chain) }
@@ -24,7 +24,7 @@ fn exports_that_are_missing_are_named() {
 
 #[test]
 fn a_provider_of_2_0_gets_the_structs_it_knows() {
-    let play = Play { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), ..Play::default() };
+    let play = Double { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), ..Double::default() };
     let context = made(Choice::Any, play).expect("a context");
     assert_eq!(creations(), [[0x2_0001, 2]]);
     let provider = context.provider();
@@ -36,7 +36,7 @@ fn a_provider_of_2_0_gets_the_structs_it_knows() {
 #[test]
 fn a_family_is_asked_for_by_its_newest_id_and_gets_the_structs_of_2_1() {
     for (choice, wanted) in [(Choice::Prefer(Family::Analytic), ANALYTIC), (Choice::Require(Family::Ml), ML)] {
-        let play = Play { offers: vec![ANALYTIC_20, ANALYTIC, ML], runs: Some(wanted), ..Play::default() };
+        let play = Double { offers: vec![ANALYTIC_20, ANALYTIC, ML], runs: Some(wanted), ..Double::default() };
         let context = made(choice, play).expect("a context");
         assert_eq!(creations(), [[0x2_0001, 0x2_000e, 5, 2]]);
         assert_eq!(PLAY.with_borrow(|play| play.overridden), Some(wanted.0));
@@ -48,7 +48,7 @@ fn a_family_is_asked_for_by_its_newest_id_and_gets_the_structs_of_2_1() {
 
 #[test]
 fn the_driver_s_provider_is_reported_and_refused_where_another_is_required() {
-    let play = || Play { offers: vec![ANALYTIC_20], runs: Some(ML), ..Play::default() };
+    let play = || Double { offers: vec![ANALYTIC_20], runs: Some(ML), ..Double::default() };
     let context = made(Choice::Prefer(Family::Analytic), play()).expect("only preferred");
     assert_eq!(context.provider().version.name, "4.0.1");
     assert_eq!(context.provider().dialect, Dialect::Sdk21, "what runs decides what it understands");
@@ -63,7 +63,7 @@ fn the_driver_s_provider_is_reported_and_refused_where_another_is_required() {
 fn a_provider_that_does_not_know_the_structs_of_2_1_is_asked_without_them() {
     for code in [ReturnCode::UNKNOWN_STRUCT, ReturnCode::STRUCT_TOO_NEW] {
         let refuses = vec![(StructId::FRAME_GENERATION_VERSION, code)];
-        let play = Play { offers: vec![ANALYTIC], runs: Some(ANALYTIC), refuses, ..Play::default() };
+        let play = Double { offers: vec![ANALYTIC], runs: Some(ANALYTIC), refuses, ..Double::default() };
         let context = made(Choice::Any, play).expect("a context");
         assert_eq!(creations(), [vec![0x2_0001, 0x2_000e, 2], vec![0x2_0001, 2]]);
         assert_eq!(context.provider().dialect, Dialect::Sdk11);
@@ -72,7 +72,7 @@ fn a_provider_that_does_not_know_the_structs_of_2_1_is_asked_without_them() {
 
 #[test]
 fn a_context_that_cannot_say_what_it_is_is_what_was_asked_for() {
-    let play = Play { offers: vec![ANALYTIC_20], runs: None, ..Play::default() };
+    let play = Double { offers: vec![ANALYTIC_20], runs: None, ..Double::default() };
     let context = made(Choice::Any, play).expect("a context");
     assert_eq!((context.provider().version.name.as_str(), context.provider().verified), ("3.1.5", false));
 }
@@ -80,12 +80,12 @@ fn a_context_that_cannot_say_what_it_is_is_what_was_asked_for() {
 #[test]
 fn more_providers_than_the_first_question_has_room_for_are_all_listed() {
     for number in [7, 8, 9, 31, 32, 255, 256, 400] {
-        PLAY.set(Play { offers: vec![ANALYTIC; number], ..Play::default() });
+        PLAY.set(Double { offers: vec![ANALYTIC; number], ..Double::default() });
         // SAFETY: no device is used.
         let found = unsafe { versions(&api(), Effect::FrameGeneration, null_mut()) }.expect("a list");
         assert_eq!(found.len(), number.min(256));
     }
-    PLAY.set(Play::default());
+    PLAY.set(Double::default());
     // SAFETY: no device is used.
     let none = unsafe { versions(&api(), Effect::FrameGeneration, null_mut()) }.expect_err("there is none");
     assert_eq!(none.kind(), ErrorKind::Unsupported);
@@ -105,12 +105,12 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
     ];
     for (code, kind) in kinds {
         let refuse = |id| vec![(id, ReturnCode(code))];
-        let play = |refuses| Play {
+        let play = |refuses| Double {
             offers: vec![ANALYTIC_20],
             runs: Some(ANALYTIC_20),
             refuses,
             says: "so there",
-            ..Play::default()
+            ..Double::default()
         };
         let says = |error: Error, call: &str, word: &str, suspects: [&str; 6]| {
             assert_eq!(error.kind(), kind, "{error}");
@@ -171,7 +171,8 @@ fn a_library_that_knows_only_the_earlier_struct_for_messages_is_heard_too() {
         (StructId::GLOBAL_DEBUG, ReturnCode::UNKNOWN_STRUCT),
         (StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::ERROR),
     ];
-    let play = Play { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), refuses, says: "a word", ..Play::default() };
+    let play =
+        Double { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), refuses, says: "a word", ..Double::default() };
     let mut context = made(Choice::Any, play).expect("a context");
     // SAFETY: the library played here reads ids only.
     let failed = unsafe { context.configure(&mut Chain::new(ConfigureFrameGeneration::default())) };
@@ -180,7 +181,7 @@ fn a_library_that_knows_only_the_earlier_struct_for_messages_is_heard_too() {
 
 #[test]
 fn a_success_without_a_context_is_none() {
-    let play = Play { offers: vec![ANALYTIC_20], gives_nothing: true, ..Play::default() };
+    let play = Double { offers: vec![ANALYTIC_20], gives_nothing: true, ..Double::default() };
     assert_eq!(made(Choice::Any, play).expect_err("no context").kind(), ErrorKind::Device);
     assert_eq!(count("destroy"), 0);
 }
@@ -198,7 +199,7 @@ fn what_no_provider_takes_is_refused_before_any_call() {
         (|head| head.back_buffer_format = SurfaceFormat::R32_FLOAT, "back_buffer_format"),
     ];
     for (spoil, field) in spoils {
-        PLAY.set(Play::default());
+        PLAY.set(Double::default());
         let mut head = head();
         spoil(&mut head);
         // SAFETY: no device is used.
@@ -208,7 +209,7 @@ fn what_no_provider_takes_is_refused_before_any_call() {
         assert!(PLAY.with_borrow(|play| play.calls.is_empty()), "the library was not asked");
     }
     for (format, fits) in [(SurfaceFormat::B8G8R8A8_UNORM, true), (SurfaceFormat::R16G16B16A16_FLOAT, false)] {
-        PLAY.set(Play { offers: vec![ANALYTIC], runs: Some(ANALYTIC), ..Play::default() });
+        PLAY.set(Double { offers: vec![ANALYTIC], runs: Some(ANALYTIC), ..Double::default() });
         let hudless = |chain: Chain<_>| chain.with(CreateFrameGenerationHudless { format, ..Default::default() });
         // SAFETY: no device is used.
         let made = unsafe { Context::create(&api(), null_mut(), Choice::Any, head(), hudless) };

@@ -1,7 +1,7 @@
 //! Frames of a library that is played: what is refused, and what each call is given.
 
 use super::super::bindings::*;
-use super::super::played::{ANALYTIC_20, ML, PLAY, Play, api, head};
+use super::super::double::{ANALYTIC_20, Double, ML, PLAY, api, head};
 use super::*;
 
 const SIZE: Dimensions = Dimensions { width: 640, height: 360 };
@@ -48,7 +48,7 @@ fn made(
     head: CreateFrameGeneration,
     hudless: Option<SurfaceFormat>,
 ) -> Generator {
-    PLAY.set(Play { offers: vec![runs], runs: Some(runs), ..Play::default() });
+    PLAY.set(Double { offers: vec![runs], runs: Some(runs), ..Double::default() });
     // SAFETY: the library played here uses no device.
     let made = unsafe { Generator::create(&api(), 0x1000 as *mut c_void, Choice::Any, head, hudless) };
     PLAY.with_borrow_mut(|play| play.calls.clear());
@@ -137,7 +137,7 @@ fn every_code_at_every_call_of_a_frame_is_an_error_that_names_the_call_and_the_n
 /// What was told of a frame decides what is suspected.
 #[test]
 fn what_settings_name_is_suspected_first() {
-    for (told, suspect) in [
+    for (told, diagnose) in [
         (frame(), "flags"),
         (Frame { distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT), ..frame() }, "distortion"),
         (Frame { hudless: picture(0x500, SurfaceFormat::R8G8B8A8_UNORM), ..frame() }, "hudless"),
@@ -147,7 +147,7 @@ fn what_settings_name_is_suspected_first() {
             play.refuses = vec![(StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::PARAMETER)];
         });
         let failed = record(&mut generator, &told).expect_err("it fails");
-        assert_eq!(failed.offending_field(), Some(suspect), "{failed}");
+        assert_eq!(failed.offending_field(), Some(diagnose), "{failed}");
     }
 }
 

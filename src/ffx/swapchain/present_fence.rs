@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 
 use crate::Result;
-use crate::gpu::{Gpu, Moment, failed_on};
+use crate::gpu::{FencePoint, Gpu, failed_on};
 
 /// A fence that the queue for frames is told to signal when the next frame is prepared. The list of the frame before has been given to the queue by
 /// then: AMD's swap chain demands it before that frame's `Present`, and the next frame is prepared after that.
@@ -23,11 +23,11 @@ impl PresentFence {
     }
 
     /// When the list that is recorded next will have run.
-    pub(super) fn next(&mut self) -> Result<Moment> {
-        let moment = Moment::of_engine(&self.gpu, &self.fence, self.last + 1)?;
+    pub(super) fn next(&mut self) -> Result<FencePoint> {
+        let fence_point = FencePoint::of_engine(&self.gpu, &self.fence, self.last + 1)?;
         self.last += 1;
         self.is_owed = true;
-        Ok(moment)
+        Ok(fence_point)
     }
 
     /// The frame was presented, or never will be: has the queue signal the fence behind all that it has been given.

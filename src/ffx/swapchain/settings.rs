@@ -15,7 +15,7 @@ use crate::ffx::bindings::{
 use crate::ffx::memory::known;
 use crate::ffx::{Api, Chain, Choice};
 use crate::gpu::Gpu;
-use crate::gpu::compute::Resting;
+use crate::gpu::compute::ResourceWithState;
 
 /// How a swap chain of AMD's is made.
 #[derive(Debug, Clone, Copy)]
@@ -61,14 +61,14 @@ pub enum Paced<'a> {
 #[derive(Clone, Copy)]
 pub struct PacedPictures<'a> {
     /// Device depth, of the size rendered at.
-    pub depth: Resting<'a>,
+    pub depth: ResourceWithState<'a>,
     /// From this frame to the one before; see [`Pictures::motion`](crate::ffx::Pictures::motion).
-    pub motion: Resting<'a>,
+    pub motion: ResourceWithState<'a>,
     /// The frame without interface, of the size shown. It is read within `Present`, and must not be drawn to before that came back; with
     /// [`CreateFlags::ASYNC_WORKLOAD`] not before the next one did.
-    pub hudless: Option<Resting<'a>>,
+    pub hudless: Option<ResourceWithState<'a>>,
     /// See [`Pictures::distortion`](crate::ffx::Pictures::distortion).
-    pub distortion: Option<Resting<'a>>,
+    pub distortion: Option<ResourceWithState<'a>>,
 }
 
 /// An interface that AMD's swap chain lays over real and generated frames alike.
@@ -76,7 +76,7 @@ pub struct PacedPictures<'a> {
 pub struct Interface<'a> {
     /// Of the size shown, with alpha. It is read within `Present` and after it, in that state; unless it is copied, it must not be
     /// drawn to before [`Swapchain::wait`](super::Swapchain::wait).
-    pub picture: Resting<'a>,
+    pub picture: ResourceWithState<'a>,
     /// Its colours are multiplied by its alpha.
     pub premultiplied: bool,
     /// The swap chain copies it within `Present`, so that the next one may be drawn at once.

@@ -1,7 +1,7 @@
 //! Larger frames of a library that is played: what is answered to each call, and who is suspected.
 
 use super::super::bindings::*;
-use super::super::played::{PLAY, Play, api};
+use super::super::double::{Double, PLAY, api};
 use super::*;
 
 const RENDERED: Dimensions = Dimensions { width: 640, height: 360 };
@@ -22,7 +22,7 @@ fn picture(place: usize, Dimensions { width, height }: Dimensions) -> Resource {
 
 fn upscaler() -> Upscaler {
     let newest = (0xf600_0000_0100_0003, c"4.0.3");
-    PLAY.set(Play { offers: vec![newest], runs: Some(newest), ..Play::default() });
+    PLAY.set(Double { offers: vec![newest], runs: Some(newest), ..Double::default() });
     let head = CreateUpscale { max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() };
     // SAFETY: the library played here uses no device.
     unsafe { Upscaler::create(&api(), 0x1000 as *mut c_void, Choice::Any, head) }.expect("an upscaler")
@@ -101,13 +101,13 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
                 continue;
             }
             let failed = answer.expect_err("it fails");
-            let suspect = match code {
+            let diagnose = match code {
                 2 | 4 | 7 => "provider",
                 5 => "device",
                 6 => of_value,
                 _ => of_work,
             };
-            assert_eq!(failed.offending_field(), Some(suspect), "{failed}");
+            assert_eq!(failed.offending_field(), Some(diagnose), "{failed}");
             assert!(failed.cause().starts_with(&format!("{call} answered {code} ")), "{failed}");
             assert!(failed.cause().contains(passed) && failed.remedy_text().is_some(), "{passed}: {failed}");
         }
@@ -116,7 +116,7 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
 
 #[test]
 fn a_view_that_nobody_can_ask_for_is_not_made() {
-    PLAY.set(Play::default());
+    PLAY.set(Double::default());
     let flags = UpscaleCreateFlags::DEBUG_VISUALIZATION;
     let head = CreateUpscale { flags, max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() };
     // SAFETY: the library played here uses no device.

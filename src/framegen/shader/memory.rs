@@ -4,7 +4,7 @@ use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Re
 
 use super::layout::Layout;
 use crate::gpu::compute::pictures::pitch;
-use crate::gpu::compute::{Resting, View, Words};
+use crate::gpu::compute::{ResourceWithState, View, Words};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, Result};
 
@@ -63,18 +63,18 @@ impl Memory {
     }
 
     /// The finished picture.
-    pub(super) fn picture(&self) -> Resting<'_> {
+    pub(super) fn picture(&self) -> ResourceWithState<'_> {
         resting(&self.picture)
     }
 
     /// What was found out besides.
-    pub(super) fn small(&self) -> Resting<'_> {
+    pub(super) fn small(&self) -> ResourceWithState<'_> {
         resting(&self.small)
     }
 }
 
-fn resting(resource: &ID3D12Resource) -> Resting<'_> {
-    Resting { resource, state: D3D12_RESOURCE_STATE_COMMON }
+fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
+    ResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON }
 }
 
 fn view(resource: &ID3D12Resource, bytes: u64) -> View<'_> {

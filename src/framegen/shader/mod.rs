@@ -15,7 +15,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 
 use crate::gpu::Gpu;
 use crate::gpu::compute::pictures::{self, Format};
-use crate::gpu::compute::{Frame, Output, Resting, Table, Transfer, View};
+use crate::gpu::compute::{CommandRecorder, Output, ResourceWithState, Table, Transfer, View};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
 use layout::{Constants, Layout};
@@ -36,11 +36,11 @@ const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
 #[derive(Clone, Copy)]
 pub struct GuidanceTextures<'a> {
     /// R16G16 or R32G32 (FLOAT): from the current anchor to the previous one, in pixels, y down.
-    pub motion: Resting<'a>,
+    pub motion: ResourceWithState<'a>,
     /// Pixels to a side for which it has one vector: 1, 8 or 16.
     pub motion_tile: u32,
     /// R32 or R16 (FLOAT): device depth of the current anchor, 0 near.
-    pub depth: Resting<'a>,
+    pub depth: ResourceWithState<'a>,
     /// Pixels to a side for which it has one value: 1, 8 or 16.
     pub depth_tile: u32,
     /// Whether depth is known to be one and the same everywhere ([`DepthMap::even`](crate::guidance::DepthMap::even)), as beside motion
@@ -48,7 +48,7 @@ pub struct GuidanceTextures<'a> {
     pub depth_is_even: bool,
     /// R8 (UNORM), where an engine knows it: what is not 0 lies over the current anchor's picture and stands still, like a HUD. Without
     /// it, such is told from colours that do not move, as letterbox bars are in any case.
-    pub hud: Option<Resting<'a>>,
+    pub hud: Option<ResourceWithState<'a>>,
 }
 
 /// Two consecutive anchors in textures, as [`AnchorPair`](super::AnchorPair) holds them.
@@ -59,13 +59,13 @@ pub struct GuidanceTextures<'a> {
 #[derive(Clone, Copy)]
 pub struct TexturePair<'a> {
     /// The earlier anchor.
-    pub previous: Resting<'a>,
+    pub previous: ResourceWithState<'a>,
     /// The later anchor.
-    pub current: Resting<'a>,
+    pub current: ResourceWithState<'a>,
     /// From the later back to the earlier.
     pub guidance: GuidanceTextures<'a>,
     /// The earlier anchor's depth with its tile, where it is known and of the same camera as the later's.
-    pub previous_depth: Option<(Resting<'a>, u32)>,
+    pub previous_depth: Option<(ResourceWithState<'a>, u32)>,
     /// Whether a cut is known to lie between the two. Where this is not stated, cuts are looked for.
     pub cut: bool,
 }
@@ -157,7 +157,7 @@ impl ShaderGenerator {
     /// Nothing is recorded then.
     pub fn generate<'t>(
         &mut self,
-        frame: &mut Frame<'_>,
+        frame: &mut CommandRecorder<'_>,
         pair: &TexturePair<'_>,
         t: f32,
         target: impl Into<Output<'t>>,
@@ -181,7 +181,7 @@ impl ShaderGenerator {
     ///
     /// # Errors
     /// As for [`generate`](Self::generate).
-    pub fn prepare(&mut self, frame: &mut Frame<'_>, pair: &TexturePair<'_>) -> Result<()> {
+    pub fn prepare(&mut self, frame: &mut CommandRecorder<'_>, pair: &TexturePair<'_>) -> Result<()> {
         let seen = self.look_at_pair(pair)?;
         let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
         self.explore(frame, &table, &seen);
@@ -195,7 +195,7 @@ impl ShaderGenerator {
     /// `InvalidArgument` for a pair of which another is prepared, or none; as for [`generate`](Self::generate).
     pub fn interpolate<'t>(
         &mut self,
-        frame: &mut Frame<'_>,
+        frame: &mut CommandRecorder<'_>,
         pair: &TexturePair<'_>,
         t: f32,
         target: impl Into<Output<'t>>,
@@ -221,8 +221,8 @@ impl ShaderGenerator {
     /// `InvalidArgument` when `t` is not above 0 and finite, and as for [`generate`](Self::generate).
     pub fn extrapolate<'t>(
         &mut self,
-        frame: &mut Frame<'_>,
-        current: &Resting<'_>,
+        frame: &mut CommandRecorder<'_>,
+        current: &ResourceWithState<'_>,
         guidance: &GuidanceTextures<'_>,
         is_after_cut: bool,
         t: f32,
@@ -268,8 +268,8 @@ impl ShaderGenerator {
     /// `InvalidArgument` for a texture of another size, format or device; as for any frame. Nothing is recorded then.
     pub fn show_anchor<'t>(
         &mut self,
-        frame: &mut Frame<'_>,
-        picture: &Resting<'_>,
+        frame: &mut CommandRecorder<'_>,
+        picture: &ResourceWithState<'_>,
         target: impl Into<Output<'t>>,
     ) -> Result<()> {
         let target = target.into();
@@ -311,7 +311,7 @@ impl ShaderGenerator {
     ///
     /// # Errors
     /// As for [`show_anchor`](Self::show_anchor).
-    pub fn again<'t>(&mut self, frame: &mut Frame<'_>, target: impl Into<Output<'t>>) -> Result<bool> {
+    pub fn again<'t>(&mut self, frame: &mut CommandRecorder<'_>, target: impl Into<Output<'t>>) -> Result<bool> {
         let target = target.into();
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         if self.last != Some(written) {
@@ -323,7 +323,7 @@ impl ShaderGenerator {
 
     /// A buffer in which the device leaves what happened in the frame that was made last, for whoever wants to copy it from there:
     /// [`WORD_OF_CUT`], [`WORD_OF_UNCOVERED`] and [`WORD_OF_UNEXPLAINED`] say in which words of four bytes. The next frame overwrites it.
-    pub fn report(&self) -> Resting<'_> {
+    pub fn report(&self) -> ResourceWithState<'_> {
         self.memory.small()
     }
 
@@ -355,7 +355,7 @@ impl ShaderGenerator {
     }
 
     /// Looks at an anchor and what is known of it.
-    fn look<'t>(&self, current: &Resting<'t>, guidance: &GuidanceTextures<'t>) -> Result<Seen<'t>> {
+    fn look<'t>(&self, current: &ResourceWithState<'t>, guidance: &GuidanceTextures<'t>) -> Result<Seen<'t>> {
         let size = self.layout.constants.size;
         let anchor = pictures::anchor(&self.gpu, current, size, self.transfer, "current")?;
         let (tile, formats) = (guidance.motion_tile, &MOTION);
@@ -380,7 +380,7 @@ impl ShaderGenerator {
     }
 
     /// Records what does not depend on the phase: cuts, bars, the way of the camera, motion, and what is in the previous anchor.
-    fn explore(&mut self, frame: &mut Frame<'_>, table: &Table, seen: &Seen<'_>) {
+    fn explore(&mut self, frame: &mut CommandRecorder<'_>, table: &Table, seen: &Seen<'_>) {
         self.prepared = Some(seen.prepared());
         let kernels = &self.kernels;
         let in_previous = Constants { mark: ORPHAN, at_tiles: seen.constants.at_owner_tiles, ..seen.constants };
@@ -401,7 +401,7 @@ impl ShaderGenerator {
     /// Records a frame between two anchors that were explored.
     fn show(
         &mut self,
-        frame: &mut Frame<'_>,
+        frame: &mut CommandRecorder<'_>,
         table: &Table,
         seen: &Seen<'_>,
         Phase { phase, cut_shows_current }: Phase,
@@ -437,12 +437,12 @@ impl ShaderGenerator {
         }
     }
 
-    fn steps<'f, 'g>(&'f self, frame: &'f mut Frame<'g>, table: &'f Table) -> Steps<'f, 'g> {
+    fn steps<'f, 'g>(&'f self, frame: &'f mut CommandRecorder<'g>, table: &'f Table) -> Steps<'f, 'g> {
         Steps { frame, table, kernels: &self.kernels, layout: &self.layout }
     }
 
     /// Copies the finished picture into its target.
-    fn copy(&mut self, frame: &mut Frame<'_>, written: &Format, target: Output<'_>) -> Result<()> {
+    fn copy(&mut self, frame: &mut CommandRecorder<'_>, written: &Format, target: Output<'_>) -> Result<()> {
         self.last = None;
         target.copy(frame, &self.memory.picture(), written.rows(self.layout.constants.size))?;
         self.last = Some(*written);

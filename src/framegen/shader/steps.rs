@@ -2,7 +2,7 @@
 
 use super::kernels::Kernels;
 use super::layout::{Constants, Layout};
-use crate::gpu::compute::{Frame, Kernel, Table};
+use crate::gpu::compute::{CommandRecorder, Kernel, Table};
 
 /// Threads of a group that goes over places, and over the ends of lines.
 const PLACES: u32 = 1024;
@@ -16,7 +16,7 @@ const COLUMNS: u32 = 8;
 
 /// A frame with everything bound.
 pub(super) struct Steps<'f, 'g> {
-    pub(super) frame: &'f mut Frame<'g>,
+    pub(super) frame: &'f mut CommandRecorder<'g>,
     pub(super) table: &'f Table,
     pub(super) kernels: &'f Kernels,
     pub(super) layout: &'f Layout,

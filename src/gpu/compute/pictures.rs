@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use super::{Frame, Resting, View};
+use super::{CommandRecorder, ResourceWithState, View};
 use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
@@ -71,21 +71,21 @@ pub struct Output<'a>(To<'a>);
 #[derive(Clone, Copy)]
 enum To<'a> {
     /// Over all of a texture.
-    Texture(Resting<'a>),
+    Texture(ResourceWithState<'a>),
     /// To the start of a buffer, held so, row after row as a copy into a texture wants them.
-    Rows(Resting<'a>, Format),
+    Rows(ResourceWithState<'a>, Format),
 }
 
-impl<'a> From<&Resting<'a>> for Output<'a> {
+impl<'a> From<&ResourceWithState<'a>> for Output<'a> {
     /// All of a texture.
-    fn from(texture: &Resting<'a>) -> Self {
+    fn from(texture: &ResourceWithState<'a>) -> Self {
         Self(To::Texture(*texture))
     }
 }
 
 impl<'a> Output<'a> {
     /// The rows of a picture that is held as `format` says, each at a multiple of 256 bytes, in a buffer with room for them.
-    pub(crate) fn rows(buffer: Resting<'a>, format: Format) -> Self {
+    pub(crate) fn rows(buffer: ResourceWithState<'a>, format: Format) -> Self {
         Self(To::Rows(buffer, format))
     }
 
@@ -93,7 +93,7 @@ impl<'a> Output<'a> {
     ///
     /// # Errors
     /// `InvalidArgument` for a texture of another size, format or device, and in a state that does not fit.
-    pub(crate) fn format(&self, gpu: &Gpu, frame: &Frame<'_>, size: [u32; 2]) -> Result<Format> {
+    pub(crate) fn format(&self, gpu: &Gpu, frame: &CommandRecorder<'_>, size: [u32; 2]) -> Result<Format> {
         self.takes(frame)?;
         match &self.0 {
             To::Texture(texture) => target(gpu, texture, size),
@@ -102,7 +102,7 @@ impl<'a> Output<'a> {
     }
 
     /// Refuses a state that does not fit.
-    pub(crate) fn takes(&self, frame: &Frame<'_>) -> Result<()> {
+    pub(crate) fn takes(&self, frame: &CommandRecorder<'_>) -> Result<()> {
         let (To::Texture(given) | To::Rows(given, _)) = &self.0;
         frame.takes(given)
     }
@@ -113,8 +113,8 @@ impl<'a> Output<'a> {
     /// As for any frame. Nothing is recorded then.
     pub(crate) fn copy(
         &self,
-        frame: &mut Frame<'_>,
-        from: &Resting<'_>,
+        frame: &mut CommandRecorder<'_>,
+        from: &ResourceWithState<'_>,
         rows: D3D12_SUBRESOURCE_FOOTPRINT,
     ) -> Result<()> {
         match &self.0 {
@@ -152,7 +152,7 @@ pub(crate) fn pitch(width: u32, pixel: u32) -> u32 {
 /// light in other numbers than half floats.
 pub(crate) fn anchor(
     gpu: &Gpu,
-    given: &Resting<'_>,
+    given: &ResourceWithState<'_>,
     size: [u32; 2],
     transfer: Transfer,
     field: &str,
@@ -178,7 +178,7 @@ pub(crate) fn anchor(
 ///
 /// # Errors
 /// As for an anchor's.
-pub(crate) fn target(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2]) -> Result<Format> {
+pub(crate) fn target(gpu: &Gpu, given: &ResourceWithState<'_>, size: [u32; 2]) -> Result<Format> {
     let found = checked(gpu, given, size, "target")?;
     Format::of(found.Format).ok_or_else(|| refused(&found, "target"))
 }
@@ -189,7 +189,7 @@ pub(crate) fn target(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2]) -> Result<F
 /// `InvalidArgument`, of `field`, for another tile than 1, 8 or 16 pixels, another size or format, or another device's.
 pub(crate) fn guidance<'a>(
     gpu: &Gpu,
-    given: &Resting<'a>,
+    given: &ResourceWithState<'a>,
     size: [u32; 2],
     tile: u32,
     formats: &[DXGI_FORMAT],
@@ -207,7 +207,7 @@ pub(crate) fn guidance<'a>(
     Ok(View::Texture(*given, found.Format))
 }
 
-fn checked(gpu: &Gpu, given: &Resting<'_>, size: [u32; 2], field: &str) -> Result<D3D12_RESOURCE_DESC> {
+fn checked(gpu: &Gpu, given: &ResourceWithState<'_>, size: [u32; 2], field: &str) -> Result<D3D12_RESOURCE_DESC> {
     gpu.owns(given.resource, field)?;
     // SAFETY: a live resource.
     let found = unsafe { given.resource.GetDesc() };

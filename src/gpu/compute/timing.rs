@@ -2,7 +2,7 @@
 
 use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 
-use super::frames::FRAMES_IN_FLIGHT;
+use super::command_ring::FRAMES_IN_FLIGHT;
 use crate::Result;
 use crate::gpu::{Gpu, Marks, Queue, Spent};
 

@@ -10,7 +10,7 @@ use crate::{Error, ErrorKind, MAX_SIDE, Result};
 /// A resource and the state it rests in: it is in that state, all of it, when a frame's commands start, and again when they have
 /// run. It is held until then.
 #[derive(Clone, Copy)]
-pub struct Resting<'a> {
+pub struct ResourceWithState<'a> {
     /// A resource of the device.
     pub resource: &'a ID3D12Resource,
     /// For a frame on a compute queue one that such a queue knows.
@@ -21,9 +21,9 @@ pub struct Resting<'a> {
 #[derive(Clone, Copy)]
 pub(crate) enum View<'a> {
     /// A stretch of a buffer as `ByteAddressBuffer` or `RWByteAddressBuffer`.
-    Buffer(Resting<'a>, Words),
+    Buffer(ResourceWithState<'a>, Words),
     /// The first level of a texture of two dimensions.
-    Texture(Resting<'a>, DXGI_FORMAT),
+    Texture(ResourceWithState<'a>, DXGI_FORMAT),
 }
 
 /// A stretch of words of four bytes.
@@ -43,7 +43,7 @@ pub(crate) struct Texture {
 }
 
 impl<'a> View<'a> {
-    pub(super) fn resting(&self) -> Resting<'a> {
+    pub(super) fn resting(&self) -> ResourceWithState<'a> {
         match *self {
             Self::Buffer(resting, _) | Self::Texture(resting, _) => resting,
         }
@@ -105,7 +105,7 @@ impl<'a> View<'a> {
     }
 }
 
-impl Resting<'_> {
+impl ResourceWithState<'_> {
     /// Looks at a buffer of at least `bytes` bytes.
     ///
     /// # Errors
@@ -130,7 +130,12 @@ impl Resting<'_> {
 /// # Errors
 /// `InvalidArgument`, of `field`, when it is another device's, has another format, more than one sample, level or layer, or was not
 /// made to be written by shaders; `Unsupported` when the device cannot write that format from a shader.
-pub(crate) fn texture(gpu: &Gpu, given: &Resting<'_>, formats: &[DXGI_FORMAT], field: &str) -> Result<Texture> {
+pub(crate) fn texture(
+    gpu: &Gpu,
+    given: &ResourceWithState<'_>,
+    formats: &[DXGI_FORMAT],
+    field: &str,
+) -> Result<Texture> {
     gpu.owns(given.resource, field)?;
     // SAFETY: a live resource.
     let found = unsafe { given.resource.GetDesc() };

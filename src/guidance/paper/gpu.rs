@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use crate::gpu::compute::{Frame, Kernel, Resting, Shape, View, Words, texture};
+use crate::gpu::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, View, Words, texture};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
@@ -11,7 +11,7 @@ use crate::{Error, ErrorKind, MAX_SIDE, Result};
 #[derive(Clone, Copy)]
 pub struct LatentBuffer<'a> {
     /// Where it is.
-    pub buffer: Resting<'a>,
+    pub buffer: ResourceWithState<'a>,
     /// Its first number, counted in numbers.
     pub first: u32,
 }
@@ -79,11 +79,11 @@ impl GpuExtractor {
     /// `Unsupported` when the device cannot write a format from a shader; as for any frame.
     pub fn record(
         &self,
-        frame: &mut Frame<'_>,
+        frame: &mut CommandRecorder<'_>,
         z0: &LatentBuffer<'_>,
         z1: &LatentBuffer<'_>,
-        motion: &Resting<'_>,
-        depth: &Resting<'_>,
+        motion: &ResourceWithState<'_>,
+        depth: &ResourceWithState<'_>,
     ) -> Result<()> {
         let [channels, height, width] = self.shape;
         let inputs = [self.latent(z0, "z0")?, self.latent(z1, "z1")?];
@@ -94,7 +94,7 @@ impl GpuExtractor {
             let why = format!("motion has {} x {} pixels, depth {} x {}", sizes[0], sizes[1], sizes[2], sizes[3]);
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("depth"));
         }
-        let cells = Resting { resource: &self.cells, state: D3D12_RESOURCE_STATE_COMMON };
+        let cells = ResourceWithState { resource: &self.cells, state: D3D12_RESOURCE_STATE_COMMON };
         let cells = View::Buffer(cells, Words { first: 0, count: height * width * WORDS });
         let constants = [width, height, z0.first, z1.first, channels, u32::from(self.half)];
         frame.run(&self.grid, &constants, &inputs, &[cells], [1, 1, 1])?;

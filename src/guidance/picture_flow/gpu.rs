@@ -12,7 +12,7 @@ mod steps;
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use crate::gpu::compute::{Frame, Resting, Transfer, View, Words, pictures, texture};
+use crate::gpu::compute::{CommandRecorder, ResourceWithState, Transfer, View, Words, pictures, texture};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
@@ -85,11 +85,11 @@ impl GpuExtractor {
     /// device cannot write a format from a shader; as for any frame. Nothing is recorded then.
     pub fn record(
         &self,
-        frame: &mut Frame<'_>,
-        previous: &Resting<'_>,
-        current: &Resting<'_>,
-        motion: &Resting<'_>,
-        depth: &Resting<'_>,
+        frame: &mut CommandRecorder<'_>,
+        previous: &ResourceWithState<'_>,
+        current: &ResourceWithState<'_>,
+        motion: &ResourceWithState<'_>,
+        depth: &ResourceWithState<'_>,
     ) -> Result<()> {
         let format = pictures::anchor(&self.gpu, current, self.size, self.transfer, "current")?;
         if pictures::anchor(&self.gpu, previous, self.size, self.transfer, "previous")?.viewed != format.viewed {
@@ -110,7 +110,7 @@ impl GpuExtractor {
             return Err(refuse(depth_size, "depth").remedy("Use a texel to each square of 1, 8 or 16 pixels to a side"));
         }
         let inputs = [View::Texture(*previous, format.viewed), View::Texture(*current, format.viewed)];
-        let work = Resting { resource: &self.work, state: D3D12_RESOURCE_STATE_COMMON };
+        let work = ResourceWithState { resource: &self.work, state: D3D12_RESOURCE_STATE_COMMON };
         let work = View::Buffer(work, Words { first: 0, count: (self.layout.bytes / 4) as u32 });
         let outputs = [work, View::Texture(*motion, to.format), View::Texture(*depth, beside.format)];
         let table = frame.bind(&inputs, &outputs)?;

@@ -5,39 +5,39 @@
 //! another order than it was recorded in, or never. Nothing comes back but a few words on what happened, which are read when the next
 //! frame is made.
 
-mod canvas;
-mod enlarger;
+mod output_pass;
 mod pictures;
 mod record;
 mod recorded;
 mod reports;
+mod resource_cache;
 mod scaling;
-mod supply;
+mod upsampler;
 
 use std::time::{Duration, Instant};
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12GraphicsCommandList, ID3D12Resource};
 
 use super::area::Area;
-use super::presenter::{Drawn, Plan, Presenter, PresenterOptions, Shown, ShownSource, Slot, Taken};
+use super::presenter::{FrameInfo, FrameKey, FrameSource, PendingFrame, Plan, Presenter, PresenterOptions, Slot};
 use super::statistics::PresenterStatistics;
 use crate::ffx::{Api, Choice, Version};
 use crate::framegen::Phases;
 use crate::framegen::fsr::{FsrGenerator, PairFacts, Place};
 use crate::framegen::shader::{self, GuidanceTextures, ShaderGenerator, TexturePair};
 use crate::gpu::compute::pictures::{Format, target as format_of};
-use crate::gpu::compute::{Frame, Frames, Output, Resting, Spent, Transfer};
-use crate::gpu::{Gpu, Moment, Target, check_list};
+use crate::gpu::compute::{CommandRecorder, CommandRing, Output, ResourceWithState, Spent, Transfer};
+use crate::gpu::{FencePoint, Gpu, Target, check_list};
 use crate::guidance::{Projection, paper};
 use crate::{Colours, Error, ErrorKind, Result};
-use canvas::Canvas;
+use output_pass::OutputPass;
 pub use pictures::PictureUpscaler;
 use recorded::RecordedFrames;
 pub use recorded::RetiredFrames;
 use reports::Reports;
+use resource_cache::{FrameInputs, ResourceCache};
 pub use scaling::ScaledBy;
 use scaling::Upscaling;
-use supply::{Supplied, Supply};
 
 /// What a presenter's frames are made with on a Direct3D device, by the `shader` generator, or those half way
 /// between two anchors by `fsr`, from anchors of one size. Everything is made with it and by [`prepare`](Self::prepare); a frame makes nothing.
@@ -51,15 +51,15 @@ pub struct DeviceDrawer {
     colours: Colours,
     generator: ShaderGenerator,
     /// What brings pictures into targets that the generator does not write itself.
-    canvas: Option<Canvas>,
+    output_pass: Option<OutputPass>,
     /// The size that frames are generated in: the anchors', or larger where these are made so first.
     work: (u32, u32),
     /// AMD's upscaler, where it is wanted.
     upscaling: Option<Upscaling>,
     /// AMD's generator, where it is wanted.
     fsr: Option<Fsr>,
-    frames: Frames,
-    supply: Supply,
+    frames: CommandRing,
+    cache: ResourceCache,
     reports: Reports,
     /// What lists of an engine's copy frames from.
     recorded: RecordedFrames,
@@ -69,7 +69,7 @@ pub struct DeviceDrawer {
     prepared: Option<Prepared>,
     /// The pair whose common work the generator holds.
     pair: Option<PairKey>,
-    drawn: Option<Drawn>,
+    drawn: Option<FrameKey>,
     /// Frames that were shown again from memory, without work of the device.
     copied: u64,
     /// Frames whose time the presenter knows, and all time that it knows of.
@@ -163,12 +163,12 @@ impl DeviceDrawer {
             size,
             colours,
             generator: ShaderGenerator::new(gpu, size)?.with_target_transfer(transfer),
-            canvas: None,
+            output_pass: None,
             work: size,
             upscaling: None,
             fsr: None,
-            frames: Frames::new(gpu, gpu.frames(), shader::DESCRIPTORS + canvas::DESCRIPTORS)?,
-            supply: Supply::new(gpu, size)?,
+            frames: CommandRing::new(gpu, gpu.frames(), shader::DESCRIPTORS + output_pass::DESCRIPTORS)?,
+            cache: ResourceCache::new(gpu, size)?,
             reports: Reports::new(gpu)?,
             recorded: RecordedFrames::none(),
             retired: RetiredFrames::default(),
@@ -226,7 +226,7 @@ impl DeviceDrawer {
         let area = Area::of(self.size, wanted.size, keeps_shape);
         let work = self.enlarge_to(area.size, presenter.brings_all(wanted.pictures))?;
         self.work_at(work)?;
-        self.supply.prepare(presenter.options().motion, wanted.latent)?;
+        self.cache.prepare(presenter.options().motion, wanted.latent)?;
         self.scale_to(wanted.size, keeps_shape)?;
         let recorded = RecordedFrames::new(&self.gpu, wanted.lists, wanted.size, wanted.pixel_bytes)?;
         self.retired.push(std::mem::replace(&mut self.recorded, recorded));
@@ -239,23 +239,23 @@ impl DeviceDrawer {
     /// Has frames of `size` scaled from those that are generated, where that is needed.
     fn scale_to(&mut self, size: (u32, u32), keeps_shape: bool) -> Result<()> {
         if size == self.work && matches!(self.colours, Colours::Shown | Colours::Linear) {
-            self.canvas = None;
+            self.output_pass = None;
             return Ok(());
         }
-        let canvas = match &mut self.canvas {
-            Some(canvas) => canvas,
-            none => none.insert(Canvas::new(&self.gpu, self.work)?),
+        let output_pass = match &mut self.output_pass {
+            Some(output_pass) => output_pass,
+            none => none.insert(OutputPass::new(&self.gpu, self.work)?),
         };
-        canvas.fit(&mut self.supply, size, keeps_shape)
+        output_pass.fit(&mut self.cache, size, keeps_shape)
     }
 
     /// Has frames generated in that size.
     fn work_at(&mut self, size: (u32, u32)) -> Result<()> {
-        self.supply.work_at(size)?;
+        self.cache.work_at(size)?;
         if self.work == size {
             return Ok(());
         }
-        (self.canvas, self.pair, self.drawn) = (None, None, None);
+        (self.output_pass, self.pair, self.drawn) = (None, None, None);
         // Where something fails below it is of no size, and all of it is made again.
         self.work = (0, 0);
         let transfer = if self.colours == Colours::Linear { Transfer::Light } else { Transfer::Shown };
@@ -309,7 +309,7 @@ impl DeviceDrawer {
 
     /// Time on the device of what brought anchors there, with their motion and depth.
     pub fn spent_on_anchors(&mut self) -> Spent {
-        self.supply.spent()
+        self.cache.spent()
     }
 
     /// Frames that were given to the queue, and have not run.
@@ -325,53 +325,53 @@ impl DeviceDrawer {
     /// Has a frame made on the queue; the moment when it is there.
     fn make(
         &mut self,
-        taken: &Taken,
+        pending: &PendingFrame,
         presenter: &Presenter,
         format: Format,
         to: To<'_>,
         times: &mut PresenterStatistics,
-    ) -> Result<Moment> {
+    ) -> Result<FencePoint> {
         let start = Instant::now();
         let PresenterOptions { motion, multiplier, .. } = *presenter.options();
-        let interval_ms = interval_ms(taken, multiplier);
-        let place = taken.plan.place(taken.epoch);
+        let interval_ms = interval_ms(pending, multiplier);
+        let place = pending.plan.place(pending.epoch);
         let also_leads = self.enlarger().is_some_and(|enlarger| place.is_some_and(|place| !enlarger.has(place)));
-        let supplied = self.supply.bring(taken, motion, also_leads)?;
+        let inputs = self.cache.bring(pending, motion, also_leads)?;
         times.guidance += start.elapsed();
         let start = Instant::now();
-        let supplied = self.larger(supplied, taken, presenter, interval_ms)?;
+        let inputs = self.larger(inputs, pending, presenter, interval_ms)?;
         times.resize += start.elapsed();
         let start = Instant::now();
-        let half = self.half(taken, &supplied, interval_ms)?;
-        if let (Plan::Between { index, .. }, None) = (&taken.plan, &half) {
-            let key = PairKey { epoch: taken.epoch, anchor: *index, overlay: self.supply.overlays };
-            self.prepare_pair(&supplied.pair()?, key)?;
+        let half = self.half(pending, &inputs, interval_ms)?;
+        if let (Plan::Interpolate { index, .. }, None) = (&pending.plan, &half) {
+            let key = PairKey { epoch: pending.epoch, anchor: *index, overlay: self.cache.overlays };
+            self.prepare_pair(&inputs.pair()?, key)?;
         }
         let output = match to {
-            To::Target(target) => Output::from(&Resting { resource: &target.texture, state: target.before }),
+            To::Target(target) => Output::from(&ResourceWithState { resource: &target.texture, state: target.before }),
             To::Recorded(slot) => Output::rows(resting(self.recorded.memory(slot)), format),
         };
-        let (generator, canvas) = (&mut self.generator, &mut self.canvas);
+        let (generator, output_pass) = (&mut self.generator, &mut self.output_pass);
         let place = self.frames.place();
         let mut frame = self.frames.begin()?;
-        frame.stage(match taken.shown.source {
-            ShownSource::Generated => c"Cairn: a frame between two anchors",
-            ShownSource::Extrapolated => c"Cairn: a frame beyond an anchor",
+        frame.stage(match pending.shown.source {
+            FrameSource::Generated => c"Cairn: a frame between two anchors",
+            FrameSource::Extrapolated => c"Cairn: a frame beyond an anchor",
             _ => c"Cairn: an anchor",
         });
         let half = half.as_ref();
-        let is_copied = taken.shown.repeated
-            && match canvas {
+        let is_copied = pending.shown.repeated
+            && match output_pass {
                 None => generator.again(&mut frame, output)?,
-                Some(canvas) => canvas.again(&mut frame, format, self.colours, output)?,
+                Some(output_pass) => output_pass.again(&mut frame, format, self.colours, output)?,
             };
         if !is_copied {
-            match canvas {
-                None => generate(generator, &mut frame, &taken.plan, &supplied, half, output)?,
-                Some(canvas) => {
-                    let picture = Output::from(&canvas.picture());
-                    generate(generator, &mut frame, &taken.plan, &supplied, half, picture)?;
-                    canvas.record(&mut frame, format, self.colours, output)?;
+            match output_pass {
+                None => generate(generator, &mut frame, &pending.plan, &inputs, half, output)?,
+                Some(output_pass) => {
+                    let picture = Output::from(&output_pass.picture());
+                    generate(generator, &mut frame, &pending.plan, &inputs, half, picture)?;
+                    output_pass.record(&mut frame, format, self.colours, output)?;
                 }
             }
         }
@@ -381,14 +381,14 @@ impl DeviceDrawer {
         }
         frame.end_stage();
         // Of all else it is known beforehand whether there is a cut, and a provider shows an anchor there without a word.
-        let may_be_cut = matches!(taken.plan, Plan::Between { .. }) && half.is_none();
-        let moment = frame.submit(self.gpu.frames())?;
-        self.reports.comes_at(place, &moment, may_be_cut && !is_copied);
-        if let Some(fsr) = self.fsr.as_mut().filter(|_| !matches!(taken.plan, Plan::Copy { .. })) {
+        let may_be_cut = matches!(pending.plan, Plan::Interpolate { .. }) && half.is_none();
+        let fence_point = frame.submit(self.gpu.frames())?;
+        self.reports.comes_at(place, &fence_point, may_be_cut && !is_copied);
+        if let Some(fsr) = self.fsr.as_mut().filter(|_| !matches!(pending.plan, Plan::Copy { .. })) {
             fsr.made_last = half.is_some();
         }
         times.generate += start.elapsed();
-        Ok(moment)
+        Ok(fence_point)
     }
 }
 
@@ -402,14 +402,19 @@ enum To<'a> {
 
 impl DeviceDrawer {
     /// The frame half way between two anchors, where it is asked for and a provider makes it.
-    fn half(&mut self, taken: &Taken, supplied: &Supplied, interval_ms: f32) -> Result<Option<ID3D12Resource>> {
-        let (Some(fsr), Plan::Between { current, index, t, .. }) = (&mut self.fsr, &taken.plan) else {
+    fn half(
+        &mut self,
+        pending: &PendingFrame,
+        inputs: &FrameInputs,
+        interval_ms: f32,
+    ) -> Result<Option<ID3D12Resource>> {
+        let (Some(fsr), Plan::Interpolate { current, index, t, .. }) = (&mut self.fsr, &pending.plan) else {
             return Ok(None);
         };
         let Some(generator) = fsr.generator.as_mut().filter(|_| *t == 0.5) else { return Ok(None) };
-        let facts = PairFacts { place: (taken.epoch, *index), projection: current.projection(), interval_ms };
-        let mut pair = supplied.pair()?;
-        if let Some(rendered) = &supplied.rendered {
+        let facts = PairFacts { place: (pending.epoch, *index), projection: current.projection(), interval_ms };
+        let mut pair = inputs.pair()?;
+        if let Some(rendered) = &inputs.rendered {
             pair.guidance = GuidanceTextures { hud: pair.guidance.hud, ..rendered.as_guidance() };
         }
         // What follows on the queue for frames comes after it.
@@ -431,7 +436,7 @@ impl DeviceDrawer {
             return Ok(());
         }
         self.pair = None;
-        let mut frame = self.supply.begin()?;
+        let mut frame = self.cache.begin()?;
         frame.stage(c"Cairn: what frames of a pair have in common");
         self.generator.prepare(&mut frame, pair)?;
         frame.end_stage();
@@ -441,7 +446,7 @@ impl DeviceDrawer {
     }
 }
 
-impl Supplied {
+impl FrameInputs {
     /// For frames between two anchors.
     fn pair(&self) -> Result<TexturePair<'_>> {
         let previous = self.previous.as_ref().map(resting).ok_or_else(nothing_brought)?;
@@ -464,9 +469,9 @@ impl Supplied {
 /// Records what a plan says, or shows what a provider has made of it.
 fn generate(
     generator: &mut ShaderGenerator,
-    frame: &mut Frame<'_>,
+    frame: &mut CommandRecorder<'_>,
     plan: &Plan,
-    supplied: &Supplied,
+    inputs: &FrameInputs,
     half: Option<&ID3D12Resource>,
     to: Output<'_>,
 ) -> Result<()> {
@@ -474,10 +479,10 @@ fn generate(
         return generator.show_anchor(frame, &resting(half), to);
     }
     match plan {
-        Plan::Copy { .. } => generator.show_anchor(frame, &resting(&supplied.current), to),
-        Plan::Between { t, .. } => generator.interpolate(frame, &supplied.pair()?, *t, to),
-        Plan::Beyond { t, .. } => {
-            generator.extrapolate(frame, &resting(&supplied.current), &supplied.guidance()?, false, *t, to)
+        Plan::Copy { .. } => generator.show_anchor(frame, &resting(&inputs.current), to),
+        Plan::Interpolate { t, .. } => generator.interpolate(frame, &inputs.pair()?, *t, to),
+        Plan::Extrapolate { t, .. } => {
+            generator.extrapolate(frame, &resting(&inputs.current), &inputs.guidance()?, false, *t, to)
         }
     }
 }
@@ -487,7 +492,7 @@ fn generate(
 /// # Errors
 /// `DeviceRemoved`; `InvalidArgument` for a list of another type than the queue for frames or of another device, and for a fence that has its
 /// value already.
-pub(crate) fn check_recording(gpu: &Gpu, list: &ID3D12GraphicsCommandList, until: &Moment) -> Result<()> {
+pub(crate) fn check_recording(gpu: &Gpu, list: &ID3D12GraphicsCommandList, until: &FencePoint) -> Result<()> {
     if let Some(gone) = gpu.removed() {
         return Err(gone);
     }
@@ -497,15 +502,16 @@ pub(crate) fn check_recording(gpu: &Gpu, list: &ID3D12GraphicsCommandList, until
 
 /// A frame that is due, and how its target holds it.
 struct Ready {
-    taken: Taken,
+    pending: PendingFrame,
     format: Format,
 }
 
 impl Plan {
     /// The anchor that is shown, led to or gone on from.
     fn slot(&self) -> &Slot {
-        let (Self::Copy { current: slot, .. } | Self::Between { current: slot, .. } | Self::Beyond { last: slot, .. }) =
-            self;
+        let (Self::Copy { current: slot, .. }
+        | Self::Interpolate { current: slot, .. }
+        | Self::Extrapolate { last: slot, .. }) = self;
         slot
     }
 
@@ -518,7 +524,7 @@ impl Plan {
     fn place(&self, epoch: u64) -> Option<Place> {
         match self {
             Self::Copy { current, picture, .. } if picture + 1 < current.anchor.count() => None,
-            Self::Copy { index, .. } | Self::Between { index, .. } | Self::Beyond { index, .. } => {
+            Self::Copy { index, .. } | Self::Interpolate { index, .. } | Self::Extrapolate { index, .. } => {
                 Some((epoch, *index))
             }
         }
@@ -533,8 +539,8 @@ impl Slot {
 }
 
 /// Milliseconds from one anchor to the next.
-fn interval_ms(taken: &Taken, multiplier: u32) -> f32 {
-    let due = &taken.shown.due;
+fn interval_ms(pending: &PendingFrame, multiplier: u32) -> f32 {
+    let due = &pending.shown.due;
     due.until_ns.saturating_sub(due.since_ns).max(1) as f32 * multiplier as f32 / 1e6
 }
 
@@ -545,8 +551,8 @@ impl std::fmt::Debug for DeviceDrawer {
 }
 
 /// Between command lists all of ours rest so.
-fn resting(resource: &ID3D12Resource) -> Resting<'_> {
-    Resting { resource, state: D3D12_RESOURCE_STATE_COMMON }
+fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
+    ResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON }
 }
 
 /// Cannot come about: what a plan needs was brought before.

@@ -4,8 +4,8 @@
 
 use windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 
-use super::enlarger::{Enlarger, Small};
-use super::supply::Textures;
+use super::resource_cache::Textures;
+use super::upsampler::{Small, Upsampler};
 use crate::ffx::{Api, Choice, Version};
 use crate::framegen::device::textures_of;
 use crate::gpu::{Gpu, read_texture, texture_of};
@@ -15,7 +15,7 @@ use crate::{Error, ErrorKind, Picture, Result};
 /// Makes pictures of a stream larger by AMD's upscaler, each from what it and those before it show, as a presenter makes anchors.
 pub struct PictureUpscaler {
     gpu: Gpu,
-    enlarger: Enlarger,
+    enlarger: Upsampler,
     from: (u32, u32),
     interval_ms: f32,
     /// Which picture is next; what starts anew skips one.
@@ -39,7 +39,7 @@ impl PictureUpscaler {
             let why = format!("{} x {} pixels are not made smaller, as {} x {} are", from.0, from.1, to.0, to.1);
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("size").remedy("Have them resized in space"));
         }
-        let enlarger = Enlarger::new(gpu, api, choice, from, to)?;
+        let enlarger = Upsampler::new(gpu, api, choice, from, to)?;
         Ok(Self { gpu: gpu.clone(), enlarger, from, interval_ms, next: 0 })
     }
 

@@ -18,8 +18,8 @@ impl Presenter {
         drawer: &mut DeviceDrawer,
         list: &ID3D12GraphicsCommandList,
         target: &Target,
-        until: &Moment,
-    ) -> Result<FrameResult<Shown>> {
+        until: &FencePoint,
+    ) -> Result<FrameResult<FrameInfo>> {
         check_recording(&drawer.gpu, list, until)?;
         if drawer.recorded.is_empty() {
             return Ok(FrameResult::NotPrepared);
@@ -30,8 +30,8 @@ impl Presenter {
             FrameResult::NotPrepared => return Ok(FrameResult::NotPrepared),
             FrameResult::QueueFull => return Ok(FrameResult::QueueFull),
         };
-        let Ready { taken, format, .. } = &ready;
-        let (slot, times) = match drawer.recorded.again(taken.key, *format) {
+        let Ready { pending, format, .. } = &ready;
+        let (slot, times) = match drawer.recorded.again(pending.key, *format) {
             Some(slot) => {
                 drawer.copied += 1;
                 (slot, PresenterStatistics::default())
@@ -39,13 +39,13 @@ impl Presenter {
             None => {
                 let Some(slot) = drawer.recorded.free() else { return Ok(FrameResult::QueueFull) };
                 let times = self.finish(drawer, &ready, To::Recorded(slot))?.1;
-                drawer.recorded.holds(slot, taken.key, *format);
+                drawer.recorded.holds(slot, pending.key, *format);
                 (slot, times)
             }
         };
         drawer.recorded.record(slot, list, target, until);
-        self.count(&taken.shown, &times);
-        Ok(FrameResult::Made(taken.shown))
+        self.count(&pending.shown, &times);
+        Ok(FrameResult::Made(pending.shown))
     }
 
     /// Has the frame that is due at `now` made on the device's queue for frames, behind what that has been given; also the moment when
@@ -53,16 +53,21 @@ impl Presenter {
     ///
     /// # Errors
     /// As for [`record`](Self::record).
-    pub fn submit(&self, now: u64, drawer: &mut DeviceDrawer, target: &Target) -> Result<FrameResult<(Shown, Moment)>> {
+    pub fn submit(
+        &self,
+        now: u64,
+        drawer: &mut DeviceDrawer,
+        target: &Target,
+    ) -> Result<FrameResult<(FrameInfo, FencePoint)>> {
         let ready = match self.begin(now, drawer, target)? {
             FrameResult::Made(ready) => ready,
             FrameResult::NoAnchor => return Ok(FrameResult::NoAnchor),
             FrameResult::NotPrepared => return Ok(FrameResult::NotPrepared),
             FrameResult::QueueFull => return Ok(FrameResult::QueueFull),
         };
-        let (moment, times) = self.finish(drawer, &ready, To::Target(target))?;
-        self.count(&ready.taken.shown, &times);
-        Ok(FrameResult::Made((ready.taken.shown, moment)))
+        let (fence_point, times) = self.finish(drawer, &ready, To::Target(target))?;
+        self.count(&ready.pending.shown, &times);
+        Ok(FrameResult::Made((ready.pending.shown, fence_point)))
     }
 
     /// The frame that is due at `now`, where it can be made.
@@ -71,34 +76,34 @@ impl Presenter {
             return Err(gone);
         }
         self.look(drawer);
-        let Some(mut taken) = self.take(now, Some(Phases::Any)) else { return Ok(FrameResult::NoAnchor) };
-        let anchors = taken.plan.size();
-        let size = taken.size.unwrap_or(anchors);
+        let Some(mut pending) = self.take(now, Some(Phases::Any)) else { return Ok(FrameResult::NoAnchor) };
+        let anchors = pending.plan.size();
+        let size = pending.size.unwrap_or(anchors);
         if anchors != drawer.size {
             return Ok(FrameResult::NotPrepared);
         }
         target.check(&drawer.gpu, drawer.gpu.frames().kind(), size, drawer.colours)?;
-        let resting = Resting { resource: &target.texture, state: target.before };
+        let resting = ResourceWithState { resource: &target.texture, state: target.before };
         let format = format_of(&drawer.gpu, &resting, [size.0, size.1])?;
         if !drawer.is_prepared(size, format.bytes, self.keeps_shape()) {
             return Ok(FrameResult::NotPrepared);
         }
-        taken.shown.repeated = drawer.drawn == Some(taken.key);
-        Ok(FrameResult::Made(Ready { taken, format }))
+        pending.shown.repeated = drawer.drawn == Some(pending.key);
+        Ok(FrameResult::Made(Ready { pending, format }))
     }
 
     /// Has it made.
     fn finish(
         &self,
         drawer: &mut DeviceDrawer,
-        Ready { taken, format }: &Ready,
+        Ready { pending, format }: &Ready,
         to: To<'_>,
-    ) -> Result<(Moment, PresenterStatistics)> {
+    ) -> Result<(FencePoint, PresenterStatistics)> {
         drawer.drawn = None;
         let mut times = PresenterStatistics::default();
-        let moment = drawer.make(taken, self, *format, to, &mut times)?;
-        drawer.drawn = Some(taken.key);
-        Ok((moment, times))
+        let fence_point = drawer.make(pending, self, *format, to, &mut times)?;
+        drawer.drawn = Some(pending.key);
+        Ok((fence_point, times))
     }
 
     /// Looks at what has happened in frames that have run meanwhile, so that [`statistics`](Self::statistics) has it.

@@ -2,10 +2,10 @@
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::super::presenter::Drawn;
+use super::super::presenter::FrameKey;
 use crate::Result;
 use crate::gpu::compute::pictures::{Format, pitch};
-use crate::gpu::{Gpu, Heap, Moment, RecordedMemory, Target, buffer};
+use crate::gpu::{FencePoint, Gpu, Heap, RecordedMemory, Target, buffer};
 
 /// A ring of finished frames. Each slot is filled by a list of ours and then only read, by any number of lists of an engine's, until the fences
 /// that came with these have their values.
@@ -14,7 +14,7 @@ pub(super) struct RecordedFrames {
     slots: RecordedMemory<ID3D12Resource>,
     size: [u32; 2],
     /// The slot that was filled last, and the frame in it.
-    last: Option<(usize, Drawn, Format)>,
+    last: Option<(usize, FrameKey, Format)>,
 }
 
 impl RecordedFrames {
@@ -41,7 +41,7 @@ impl RecordedFrames {
     }
 
     /// The slot that holds that frame in that format.
-    pub(super) fn again(&self, key: Drawn, format: Format) -> Option<usize> {
+    pub(super) fn again(&self, key: FrameKey, format: Format) -> Option<usize> {
         self.last.filter(|(_, of, held)| (*of, *held) == (key, format)).map(|(slot, ..)| slot)
     }
 
@@ -57,12 +57,18 @@ impl RecordedFrames {
     }
 
     /// A frame was made in the slot.
-    pub(super) fn holds(&mut self, slot: usize, key: Drawn, format: Format) {
+    pub(super) fn holds(&mut self, slot: usize, key: FrameKey, format: Format) {
         self.last = Some((slot, key, format));
     }
 
     /// Records the copy of a slot's frame over `target` into an engine's open list, which has run when `until` is reached.
-    pub(super) fn record(&mut self, slot: usize, list: &ID3D12GraphicsCommandList, target: &Target, until: &Moment) {
+    pub(super) fn record(
+        &mut self,
+        slot: usize,
+        list: &ID3D12GraphicsCommandList,
+        target: &Target,
+        until: &FencePoint,
+    ) {
         let Some((_, _, format)) = self.last else { return };
         let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: format.rows(self.size) };
         // A buffer is in the state COMMON when a list starts, and becomes what it is first used as.
@@ -85,7 +91,7 @@ impl Drop for RecordedFrames {
     fn drop(&mut self) {
         // The queue may still read what is freed next. Lists that it was not given are the engine's to drop first.
         if let Some(gpu) = self.gpu.as_ref().filter(|_| self.pending() > 0) {
-            gpu.frames().settle();
+            gpu.frames().wait_ignoring_loss();
         }
     }
 }

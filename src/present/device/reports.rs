@@ -4,8 +4,8 @@ use windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COPY_DEST;
 
 use crate::Result;
 use crate::framegen::shader::{WORD_OF_CUT, WORD_OF_UNEXPLAINED};
-use crate::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Resting};
-use crate::gpu::{Gpu, Heap, Moment, Shared};
+use crate::gpu::compute::{CommandRecorder, FRAMES_IN_FLIGHT, ResourceWithState};
+use crate::gpu::{FencePoint, Gpu, Heap, Shared};
 
 /// Bytes of a report.
 const BYTES: usize = 4 * (WORD_OF_UNEXPLAINED as usize + 1);
@@ -19,7 +19,7 @@ pub(super) struct Reports {
 struct Slot {
     memory: Shared,
     /// When the frame has run.
-    comes: Option<Moment>,
+    comes: Option<FencePoint>,
     /// Whether somebody wants to know of a cut.
     is_asked: bool,
 }
@@ -31,24 +31,30 @@ impl Reports {
     }
 
     /// Records that a frame, which was begun in a place, brings a report.
-    pub(super) fn record(&mut self, frame: &mut Frame<'_>, place: usize, report: &Resting<'_>) -> Result<()> {
+    pub(super) fn record(
+        &mut self,
+        frame: &mut CommandRecorder<'_>,
+        place: usize,
+        report: &ResourceWithState<'_>,
+    ) -> Result<()> {
         // What was there before has run.
         self.look(place);
         self.slots[place].comes = None;
-        let to = Resting { resource: self.slots[place].memory.resource(), state: D3D12_RESOURCE_STATE_COPY_DEST };
+        let to =
+            ResourceWithState { resource: self.slots[place].memory.resource(), state: D3D12_RESOURCE_STATE_COPY_DEST };
         frame.copy_bytes(report, BYTES as u64, &to, 0)
     }
 
-    /// The report of a frame is there at `moment`; cuts are counted only where it may be that there is one.
-    pub(super) fn comes_at(&mut self, place: usize, moment: &Moment, may_be_cut: bool) {
+    /// The report of a frame is there at `fence_point`; cuts are counted only where it may be that there is one.
+    pub(super) fn comes_at(&mut self, place: usize, fence_point: &FencePoint, may_be_cut: bool) {
         let slot = &mut self.slots[place];
-        (slot.comes, slot.is_asked) = (Some(moment.clone()), may_be_cut);
+        (slot.comes, slot.is_asked) = (Some(fence_point.clone()), may_be_cut);
     }
 
     /// How many frames that have run since it was asked are anchors and not generated, as a cut was found.
     pub(super) fn cuts(&mut self) -> u64 {
         for slot in 0..self.slots.len() {
-            if self.slots[slot].is_asked && self.slots[slot].comes.as_ref().is_some_and(Moment::reached) {
+            if self.slots[slot].is_asked && self.slots[slot].comes.as_ref().is_some_and(FencePoint::reached) {
                 self.look(slot);
             }
         }

@@ -1,14 +1,14 @@
 //! What brings frames to their size: AMD's upscaler before they are generated, or a filter afterwards.
 
-use super::enlarger::{Enlarger, Small};
-use super::supply::Supplied;
-use super::{DeviceDrawer, Plan, Presenter, Taken};
+use super::resource_cache::FrameInputs;
+use super::upsampler::{Small, Upsampler};
+use super::{DeviceDrawer, PendingFrame, Plan, Presenter};
 use crate::ffx::{Api, Choice, Version};
 use crate::{Error, ErrorKind, Result};
 
 /// An upscaler of AMD's that is to be used.
 pub(super) struct Upscaling {
-    enlarger: Option<Enlarger>,
+    enlarger: Option<Upsampler>,
     api: Api,
     choice: Choice,
     /// Where nobody else is to do what it does.
@@ -37,15 +37,15 @@ impl DeviceDrawer {
     }
 
     /// Who makes anchors larger.
-    pub(super) fn enlarger(&self) -> Option<&Enlarger> {
+    pub(super) fn enlarger(&self) -> Option<&Upsampler> {
         self.upscaling.as_ref().and_then(|upscaling| upscaling.enlarger.as_ref())
     }
 
     /// What brings frames to their size, as of the last [`prepare`](Self::prepare).
     pub fn scaled_by(&self) -> ScaledBy<'_> {
-        match (self.enlarger(), &self.canvas) {
+        match (self.enlarger(), &self.output_pass) {
             (Some(enlarger), _) => ScaledBy::Amd(enlarger.version()),
-            (None, Some(canvas)) if canvas.resizes() => ScaledBy::Space,
+            (None, Some(output_pass)) if output_pass.resizes() => ScaledBy::Space,
             _ => ScaledBy::Nothing,
         }
     }
@@ -76,7 +76,7 @@ impl DeviceDrawer {
         }
         // First, as there may not be room for both.
         upscaling.enlarger = None;
-        match Enlarger::new(&self.gpu, &upscaling.api, upscaling.choice, self.size, wanted) {
+        match Upsampler::new(&self.gpu, &upscaling.api, upscaling.choice, self.size, wanted) {
             Ok(made) => {
                 upscaling.enlarger = Some(made);
                 Ok(wanted)
@@ -93,14 +93,14 @@ impl DeviceDrawer {
     /// What a frame is made of, of larger anchors where these are made larger first.
     pub(super) fn larger(
         &mut self,
-        supplied: Supplied,
-        taken: &Taken,
+        inputs: FrameInputs,
+        pending: &PendingFrame,
         presenter: &Presenter,
         interval_ms: f32,
-    ) -> Result<Supplied> {
+    ) -> Result<FrameInputs> {
         let enlarger = self.upscaling.as_mut().and_then(|upscaling| upscaling.enlarger.as_mut());
-        let Some(enlarger) = enlarger else { return Ok(supplied) };
-        let why = match enlarge(enlarger, &supplied, taken, interval_ms) {
+        let Some(enlarger) = enlarger else { return Ok(inputs) };
+        let why = match enlarge(enlarger, &inputs, pending, interval_ms) {
             Ok(larger) => return Ok(larger),
             Err(why) => why,
         };
@@ -110,31 +110,36 @@ impl DeviceDrawer {
         (upscaling.enlarger, upscaling.failed) = (None, Some(why));
         // Makes memory for frames of the anchors' size; the pipelines are the device's and are there.
         self.work_at(self.size)?;
-        self.scale_to(taken.size.unwrap_or(self.size), presenter.keeps_shape())?;
+        self.scale_to(pending.size.unwrap_or(self.size), presenter.keeps_shape())?;
         // What lies over the anchors had the larger size.
-        self.supply.bring(taken, presenter.options().motion, false)
+        self.cache.bring(pending, presenter.options().motion, false)
     }
 }
 
 /// The same of larger anchors.
-fn enlarge(enlarger: &mut Enlarger, supplied: &Supplied, taken: &Taken, interval_ms: f32) -> Result<Supplied> {
-    let place = taken.plan.place(taken.epoch);
+fn enlarge(
+    enlarger: &mut Upsampler,
+    inputs: &FrameInputs,
+    pending: &PendingFrame,
+    interval_ms: f32,
+) -> Result<FrameInputs> {
+    let place = pending.plan.place(pending.epoch);
     let before = place.and_then(|(stream, number)| Some((stream, number.checked_sub(1)?)));
-    let slot = taken.plan.slot();
-    let previous = match &supplied.previous {
+    let slot = pending.plan.slot();
+    let previous = match &inputs.previous {
         // The pair's motion leads away from it.
         Some(picture) => Some(enlarger.anchor(&Small { place: before, picture, lead: None, interval_ms })?),
         None => None,
     };
-    let lead = supplied.guidance.as_ref().filter(|_| !slot.cut).map(|guidance| (guidance, slot.projection()));
-    let current = enlarger.anchor(&Small { place, picture: &supplied.current, lead, interval_ms })?;
-    let guidance = match (&taken.plan, &supplied.guidance, place) {
-        (Plan::Between { .. } | Plan::Beyond { .. }, Some(guidance), Some(place)) => {
+    let lead = inputs.guidance.as_ref().filter(|_| !slot.cut).map(|guidance| (guidance, slot.projection()));
+    let current = enlarger.anchor(&Small { place, picture: &inputs.current, lead, interval_ms })?;
+    let guidance = match (&pending.plan, &inputs.guidance, place) {
+        (Plan::Interpolate { .. } | Plan::Extrapolate { .. }, Some(guidance), Some(place)) => {
             Some(enlarger.guidance(place, guidance)?)
         }
         _ => None,
     };
-    let previous_depth = supplied.previous_depth.as_ref().and(before).and_then(|before| enlarger.depth(before));
-    let (rendered, overlay) = (supplied.guidance.clone(), supplied.overlay.clone());
-    Ok(Supplied { previous, current, guidance, rendered, previous_depth, overlay })
+    let previous_depth = inputs.previous_depth.as_ref().and(before).and_then(|before| enlarger.depth(before));
+    let (rendered, overlay) = (inputs.guidance.clone(), inputs.overlay.clone());
+    Ok(FrameInputs { previous, current, guidance, rendered, previous_depth, overlay })
 }

@@ -32,7 +32,7 @@ fn steady_anchors_give_a_steady_stream() {
             let (anchor, part) = (position / u64::from(multiplier), (position % u64::from(multiplier)) as u32);
             let expected = match part {
                 0 => DueFrame::Anchor(anchor),
-                step => DueFrame::Between { previous: anchor, step },
+                step => DueFrame::Interpolate { previous: anchor, step },
             };
             assert_eq!(due.frame, expected, "{now}");
         }
@@ -45,10 +45,10 @@ fn what_comes_late_is_extrapolated_then_stands_and_is_due_when_it_comes() {
     let mut pacer = pacer(2, 60 * MS, false);
     pacer.push(0);
     pacer.push(60 * MS);
-    assert_eq!(frame(&mut pacer, 119 * MS), DueFrame::Between { previous: 0, step: 1 });
+    assert_eq!(frame(&mut pacer, 119 * MS), DueFrame::Interpolate { previous: 0, step: 1 });
     assert_eq!(frame(&mut pacer, 120 * MS), DueFrame::Anchor(1));
-    assert_eq!(frame(&mut pacer, 150 * MS), DueFrame::Beyond { last: 1, step: 1 });
-    assert_eq!(frame(&mut pacer, 180 * MS), DueFrame::Beyond { last: 1, step: 2 });
+    assert_eq!(frame(&mut pacer, 150 * MS), DueFrame::Extrapolate { last: 1, step: 1 });
+    assert_eq!(frame(&mut pacer, 180 * MS), DueFrame::Extrapolate { last: 1, step: 2 });
     assert_eq!(frame(&mut pacer, 210 * MS), DueFrame::Stalled { last: 1 });
     pacer.push(300 * MS);
     assert_eq!((pacer.late(), pacer.slipped_ns()), (1, 120 * MS));

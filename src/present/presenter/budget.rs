@@ -86,13 +86,13 @@ impl Stream {
         let Some((multiplier, made)) = held else { return Some(due) };
         let made_step = |step| governor::step(multiplier, made, step);
         let frame = match due.frame {
-            DueFrame::Between { previous, step } => match made_step(step) {
+            DueFrame::Interpolate { previous, step } => match made_step(step) {
                 0 => DueFrame::Anchor(previous),
-                step => DueFrame::Between { previous, step },
+                step => DueFrame::Interpolate { previous, step },
             },
-            DueFrame::Beyond { last, step } => match made_step(step) {
+            DueFrame::Extrapolate { last, step } => match made_step(step) {
                 0 => DueFrame::Anchor(last),
-                step => DueFrame::Beyond { last, step },
+                step => DueFrame::Extrapolate { last, step },
             },
             other => other,
         };

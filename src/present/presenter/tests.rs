@@ -28,7 +28,7 @@ fn presenter(options: PresenterOptions) -> Presenter {
     Presenter::new(options, Some(Box::new(CpuGenerator::new()))).unwrap()
 }
 
-fn draw(presenter: &Presenter, now: u64) -> (Shown, Picture) {
+fn draw(presenter: &Presenter, now: u64) -> (FrameInfo, Picture) {
     let mut out = None;
     let size = presenter.size().unwrap();
     let shown = presenter.draw(now, size, |picture| out = Some(picture.clone())).unwrap().unwrap();
@@ -44,10 +44,10 @@ fn anchors_are_shown_as_they_are_and_frames_between_them_as_the_generator_has_th
         assert!(presenter.push(anchor.clone(), None, i as u64 * 60 * MS).unwrap());
     }
     let (shown, picture) = draw(&presenter, 60 * MS);
-    assert_eq!((shown.source, shown.previous, shown.t), (ShownSource::Anchor, 0, 0.0));
+    assert_eq!((shown.source, shown.previous, shown.t), (FrameSource::Anchor, 0, 0.0));
     assert_eq!(&picture, anchors[0].picture().unwrap());
     let (shown, picture) = draw(&presenter, 90 * MS);
-    assert_eq!((shown.source, shown.previous, shown.current, shown.t), (ShownSource::Generated, 0, 1, 0.5));
+    assert_eq!((shown.source, shown.previous, shown.current, shown.t), (FrameSource::Generated, 0, 1, 0.5));
     let guidance = extract(MotionSource::PictureFlow, &anchors[0], &anchors[1]).unwrap();
     let pair = AnchorPair::new(anchors[0].picture().unwrap(), anchors[1].picture().unwrap(), &guidance).unwrap();
     let mut expected = Picture::new(WIDTH, HEIGHT).unwrap();
@@ -89,12 +89,12 @@ fn nothing_is_generated_across_a_cut() {
         presenter.push(second.clone(), None, 60 * MS).unwrap();
         for (step, expected) in [(1, &first), (2, &second), (3, &second)] {
             let (shown, picture) = draw(&presenter, 60 * MS + step * 15 * MS);
-            assert_eq!((shown.source, shown.cut), (ShownSource::Held, true), "stated: {states_it}");
+            assert_eq!((shown.source, shown.cut), (FrameSource::Held, true), "stated: {states_it}");
             assert_eq!(&picture, expected.picture().unwrap());
         }
         // Nor beyond it: no motion leads to this anchor.
         let (shown, picture) = draw(&presenter, 135 * MS);
-        assert_eq!((shown.source, shown.cut, &picture), (ShownSource::Held, true, second.picture().unwrap()));
+        assert_eq!((shown.source, shown.cut, &picture), (FrameSource::Held, true, second.picture().unwrap()));
     }
 }
 
@@ -105,11 +105,11 @@ fn late_anchors_are_made_up_for_by_motion_where_wanted() {
         let last = anchor(1, false);
         presenter.push(anchor(0, true), None, 0).unwrap();
         presenter.push(last.clone(), None, 60 * MS).unwrap();
-        let sources = [(120, ShownSource::Anchor), (150, ShownSource::Extrapolated), (210, ShownSource::Held)];
+        let sources = [(120, FrameSource::Anchor), (150, FrameSource::Extrapolated), (210, FrameSource::Held)];
         let mut pictures = Vec::new();
         for (ms, source) in sources {
             let (shown, picture) = draw(&presenter, ms * MS);
-            let standing = if source == ShownSource::Anchor { source } else { ShownSource::Held };
+            let standing = if source == FrameSource::Anchor { source } else { FrameSource::Held };
             assert_eq!(shown.source, if extrapolate { source } else { standing }, "{ms}");
             pictures.push(picture);
         }
@@ -126,7 +126,7 @@ fn without_a_generator_the_nearer_anchor_stands() {
     presenter.push(anchors[1].clone(), None, 60 * MS).unwrap();
     for (ms, nearer) in [(80, 0), (100, 1), (150, 1)] {
         let (shown, picture) = draw(&presenter, ms * MS);
-        assert_eq!((shown.source, shown.cut), (ShownSource::Held, false));
+        assert_eq!((shown.source, shown.cut), (FrameSource::Held, false));
         assert_eq!(&picture, anchors[nearer].picture().unwrap());
     }
 }
@@ -163,9 +163,9 @@ fn a_generator_of_the_middle_only_makes_the_middle_only() {
     presenter.push(anchor(0, true), None, 0).unwrap();
     presenter.push(anchor(1, false), None, 60 * MS).unwrap();
     let sources = [15, 30, 45].map(|ms| draw(&presenter, (60 + ms) * MS).0.source);
-    assert_eq!(sources, [ShownSource::Held, ShownSource::Generated, ShownSource::Held]);
+    assert_eq!(sources, [FrameSource::Held, FrameSource::Generated, FrameSource::Held]);
     // What a generator says it did is what is told.
-    assert_eq!(draw(&presenter, 135 * MS).0.source, ShownSource::Held);
+    assert_eq!(draw(&presenter, 135 * MS).0.source, FrameSource::Held);
 }
 
 #[test]
@@ -288,21 +288,21 @@ fn frames_are_left_out_where_they_take_more_than_the_budget() {
         let (shown, _) = draw(&presenter, 60 * MS + at * 15 * MS);
         (shown.source, shown.t, shown.repeated)
     };
-    assert_eq!(shown(1), (ShownSource::Generated, 0.25, false));
+    assert_eq!(shown(1), (FrameSource::Generated, 0.25, false));
     // Two intervals of four frames that take too long each.
     presenter.note_spent(8, Duration::from_millis(24));
     let done = presenter.statistics();
     assert_eq!((done.made_to_anchor, done.budget_changes), (2, 1));
-    assert_eq!(shown(2), (ShownSource::Generated, 0.5, false));
-    assert_eq!(shown(3), (ShownSource::Generated, 0.5, true));
-    assert_eq!(shown(4), (ShownSource::Anchor, 0.0, false));
-    assert_eq!(shown(5), (ShownSource::Held, 0.0, true));
+    assert_eq!(shown(2), (FrameSource::Generated, 0.5, false));
+    assert_eq!(shown(3), (FrameSource::Generated, 0.5, true));
+    assert_eq!(shown(4), (FrameSource::Anchor, 0.0, false));
+    assert_eq!(shown(5), (FrameSource::Held, 0.0, true));
     let at = presenter.query(60 * MS + 5 * 15 * MS).unwrap();
-    assert_eq!((at.due.position, at.source, at.previous), (5, ShownSource::Held, 1));
-    assert_eq!(shown(6), (ShownSource::Generated, 0.5, false));
+    assert_eq!((at.due.position, at.source, at.previous), (5, FrameSource::Held, 1));
+    assert_eq!(shown(6), (FrameSource::Generated, 0.5, false));
     // Nothing is held back any more.
     presenter.set_budget(None).unwrap();
-    assert_eq!(shown(7), (ShownSource::Generated, 0.75, false));
+    assert_eq!(shown(7), (FrameSource::Generated, 0.75, false));
     let done = presenter.statistics();
     assert_eq!((done.generated, done.held, done.shown_anchors), (5, 1, 1));
 }
@@ -320,7 +320,7 @@ fn frames_follow_a_rollout_s_governor_for_as_long_as_there_is_one() {
         let (shown, _) = draw(&presenter, 60 * MS + at * 15 * MS);
         (shown.source, shown.t, shown.repeated)
     };
-    assert_eq!(shown(1), (ShownSource::Generated, 0.25, false));
+    assert_eq!(shown(1), (FrameSource::Generated, 0.25, false));
     // A latent of 4 ms for 4 frames, and frames that take 4 ms each: 5 ms of the 2.1.
     for _ in 0..3 {
         presenter.note_spent(4, Duration::from_millis(16));
@@ -330,9 +330,9 @@ fn frames_follow_a_rollout_s_governor_for_as_long_as_there_is_one() {
     // Fewer passes help too little; one frame instead of four makes it 2 ms.
     assert_eq!((done.made_to_anchor, done.budget_changes), (1, 1));
     assert_eq!((followed.statistics().passes, followed.statistics().frames), (4, 12));
-    assert_eq!(shown(2).0, ShownSource::Held);
+    assert_eq!(shown(2).0, FrameSource::Held);
     drop(followed);
-    assert_eq!(shown(3), (ShownSource::Generated, 0.75, false));
+    assert_eq!(shown(3), (FrameSource::Generated, 0.75, false));
     let followed = governor(4, Duration::from_millis(2));
     presenter.follow(Some(&followed)).unwrap();
     presenter.set_budget(None).unwrap();

@@ -4,7 +4,7 @@ use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
 use super::reusable_list::ReusableList;
 use crate::Result;
-use crate::gpu::{Gpu, Heap, Moment, buffer};
+use crate::gpu::{FencePoint, Gpu, Heap, buffer};
 use crate::runtime::execution_context::Region;
 
 /// A copy of buffers, and the list that brings it back: recorded with it, so that nothing is asked for when that is needed.
@@ -14,7 +14,7 @@ pub(crate) struct Backup {
     _forth: ReusableList,
     _copy: ID3D12Resource,
     /// When nothing of it is used any more.
-    last: Moment,
+    last: FencePoint,
 }
 
 impl Backup {
@@ -46,6 +46,6 @@ impl Backup {
 impl Drop for Backup {
     fn drop(&mut self) {
         // The queue may still use what is freed next.
-        self.last.settle();
+        self.last.wait_ignoring_loss();
     }
 }

@@ -117,7 +117,7 @@ impl Capture {
         }
     }
 
-    /// Adds itself to what is told of a lane.
+    /// Adds itself to what is told of a context.
     pub(super) fn tell(&self, told: &mut Captured) {
         match self {
             Self::Used(_) => told.used += 1,

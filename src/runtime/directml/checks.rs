@@ -50,7 +50,7 @@ impl DirectMlContext {
             let copy = buffer(&self.gpu, Heap::Device, words)?;
             let whole = Region { to: 0, from: 0, len: words };
             self.recorder.get_mut().copy(&copy, &resource, std::iter::once(whole))?;
-            // Held by the lane in whatever way this ends: the open list has its address.
+            // Held by the context in whatever way this ends: the open list has its address.
             self.expected.push(copy.clone());
             expected.push((copy, resource, words));
         }
@@ -62,7 +62,7 @@ impl DirectMlContext {
         outputs.iter().try_for_each(|output| self.blank(*output))?;
         self.run_named(id, name)?;
         let word = std::iter::once(Region { to: 0, from: 0, len: size_of::<u32>() });
-        let moment = {
+        let fence_point = {
             let recorder = self.recorder.get_mut();
             recorder.fill(&self.verdict, self.zeroes.resource(), word.clone())?;
             for (copy, resource, bytes) in &expected {
@@ -74,7 +74,7 @@ impl DirectMlContext {
             recorder.copy(self.answer.resource(), &self.verdict, word)?;
             recorder.now()?
         };
-        self.wait(&moment)?;
+        self.wait(&fence_point)?;
         self.expected.clear();
         let mut verdict = [0; size_of::<u32>()];
         self.answer.read(&mut verdict);

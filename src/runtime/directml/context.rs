@@ -23,8 +23,8 @@ use super::submission_throttle::SubmissionThrottle;
 use super::times::Kind;
 use super::weights::Weights;
 use crate::bundle::Precision;
-use crate::gpu::compute::{Frames, Resting};
-use crate::gpu::{Gpu, Heap, Moment, Pipeline, Planes, ResidencySet, Resize, Shared, Spent, buffer};
+use crate::gpu::compute::{CommandRing, ResourceWithState};
+use crate::gpu::{FencePoint, Gpu, Heap, Pipeline, Planes, ResidencySet, Resize, Shared, Spent, buffer};
 use crate::runtime::Graph;
 use crate::runtime::execution_context::{
     Backup, BindingId, BufferId, Bytes, Decoded, ExecutionContext, ExternalTimes, FiniteCheckId, MAX_GROUPS,
@@ -70,7 +70,7 @@ pub(super) struct DirectMlContext {
     pub(super) recorder: Mutex<Recorder>,
     pub(super) kernels: Arc<Kernels>,
     /// What draws pictures into textures, from the first on that are kept.
-    frames: Option<Frames>,
+    frames: Option<CommandRing>,
     /// What runs wrote that are compared with captured ones.
     pub(super) expected: Vec<ID3D12Resource>,
     /// Of runs that are not to be captured, where others may be.
@@ -113,7 +113,7 @@ pub(super) fn groups_for(words: u32) -> (u32, u32) {
     (groups, groups * GROUP)
 }
 
-/// The shaders of a device's lanes, compiled once.
+/// The shaders of a device's contexts, compiled once.
 pub(super) struct Kernels {
     pub(super) finite: Pipeline,
     pub(super) equal: Pipeline,
@@ -259,9 +259,9 @@ impl DirectMlContext {
     }
 
     /// Waits for what was submitted.
-    pub(super) fn wait(&self, moment: &Moment) -> Result<()> {
+    pub(super) fn wait(&self, fence_point: &FencePoint) -> Result<()> {
         let start = Instant::now();
-        let reached = moment.wait();
+        let reached = fence_point.wait();
         let nanoseconds = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         self.waited.fetch_add(nanoseconds, Ordering::Relaxed);
         self.throttle.clear();
@@ -360,7 +360,7 @@ impl ExecutionContext for DirectMlContext {
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
         self.be_resident()?;
-        assert_ne!(to, from, "two buffers of this lane");
+        assert_ne!(to, from, "two buffers of this context");
         let (to, from) = (&self.buffers[to.0], &self.buffers[from.0]);
         for r in regions {
             assert!(r.to + r.len <= to.bytes && r.from + r.len <= from.bytes, "inside the buffers");
@@ -384,10 +384,10 @@ impl ExecutionContext for DirectMlContext {
         let recorder = self.recorder.get_mut();
         let begun = recorder.start(self.copying)?;
         let lists = copies.iter().map(|copies| self.recorded[copies.0].0.list().clone()).collect();
-        let moment = self.gpu.anchors().named(c"Cairn: commit", || recorder.submit_behind(lists, begun))?;
+        let fence_point = self.gpu.anchors().named(c"Cairn: commit", || recorder.submit_behind(lists, begun))?;
         for copies in copies {
             let (list, bytes) = &mut self.recorded[copies.0];
-            list.runs_until(&moment);
+            list.runs_until(&fence_point);
             self.bytes.copied += *bytes;
         }
         Ok(())
@@ -402,7 +402,7 @@ impl ExecutionContext for DirectMlContext {
     }
 
     fn put_back(&mut self, backup: Backup) -> Result<()> {
-        let Backup::Device(backup) = backup else { unreachable!("a backup of another lane") };
+        let Backup::Device(backup) = backup else { unreachable!("a backup of another context") };
         let recorder = self.recorder.get_mut();
         // What a failure left recorded may write what is put back.
         recorder.submit().or_else(|_| recorder.discard())?;
@@ -446,12 +446,12 @@ impl ExecutionContext for DirectMlContext {
         assert!(at + into.len() <= buffer.bytes, "inside the buffer");
         let readback = Shared::new(&self.gpu, Heap::Readback, into.len())?;
         let region = Region { to: 0, from: at, len: into.len() };
-        let moment = {
+        let fence_point = {
             let mut recorder = self.recorder.lock();
             recorder.copy(readback.resource(), &buffer.resource, std::iter::once(region))?;
             recorder.now()?
         };
-        self.wait(&moment)?;
+        self.wait(&fence_point)?;
         readback.read(into);
         self.read.fetch_add(into.len() as u64, Ordering::Relaxed);
         Ok(())
@@ -468,9 +468,9 @@ impl ExecutionContext for DirectMlContext {
         self.finite_checks[finite_check.0].ready()?;
         let list = self.finite_checks[finite_check.0].list().clone();
         let recorder = self.recorder.get_mut();
-        let moment = self.gpu.anchors().named(c"Cairn: look for numbers", || recorder.submit_before(list))?;
-        self.finite_checks[finite_check.0].runs_until(&moment);
-        self.wait(&moment)?;
+        let fence_point = self.gpu.anchors().named(c"Cairn: look for numbers", || recorder.submit_before(list))?;
+        self.finite_checks[finite_check.0].runs_until(&fence_point);
+        self.wait(&fence_point)?;
         Ok(self.finite_checks[finite_check.0].read(&self.answer))
     }
 
@@ -479,8 +479,8 @@ impl ExecutionContext for DirectMlContext {
             return Ok(());
         }
         // What was recorded and not submitted uses the buffers as well.
-        let moment = self.recorder.get_mut().now()?;
-        self.wait(&moment)?;
+        let fence_point = self.recorder.get_mut().now()?;
+        self.wait(&fence_point)?;
         self.residency.get_mut().evict(&self.gpu)?;
         self.let_go(&self.held);
         Ok(())
@@ -496,7 +496,7 @@ impl ExecutionContext for DirectMlContext {
 
     fn room_on_device(&mut self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<Snapshot>> {
         if self.frames.is_none() {
-            self.frames = Some(Frames::new(&self.gpu, self.gpu.anchors(), 2 * PICTURES as u32)?);
+            self.frames = Some(CommandRing::new(&self.gpu, self.gpu.anchors(), 2 * PICTURES as u32)?);
         }
         Snapshot::new(&self.gpu, pictures, size, self.size(latent), &self.read).map(Some)
     }
@@ -506,18 +506,18 @@ impl ExecutionContext for DirectMlContext {
         let frames = self.frames.as_mut().expect("made with the room");
         let state = D3D12_RESOURCE_STATE_COMMON;
         let latent = &self.buffers[latent.0];
-        let buffer = Resting { resource: &self.buffers[decoded.planes.0].resource, state };
+        let buffer = ResourceWithState { resource: &self.buffers[decoded.planes.0].resource, state };
         for at in (0..decoded.pictures.len()).step_by(PICTURES) {
             let mut frame = frames.begin()?;
             if at == 0 {
-                let (from, to) = (Resting { resource: &latent.resource, state }, into.latent());
-                frame.copy_bytes(&from, latent.bytes as u64, &Resting { resource: to, state }, 0)?;
+                let (from, to) = (ResourceWithState { resource: &latent.resource, state }, into.latent());
+                frame.copy_bytes(&from, latent.bytes as u64, &ResourceWithState { resource: to, state }, 0)?;
                 self.bytes.copied += latent.bytes as u64;
             }
             for (picture, texture) in decoded.pictures.iter().zip(into.textures()).skip(at).take(PICTURES) {
                 let half = decoded.precision == Precision::F16;
                 let planes = Planes { buffer, picture: *picture, size: decoded.size, half };
-                self.kernels.resize.record(&mut frame, &planes, &Resting { resource: texture, state })?;
+                self.kernels.resize.record(&mut frame, &planes, &ResourceWithState { resource: texture, state })?;
             }
             into.comes_at(frame.submit(self.gpu.anchors())?);
         }
@@ -528,7 +528,7 @@ impl ExecutionContext for DirectMlContext {
 impl Drop for DirectMlContext {
     fn drop(&mut self) {
         // The queue may still use what is freed next, and what ONNX Runtime frees after it.
-        self.gpu.anchors().settle();
+        self.gpu.anchors().wait_ignoring_loss();
         if self.residency.get_mut().is_resident() {
             self.let_go(&self.held);
         }

@@ -7,7 +7,7 @@ use super::reusable_list::ReusableList;
 use crate::Result;
 use crate::bundle::Precision;
 use crate::gpu::compute::transition;
-use crate::gpu::{Moment, Shared};
+use crate::gpu::{FencePoint, Shared};
 use crate::runtime::execution_context::{BufferId, MAX_GROUPS};
 use crate::runtime::finite::exponents;
 
@@ -22,7 +22,7 @@ pub(super) struct FiniteCheck {
 const WORD: usize = size_of::<u32>();
 
 impl FiniteCheck {
-    /// Of buffers of a lane, with which it ends.
+    /// Of buffers of a context, with which it ends.
     pub(super) fn new(context: &DirectMlContext, groups: &[&[BufferId]], precision: Precision) -> Result<Self> {
         assert!(groups.len() <= MAX_GROUPS, "groups that can be told apart");
         let [low, high] = exponents(precision);
@@ -32,7 +32,7 @@ impl FiniteCheck {
             unsafe { list.ResourceBarrier(&[transition(verdict, before, after)]) };
         };
         let list = ReusableList::record(&context.gpu, |list| {
-            // SAFETY: an open list and buffers that the lane holds, with room for a word.
+            // SAFETY: an open list and buffers that the context holds, with room for a word.
             unsafe { list.CopyBufferRegion(verdict, 0, context.zeroes.resource(), 0, WORD as u64) };
             let mut before = D3D12_RESOURCE_STATE_COPY_DEST;
             for (i, group) in groups.iter().enumerate() {
@@ -63,12 +63,12 @@ impl FiniteCheck {
         self.list.list()
     }
 
-    /// It was given to a queue, and will have run at `moment`.
-    pub(super) fn runs_until(&mut self, moment: &Moment) {
-        self.list.runs_until(moment);
+    /// It was given to a queue, and will have run at `fence_point`.
+    pub(super) fn runs_until(&mut self, fence_point: &FencePoint) {
+        self.list.runs_until(fence_point);
     }
 
-    /// The first group that is not as it should be, by the answer to the last look of the lane, once that has run.
+    /// The first group that is not as it should be, by the answer to the last look of the context, once that has run.
     pub(super) fn read(&self, answer: &Shared) -> Option<usize> {
         let mut words = [0; MAX_GROUPS * WORD];
         answer.read(&mut words);

@@ -7,7 +7,7 @@ use windows::core::Interface;
 
 use super::times::{Begun, Kind, Times};
 use crate::gpu::compute::transition;
-use crate::gpu::{Gpu, Heap, Moment, Pipeline, Shared, Spent, failed_on};
+use crate::gpu::{FencePoint, Gpu, Heap, Pipeline, Shared, Spent, failed_on};
 use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
@@ -33,7 +33,7 @@ pub(super) struct Recorder {
     pages: Vec<Shared>,
     filled: usize,
     /// What submitted lists use, until their moment.
-    working: VecDeque<(Moment, ID3D12CommandAllocator, Vec<Shared>)>,
+    working: VecDeque<(FencePoint, ID3D12CommandAllocator, Vec<Shared>)>,
     /// Pages that nobody uses.
     free: Vec<Shared>,
     times: Times,
@@ -188,7 +188,7 @@ impl Recorder {
     }
 
     /// Has the queue run closed lists, a piece of work that was begun, and gives it all that is recorded behind them: all or nothing.
-    pub(super) fn submit_behind(&mut self, lists: Vec<ID3D12CommandList>, begun: Option<Begun>) -> Result<Moment> {
+    pub(super) fn submit_behind(&mut self, lists: Vec<ID3D12CommandList>, begun: Option<Begun>) -> Result<FencePoint> {
         if let Err(error) = self.prepare() {
             self.forget(begun);
             return Err(error);
@@ -198,7 +198,7 @@ impl Recorder {
     }
 
     /// Gives the queue all that is recorded, and behind it a closed list, which finds all buffers in the state COMMON.
-    pub(super) fn submit_before(&mut self, list: ID3D12CommandList) -> Result<Moment> {
+    pub(super) fn submit_before(&mut self, list: ID3D12CommandList) -> Result<FencePoint> {
         // What one call gives to the queue keeps its states from list to list.
         if !self.used.is_empty() {
             self.submit()?;
@@ -239,7 +239,7 @@ impl Recorder {
         }
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(self.gpu.device(), call, e) };
         let mut reusable = None;
-        while self.working.front().is_some_and(|(moment, ..)| moment.reached()) {
+        while self.working.front().is_some_and(|(fence_point, ..)| fence_point.reached()) {
             if let Some((_, allocator, pages)) = self.working.pop_front() {
                 self.free.extend(pages.into_iter().filter(|memory| memory.len() == PAGE));
                 reusable = Some(allocator);
@@ -260,7 +260,7 @@ impl Recorder {
     }
 
     /// Closes the open list and gives it to the queue behind others and before one more, when the other list is open.
-    fn hand_over(&mut self, mut lists: Vec<ID3D12CommandList>, last: Option<ID3D12CommandList>) -> Result<Moment> {
+    fn hand_over(&mut self, mut lists: Vec<ID3D12CommandList>, last: Option<ID3D12CommandList>) -> Result<FencePoint> {
         // SAFETY: an open list.
         let closed = unsafe { self.list.Close() };
         let closed = closed.and_then(|()| self.list.cast());
@@ -276,9 +276,9 @@ impl Recorder {
             std::mem::swap(&mut self.list, &mut self.other);
             let closed = std::mem::replace(&mut self.allocator, next);
             match &handed {
-                Ok(moment) => {
-                    self.times.submitted(moment);
-                    self.working.push_back((moment.clone(), closed, std::mem::take(&mut self.pages)));
+                Ok(fence_point) => {
+                    self.times.submitted(fence_point);
+                    self.working.push_back((fence_point.clone(), closed, std::mem::take(&mut self.pages)));
                 }
                 Err(_) => self.times.lost(),
             }
@@ -296,7 +296,7 @@ impl Recorder {
     }
 
     /// The moment when all that was submitted is done, ONNX Runtime's work on the queue too.
-    pub(super) fn now(&mut self) -> Result<Moment> {
+    pub(super) fn now(&mut self) -> Result<FencePoint> {
         self.submit()?;
         self.gpu.anchors().now()
     }
@@ -328,8 +328,8 @@ impl Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         // The queue may still read what is freed next.
-        if let Some((moment, ..)) = self.working.back() {
-            moment.settle();
+        if let Some((fence_point, ..)) = self.working.back() {
+            fence_point.wait_ignoring_loss();
         }
     }
 }

@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use crate::gpu::{Gpu, Moment, failed_on};
+use crate::gpu::{FencePoint, Gpu, failed_on};
 use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
@@ -12,7 +12,7 @@ pub(super) struct ReusableList {
     list: ID3D12CommandList,
     _allocator: ID3D12CommandAllocator,
     /// When it has run for the last time: until then it must not be given to a queue again.
-    last: Option<Moment>,
+    last: Option<FencePoint>,
 }
 
 impl ReusableList {
@@ -25,7 +25,7 @@ impl ReusableList {
         Self::record(gpu, |list| {
             for ((to, from), regions) in copies {
                 for r in regions {
-                    // SAFETY: an open list; the lane holds both buffers as long as this list, and the stretches lie inside them.
+                    // SAFETY: an open list; the context holds both buffers as long as this list, and the stretches lie inside them.
                     unsafe { list.CopyBufferRegion(to, r.to as u64, from, r.from as u64, r.len as u64) };
                 }
             }
@@ -52,7 +52,7 @@ impl ReusableList {
 
     /// Waits until it may be given to a queue: long so, but for a slot that comes twice in a moment.
     pub(super) fn ready(&self) -> Result<()> {
-        self.last.as_ref().map_or(Ok(()), Moment::wait)
+        self.last.as_ref().map_or(Ok(()), FencePoint::wait)
     }
 
     /// The list as a queue takes it.
@@ -60,8 +60,8 @@ impl ReusableList {
         &self.list
     }
 
-    /// It was given to a queue, and will have run at `moment`.
-    pub(super) fn runs_until(&mut self, moment: &Moment) {
-        self.last = Some(moment.clone());
+    /// It was given to a queue, and will have run at `fence_point`.
+    pub(super) fn runs_until(&mut self, fence_point: &FencePoint) {
+        self.last = Some(fence_point.clone());
     }
 }

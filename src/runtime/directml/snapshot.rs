@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 
-use crate::gpu::{Gpu, Heap, Moment, blank_texture, buffer, read_buffer, read_texture};
+use crate::gpu::{FencePoint, Gpu, Heap, blank_texture, buffer, read_buffer, read_texture};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// Copies of a latent and of its pictures, made on the device and kept there; they come down where somebody asks.
@@ -15,8 +15,8 @@ pub(crate) struct Snapshot {
     textures: Vec<ID3D12Resource>,
     latent: ID3D12Resource,
     /// When all of it is there, once it is on its way.
-    moment: Option<Moment>,
-    /// Bytes that came down of the lane's and of what was made of it.
+    fence_point: Option<FencePoint>,
+    /// Bytes that came down of the context's and of what was made of it.
     read: Arc<AtomicU64>,
 }
 
@@ -31,7 +31,7 @@ impl Snapshot {
     ) -> Result<Self> {
         let textures = (0..pictures).map(|_| blank_texture(gpu, size)).collect::<Result<_>>()?;
         let latent = buffer(gpu, Heap::Device, latent)?;
-        Ok(Self { gpu: gpu.clone(), textures, latent, moment: None, read: read.clone() })
+        Ok(Self { gpu: gpu.clone(), textures, latent, fence_point: None, read: read.clone() })
     }
 
     pub(super) fn textures(&self) -> &[ID3D12Resource] {
@@ -42,24 +42,24 @@ impl Snapshot {
         &self.latent
     }
 
-    pub(super) fn comes_at(&mut self, moment: Moment) {
-        self.moment = Some(moment);
+    pub(super) fn comes_at(&mut self, fence_point: FencePoint) {
+        self.fence_point = Some(fence_point);
     }
 
     /// Picture `i` as a texture, and when it is there.
-    pub(crate) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &Moment)> {
-        self.textures.get(i).zip(self.moment.as_ref())
+    pub(crate) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &FencePoint)> {
+        self.textures.get(i).zip(self.fence_point.as_ref())
     }
 
     /// The latent in a buffer that rests in the state COMMON, and when it is there.
-    pub(crate) fn latent_buffer(&self) -> Option<(&ID3D12Resource, &Moment)> {
-        Some((&self.latent, self.moment.as_ref()?))
+    pub(crate) fn latent_buffer(&self) -> Option<(&ID3D12Resource, &FencePoint)> {
+        Some((&self.latent, self.fence_point.as_ref()?))
     }
 
     /// Waits for picture `i`, then brings it down.
     pub(crate) fn read_picture(&self, i: usize) -> Result<Picture> {
-        let (texture, moment) = self.texture(i).ok_or_else(nothing_there)?;
-        moment.wait()?;
+        let (texture, fence_point) = self.texture(i).ok_or_else(nothing_there)?;
+        fence_point.wait()?;
         let picture = read_texture(&self.gpu, texture, D3D12_RESOURCE_STATE_COMMON)?;
         self.read.fetch_add(picture.rgba().len() as u64, Ordering::Relaxed);
         Ok(picture)
@@ -67,7 +67,7 @@ impl Snapshot {
 
     /// Waits for the latent, then brings its first `into.len()` bytes down.
     pub(crate) fn read_latent(&self, into: &mut [u8]) -> Result<()> {
-        self.moment.as_ref().ok_or_else(nothing_there)?.wait()?;
+        self.fence_point.as_ref().ok_or_else(nothing_there)?.wait()?;
         read_buffer(&self.gpu, &self.latent, into)?;
         self.read.fetch_add(into.len() as u64, Ordering::Relaxed);
         Ok(())
@@ -77,15 +77,15 @@ impl Snapshot {
 impl Drop for Snapshot {
     fn drop(&mut self) {
         // The queue may still write what is freed next.
-        if let Some(moment) = &self.moment {
-            moment.settle();
+        if let Some(fence_point) = &self.fence_point {
+            fence_point.wait_ignoring_loss();
         }
     }
 }
 
 impl std::fmt::Debug for Snapshot {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Snapshot({} pictures, {:?})", self.textures.len(), self.moment)
+        write!(f, "Snapshot({} pictures, {:?})", self.textures.len(), self.fence_point)
     }
 }
 

@@ -7,7 +7,7 @@ use super::context::DirectMlContext;
 use super::times::Kind;
 use crate::Result;
 
-/// A lane's work that nobody has waited for, against what it may be.
+/// A context's work that nobody has waited for, against what it may be.
 pub(super) struct SubmissionThrottle {
     longest: Option<Duration>,
     /// Nanoseconds, as passes took before; 1 at least where there is any.
@@ -52,8 +52,8 @@ impl DirectMlContext {
         }
         let takes = self.recorder.get_mut().spent(kind).last;
         if self.throttle.is_too_long(takes) {
-            let moment = self.recorder.get_mut().now()?;
-            self.wait(&moment)?;
+            let fence_point = self.recorder.get_mut().now()?;
+            self.wait(&fence_point)?;
             self.throttle.yields += 1;
         }
         self.throttle.add(takes);

@@ -1,16 +1,16 @@
-//! How long a lane's runs and copies take on the device.
+//! How long a context's runs and copies take on the device.
 
 use std::collections::VecDeque;
 
 use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 
 use crate::Result;
-use crate::gpu::{Gpu, Marks, Moment, Spent};
+use crate::gpu::{FencePoint, Gpu, Marks, Spent};
 
 /// Pieces of work whose time may be unknown yet, more than two latent steps have: those beyond are not timed.
 const PAIRS: usize = 64;
 
-/// Names a kind of work of one lane, all whose pieces are summed up.
+/// Names a kind of work of one context, all whose pieces are summed up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Kind(usize);
 
@@ -26,7 +26,7 @@ pub(super) struct Times {
     /// Pairs of marks that no piece uses.
     free: Vec<usize>,
     /// Pieces that have ended in an open list, or in one that will have run at a moment.
-    ended: VecDeque<(Begun, Option<Moment>)>,
+    ended: VecDeque<(Begun, Option<FencePoint>)>,
     /// By kind.
     spent: Vec<Spent>,
 }
@@ -72,10 +72,10 @@ impl Times {
         }
     }
 
-    /// The open list is on its way, and will have run at `moment`.
-    pub(super) fn submitted(&mut self, moment: &Moment) {
+    /// The open list is on its way, and will have run at `fence_point`.
+    pub(super) fn submitted(&mut self, fence_point: &FencePoint) {
         for (_, until) in self.ended.iter_mut().rev().take_while(|(_, until)| until.is_none()) {
-            *until = Some(moment.clone());
+            *until = Some(fence_point.clone());
         }
     }
 
@@ -86,8 +86,8 @@ impl Times {
     }
 
     fn collect(&mut self) {
-        while let Some((_, Some(moment))) = self.ended.front()
-            && moment.reached()
+        while let Some((_, Some(fence_point))) = self.ended.front()
+            && fence_point.reached()
             && let Some((begun, _)) = self.ended.pop_front()
         {
             if let Some((_, Some(took))) = self.marks.as_ref().map(|marks| marks.read(begun.pair)) {

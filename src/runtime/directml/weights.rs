@@ -14,7 +14,7 @@ use crate::{Error, ErrorKind, Result};
 /// Bytes that are under way to the device at a time, when a graph is made.
 const UNDER_WAY: usize = 64 << 20;
 
-/// Weights that a session takes as inputs. Each lane that may run the session holds them while it does not rest.
+/// Weights that a session takes as inputs. Each context that may run the session holds them while it does not rest.
 pub(crate) struct Weights {
     inputs: Vec<(CString, TensorSpec, Buffer)>,
     residency: Mutex<Residency>,

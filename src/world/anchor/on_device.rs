@@ -4,10 +4,10 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
-use super::super::numbers;
+use super::super::convert;
 use super::super::rollout::Rollout;
 use crate::bundle::Precision;
-use crate::gpu::Moment;
+use crate::gpu::FencePoint;
 use crate::runtime::{Decoded, Snapshot};
 use crate::{Picture, Result};
 
@@ -43,18 +43,18 @@ impl OnDevice {
         rollout.context.keep_on_device(&decoded, rollout.latent, &mut self.snapshot)
     }
 
-    pub(super) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &Moment)> {
+    pub(super) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &FencePoint)> {
         self.snapshot.texture(i)
     }
 
-    pub(super) fn latent(&self) -> Option<(&ID3D12Resource, &Moment, bool)> {
-        let (latent, moment) = self.snapshot.latent_buffer()?;
-        Some((latent, moment, self.precision == Precision::F16))
+    pub(super) fn latent(&self) -> Option<(&ID3D12Resource, &FencePoint, bool)> {
+        let (latent, fence_point) = self.snapshot.latent_buffer()?;
+        Some((latent, fence_point, self.precision == Precision::F16))
     }
 
     /// Whether its copy has run.
     pub(super) fn has_arrived(&self) -> bool {
-        self.snapshot.latent_buffer().is_none_or(|(_, moment)| moment.reached())
+        self.snapshot.latent_buffer().is_none_or(|(_, fence_point)| fence_point.reached())
     }
 
     pub(super) fn read_picture(&self, i: usize) -> Result<Picture> {
@@ -62,11 +62,11 @@ impl OnDevice {
     }
 
     pub(super) fn read_latent(&self) -> Result<Vec<f32>> {
-        let mut latent = numbers::zeroed::<f32>(self.numbers)?;
+        let mut latent = convert::zeroed::<f32>(self.numbers)?;
         match self.precision {
             Precision::F32 => self.snapshot.read_latent(bytemuck::cast_slice_mut(&mut latent))?,
             Precision::F16 => {
-                let mut halves = numbers::zeroed::<f16>(self.numbers)?;
+                let mut halves = convert::zeroed::<f16>(self.numbers)?;
                 self.snapshot.read_latent(bytemuck::cast_slice_mut(&mut halves))?;
                 halves.convert_to_f32_slice(&mut latent);
             }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::process::Command;
 
 use super::declarations::Declarations;
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 /// Where it lies.
 pub(crate) const RECORD: &str = "abi.txt";
@@ -17,8 +17,8 @@ const INTRODUCTION: &str = "\
 ";
 
 /// The command that prints constants and structs as Rust has them.
-pub(crate) fn rust_layout(clone: &Clone) -> Command {
-    clone.cargo(["run", "--quiet", "--package", "cairn", "--example", "interface"])
+pub(crate) fn rust_layout(workspace: &Workspace) -> Command {
+    workspace.cargo(["run", "--quiet", "--package", "cairn", "--example", "interface"])
 }
 
 /// The whole record: the layout, and the declarations that have none.

@@ -10,17 +10,17 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::tree::Tree;
-use crate::clone::Clone;
 use crate::shell::output;
+use crate::workspace::Workspace;
 
 /// The variable that says when something is to have been made <https://reproducible-builds.org/specs/source-date-epoch/>.
 pub(super) const EPOCH: &str = "SOURCE_DATE_EPOCH";
 
 /// When everything in an archive was made, in whole seconds: as the variable says, else when the clone's commit was.
-pub(super) fn moment(clone: &Clone) -> Result<Timestamp, String> {
+pub(super) fn moment(workspace: &Workspace) -> Result<Timestamp, String> {
     let text = match std::env::var(EPOCH) {
         Ok(text) => text,
-        Err(_) => output(Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(&clone.root))?,
+        Err(_) => output(Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(&workspace.root))?,
     };
     let seconds = text.trim().parse().ok();
     let moment = seconds.and_then(|seconds| Timestamp::from_second(seconds).ok());

@@ -14,7 +14,7 @@ use super::tree::{self, Tree};
 use super::unity;
 use super::unreal;
 use crate::book;
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 /// The archive's own pages; `@VERSION@` and `@ONNXRUNTIME@` stand for versions.
 const WINDOWS: &str = include_str!("pages/windows.md");
@@ -32,7 +32,7 @@ pub(crate) const TERMS: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", dependenci
 
 /// The archive of a platform; with `slim` without Microsoft's libraries. None where that would be the same archive once more.
 pub(super) fn of(
-    clone: &Clone,
+    workspace: &Workspace,
     platform: Platform,
     built: &Built,
     parts: &[Part],
@@ -49,20 +49,20 @@ pub(super) fn of(
     let fill = |page: &str| page.replace("@VERSION@", version).replace("@ONNXRUNTIME@", provision::ONNXRUNTIME_VERSION);
 
     for file in ["LICENSE-APACHE", "LICENSE-MIT", "CHANGELOG.md", "samples/worlds/place.ppm"] {
-        tree.add_file(file, &clone.root.join(file))?;
+        tree.add_file(file, &workspace.root.join(file))?;
     }
     for folder in ["include/", "samples/host-c/", "samples/scripts/"] {
-        tree.add_clone(clone, folder, |_| true)?;
+        tree.add_clone(workspace, folder, |_| true)?;
     }
-    tree.add_clone(clone, "bindings/python/", |file| {
+    tree.add_clone(workspace, "bindings/python/", |file| {
         !["bindings/python/tests/", "bindings/python/wheel/"].iter().any(|tests| file.starts_with(tests))
     })?;
-    tree.add_clone(clone, "bindings/csharp/", |file| !file.starts_with("bindings/csharp/tests/"))?;
-    for file in book_files(clone)? {
-        tree.add_file(file.clone(), &clone.root.join(&file))?;
+    tree.add_clone(workspace, "bindings/csharp/", |file| !file.starts_with("bindings/csharp/tests/"))?;
+    for file in book_files(workspace)? {
+        tree.add_file(file.clone(), &workspace.root.join(&file))?;
     }
     tree.add(dependencies::PAGE, dependencies::page(parts))?;
-    tree.add(runtime::RUST_NOTICES, runtime::rust_notices(clone)?)?;
+    tree.add(runtime::RUST_NOTICES, runtime::rust_notices(workspace)?)?;
     tree.add(sbom::NAME, bill)?;
 
     let [name, debug] = library::names(platform);
@@ -81,10 +81,10 @@ pub(super) fn of(
             tree.add(format!("bin/{name}"), built.library.as_slice())?;
             tree.add("lib/cairn.lib", import.msvc.as_slice())?;
             tree.add("lib/libcairn.dll.a", import.mingw.as_slice())?;
-            tree.add_clone(clone, "samples/host-d3d12/", |_| true)?;
+            tree.add_clone(workspace, "samples/host-d3d12/", |_| true)?;
             tree.add("amd/README.md", fill(AMD))?;
             let plugin = built.unity.as_ref().ok_or("the Windows library has no plugin for Unity")?;
-            unity::add(&mut tree, clone, plugin, !slim)?;
+            unity::add(&mut tree, workspace, plugin, !slim)?;
         }
     }
     if runtimes && !slim {
@@ -95,7 +95,7 @@ pub(super) fn of(
         tree.add("runtime/README.md", fill(RUNTIME))?;
     }
     if let Some(import) = &built.import {
-        unreal::add(clone, &mut tree, &import.msvc)?;
+        unreal::add(workspace, &mut tree, &import.msvc)?;
     }
     tree.relink(&[(unity::PACKAGE, unity::FOLDER), (unreal::SOURCE, unreal::FOLDER)]);
     Ok(Some(tree))
@@ -106,18 +106,18 @@ pub(super) fn of(
 const NOT_FOR_HOSTS: [&str; 3] = ["docs/lab.md", "docs/report/", "docs/sweeps/"];
 
 /// The book's chapters that lie in its folder, with the pictures and files that they show; an archive has the others in their places.
-fn book_files(clone: &Clone) -> Result<BTreeSet<String>, String> {
-    let chapters = book::chapters(&clone.read(book::SUMMARY)?)?;
+fn book_files(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
+    let chapters = book::chapters(&workspace.read(book::SUMMARY)?)?;
     let mut files = BTreeSet::new();
     let is_wanted =
         |file: &str| file.starts_with("docs/") && !NOT_FOR_HOSTS.iter().any(|unwanted| file.starts_with(unwanted));
     for chapter in chapters.into_iter().filter(|chapter| is_wanted(chapter)) {
-        let page = clone.read(&chapter)?;
+        let page = workspace.read(&chapter)?;
         let folder = chapter.rsplit_once('/').map_or("", |(folder, _)| folder);
         let shown = book::links(&page).filter_map(|target| tree::joined(folder, target));
         files.extend(shown.filter(|file| {
             let is_page = Path::new(file).extension().is_some_and(|ending| ending == "md");
-            is_wanted(file) && !is_page && clone.root.join(file).is_file()
+            is_wanted(file) && !is_page && workspace.root.join(file).is_file()
         }));
         files.insert(chapter);
     }

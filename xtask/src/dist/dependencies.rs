@@ -10,7 +10,7 @@ use provision::tools;
 
 use super::Platform;
 use super::runtime::RUST_NOTICES;
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 /// Where a part of the library comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,15 +68,15 @@ pub(super) const PAGE: &str = "THIRD-PARTY.md";
 const LICENCE_FILES: [&str; 6] = ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE", "UNLICENSE"];
 
 /// All crates of the library for a platform, the library's own first.
-pub(super) fn of(clone: &Clone, platform: Platform) -> Result<Vec<Part>, String> {
+pub(super) fn of(workspace: &Workspace, platform: Platform) -> Result<Vec<Part>, String> {
     let filter = ["--locked", "--filter-platform", platform.triple()].map(str::to_owned);
     let metadata = MetadataCommand::new()
         .cargo_path(tools::cargo())
-        .manifest_path(clone.root.join("Cargo.toml"))
+        .manifest_path(workspace.root.join("Cargo.toml"))
         .other_options(filter)
         .exec()
         .map_err(|e| format!("cargo metadata: {e}"))?;
-    let lock = clone.read("Cargo.lock")?;
+    let lock = workspace.read("Cargo.lock")?;
     let sums = sums(&lock)?;
     let links = links(&metadata)?;
     let root = metadata.root_package().ok_or("cargo metadata names no root package")?;

@@ -14,8 +14,8 @@ use provision::{Console, tools};
 
 use super::Platform;
 use super::archive::EPOCH;
-use crate::clone::Clone;
 use crate::shell::pass_through;
+use crate::workspace::Workspace;
 
 /// Where an archive's library comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,13 +69,18 @@ fn objcopy(platform: Platform) -> &'static str {
 pub(super) const GLIBC: &str = "2.28";
 
 /// Builds it, or takes the one that is there.
-pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: Timestamp) -> Result<Built, String> {
-    let work = clone.target.join("xtask").join("dist").join(platform.name());
+pub(super) fn build(
+    workspace: &Workspace,
+    platform: Platform,
+    source: Source,
+    moment: Timestamp,
+) -> Result<Built, String> {
+    let work = workspace.target.join("xtask").join("dist").join(platform.name());
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let folder = match (platform, source) {
-        (_, Source::Release) => compile(clone, platform, moment)?,
-        (Platform::Windows, Source::Tests) => clone.target.join(platform.triple()).join("debug"),
-        (Platform::Linux, Source::Tests) => link(clone, &work)?,
+        (_, Source::Release) => compile(workspace, platform, moment)?,
+        (Platform::Windows, Source::Tests) => workspace.target.join(platform.triple()).join("debug"),
+        (Platform::Linux, Source::Tests) => link(workspace, &work)?,
     };
     let [library, debug] = names(platform);
     split(platform, &folder.join(library), &work, moment)?;
@@ -101,18 +106,18 @@ pub(super) fn build(clone: &Clone, platform: Platform, source: Source, moment: T
 }
 
 /// Compiles it for hosts' users; the folder of what came out.
-fn compile(clone: &Clone, platform: Platform, moment: Timestamp) -> Result<PathBuf, String> {
+fn compile(workspace: &Workspace, platform: Platform, moment: Timestamp) -> Result<PathBuf, String> {
     let console = Console::new();
     // Compiled with other flags than everything else, it would replace what is there.
-    let apart = clone.target.join("dist").join("build");
+    let apart = workspace.target.join("dist").join("build");
     tools::rust_target(platform.triple(), &console).map_err(|e| e.to_string())?;
     let (verb, target) = match platform {
         Platform::Windows => ("build", platform.triple().to_owned()),
         // Linked with stand-ins of an older C library than this machine's.
         Platform::Linux => ("zigbuild", format!("{}.{GLIBC}", platform.triple())),
     };
-    let mut command = clone.cargo([verb, "--release", "--package", "cairn", "--lib", "--target", &target]);
-    command.arg("--target-dir").arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(clone)?);
+    let mut command = workspace.cargo([verb, "--release", "--package", "cairn", "--lib", "--target", &target]);
+    command.arg("--target-dir").arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(workspace)?);
     command.env(EPOCH, moment.as_second().to_string());
     match platform {
         Platform::Windows => {
@@ -132,7 +137,7 @@ const NOTHING: &str = "extern crate cairn as _;\n";
 
 /// Links what tests have compiled as [`compile`] links it; the folder of what came out. Compiled code knows nothing of the C library's
 /// age, so that only the last step is another.
-fn link(clone: &Clone, work: &Path) -> Result<PathBuf, String> {
+fn link(workspace: &Workspace, work: &Path) -> Result<PathBuf, String> {
     let write = |name: &str, text: &str| {
         let path = work.join(name);
         fs::write(&path, text).map(|()| path.clone()).map_err(|e| format!("{}: {e}", path.display()))
@@ -145,13 +150,13 @@ fn link(clone: &Clone, work: &Path) -> Result<PathBuf, String> {
     let source = write("nothing.rs", NOTHING)?;
     let linked = work.join("linked");
     fs::create_dir_all(&linked).map_err(|e| format!("{}: {e}", linked.display()))?;
-    let compiled = clone.target.join("debug");
+    let compiled = workspace.target.join("debug");
     let mut command = Command::new("rustc");
     command.args(["--edition=2024", "--crate-name=cairn", "--crate-type=cdylib", "-Copt-level=1"]);
     command.arg("-Clinker-flavor=gcc").arg(format!("-Clinker={}", linker.display())).arg("--extern");
     command.arg(format!("cairn={}", compiled.join("libcairn.rlib").display()));
     command.arg("-L").arg(format!("dependency={}", compiled.join("deps").display()));
-    command.arg("--out-dir").arg(&linked).arg(source).current_dir(&clone.root);
+    command.arg("--out-dir").arg(&linked).arg(source).current_dir(&workspace.root);
     tools::by_zig(&mut command, &Console::new()).map_err(|e| e.to_string())?;
     pass_through(&mut command)?;
     Ok(linked)
@@ -169,12 +174,12 @@ fn executable(file: &Path) -> std::io::Result<()> {
 
 /// Flags that have the compiler name every source the same, wherever the clone and cargo's sources lie; separated as
 /// `CARGO_ENCODED_RUSTFLAGS` wants it.
-fn flags(clone: &Clone) -> Result<String, String> {
+fn flags(workspace: &Workspace) -> Result<String, String> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| std::env::home_dir().map(|home| home.join(".cargo"))).ok_or("no home directory")?;
     let remap = |from: &Path, to: &str| format!("--remap-path-prefix={}={to}", from.display());
     // The later of two that fit is taken, and the clone may lie below the home.
-    Ok([remap(&home, "cargo"), remap(&clone.root, "cairn")].join("\u{1f}"))
+    Ok([remap(&home, "cargo"), remap(&workspace.root, "cairn")].join("\u{1f}"))
 }
 
 /// Takes out symbols that are other ones in every build, and that nobody looks for. LLVM numbers what it shares among parts of a crate by

@@ -19,7 +19,7 @@ use provision::{Console, Progress};
 use sha2::{Digest, Sha256};
 
 use crate::cli::DistOptions;
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 pub(crate) use contents::TERMS;
 pub(crate) use library::{Source, exports};
@@ -69,11 +69,11 @@ pub(crate) enum Parts {
 const SUMS: &str = "SHA256SUMS";
 
 /// Builds the library and packs what `options` choose; tells what came of it.
-pub(crate) fn run(clone: &Clone, options: &DistOptions) -> Result<(), String> {
-    let folder = options.out.clone().unwrap_or_else(|| clone.target.join("dist"));
+pub(crate) fn run(workspace: &Workspace, options: &DistOptions) -> Result<(), String> {
+    let folder = options.out.clone().unwrap_or_else(|| workspace.target.join("dist"));
     let platforms = if options.platforms.is_empty() { &Platform::ALL[..] } else { &options.platforms };
     let parts = if options.wheels { Parts::Wheels } else { Parts::All };
-    let made = make(clone, platforms, parts, Source::Release, &folder)?;
+    let made = make(workspace, platforms, parts, Source::Release, &folder)?;
     for archive in &made {
         println!("{:>7.1} MB  {}", archive.bytes as f64 / 1e6, archive.path.display());
     }
@@ -90,7 +90,7 @@ pub(crate) struct Made {
 
 /// Writes `parts` for `platforms` into `folder`, of each platform the wheel last; earlier ones of the same names are replaced.
 pub(crate) fn make(
-    clone: &Clone,
+    workspace: &Workspace,
     platforms: &[Platform],
     parts: Parts,
     source: Source,
@@ -103,13 +103,13 @@ pub(crate) fn make(
     }
     let console = Console::new();
     fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let moment = archive::moment(clone)?;
+    let moment = archive::moment(workspace)?;
     let mut made = Vec::new();
     for &platform in platforms {
         console.start(&format!("{}: building the library", platform.name()));
-        let built = library::build(clone, platform, source, moment)?;
+        let built = library::build(workspace, platform, source, moment)?;
         console.start(&format!("{}: licences of what is in it", platform.name()));
-        let inside = parts_of(clone, platform, &built.debug)?;
+        let inside = parts_of(workspace, platform, &built.debug)?;
         let bill = sbom::write(&inside, moment)?;
         let mut write = |tree: &Tree, pack: fn(&Tree, Timestamp) -> Result<Vec<u8>, String>, ending: &str| {
             console.start(&format!("packing {}", tree.name()));
@@ -123,7 +123,7 @@ pub(crate) fn make(
         };
         if parts != Parts::Wheels {
             for slim in [false, true] {
-                let Some(tree) = contents::of(clone, platform, &built, &inside, &bill, slim)? else { continue };
+                let Some(tree) = contents::of(workspace, platform, &built, &inside, &bill, slim)? else { continue };
                 match platform {
                     Platform::Windows => write(&tree, archive::zip, ".zip")?,
                     Platform::Linux => write(&tree, archive::tar_gz, ".tar.gz")?,
@@ -131,7 +131,7 @@ pub(crate) fn make(
             }
         }
         if parts != Parts::Archives {
-            write(&wheel::of(clone, platform, &built, &inside, &bill)?, archive::zip, "")?;
+            write(&wheel::of(workspace, platform, &built, &inside, &bill)?, archive::zip, "")?;
         }
     }
     let lines: String =
@@ -142,9 +142,9 @@ pub(crate) fn make(
 }
 
 /// What is in a library, itself first: crates, and what compilers put beside them. Its `debug` information tells of those.
-fn parts_of(clone: &Clone, platform: Platform, debug: &[u8]) -> Result<Vec<dependencies::Part>, String> {
-    let mut parts = dependencies::of(clone, platform)?;
-    let runtimes = runtime::of(clone, platform, debug)?;
+fn parts_of(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<dependencies::Part>, String> {
+    let mut parts = dependencies::of(workspace, platform)?;
+    let runtimes = runtime::of(workspace, platform, debug)?;
     let own = parts.first_mut().ok_or("a library of no crates")?;
     own.uses.extend(runtimes.iter().map(dependencies::Part::reference));
     parts.extend(runtimes);

@@ -13,22 +13,22 @@ use provision::{Console, tools};
 
 use super::Platform;
 use super::dependencies::{Kind, Part};
-use crate::clone::Clone;
 use crate::shell::output;
+use crate::workspace::Workspace;
 
 /// Rust's own account of what its standard library is made of, with all notices, beside the page of parts.
 pub(super) const RUST_NOTICES: &str = "THIRD-PARTY-RUST.html";
 
 /// The same, as bytes.
-pub(super) fn rust_notices(clone: &Clone) -> Result<Vec<u8>, String> {
-    let sysroot = output(Command::new("rustc").args(["--print", "sysroot"]).current_dir(&clone.root))?;
+pub(super) fn rust_notices(workspace: &Workspace) -> Result<Vec<u8>, String> {
+    let sysroot = output(Command::new("rustc").args(["--print", "sysroot"]).current_dir(&workspace.root))?;
     let page = Path::new(sysroot.trim()).join("share/doc/rust/COPYRIGHT-library.html");
     fs::read(&page).map_err(|e| format!("{}: {e}. Take Rust by rustup, which brings that page along", page.display()))
 }
 
 /// What a library has in it, by the symbols in the file with its `debug` information: the library itself has lost some.
-pub(super) fn of(clone: &Clone, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
-    let mut parts = vec![standard_library(clone)?];
+pub(super) fn of(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
+    let mut parts = vec![standard_library(workspace)?];
     match platform {
         Platform::Linux => {
             let sources = tools::zig_sources(&Console::new()).map_err(|e| e.to_string())?;
@@ -53,8 +53,8 @@ fn part(name: &str, version: &str, licence: &str, place: &str, texts: BTreeMap<S
     }
 }
 
-fn standard_library(clone: &Clone) -> Result<Part, String> {
-    let said = output(Command::new("rustc").arg("--version").current_dir(&clone.root))?;
+fn standard_library(workspace: &Workspace) -> Result<Part, String> {
+    let said = output(Command::new("rustc").arg("--version").current_dir(&workspace.root))?;
     let version = said.split_whitespace().nth(1).ok_or_else(|| format!("rustc's version is {said:?}"))?;
     Ok(part("rust-std", version, "MIT OR Apache-2.0", "https://github.com/rust-lang/rust", BTreeMap::new()))
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 /// Files by their paths, with `/`, below the archive's one folder, where it has one. Sorted, so that archives do not depend on the order they came in.
 pub(super) struct Tree {
@@ -51,13 +51,18 @@ impl Tree {
     }
 
     /// Adds the clone's files whose names start with `prefix` and that `wanted` takes, under the names they have there.
-    pub(super) fn add_clone(&mut self, clone: &Clone, prefix: &str, wanted: fn(&str) -> bool) -> Result<(), String> {
+    pub(super) fn add_clone(
+        &mut self,
+        workspace: &Workspace,
+        prefix: &str,
+        wanted: fn(&str) -> bool,
+    ) -> Result<(), String> {
         let files: Vec<_> =
-            clone.files()?.into_iter().filter(|file| file.starts_with(prefix) && wanted(file)).collect();
+            workspace.files()?.into_iter().filter(|file| file.starts_with(prefix) && wanted(file)).collect();
         if files.is_empty() {
             return Err(format!("the clone has no {prefix}"));
         }
-        files.into_iter().try_for_each(|file| self.add_file(file.clone(), &clone.root.join(&file)))
+        files.into_iter().try_for_each(|file| self.add_file(file.clone(), &workspace.root.join(&file)))
     }
 
     /// Lets links in pages lead to where the archive has their targets, and makes plain words of those to what it does not have. `moved` are

@@ -5,7 +5,7 @@ use sha2::{Digest, Sha256};
 
 use super::contents::TERMS;
 use super::tree::Tree;
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 /// Where the package's own files lie.
 pub(crate) const PACKAGE: &str = "bindings/unity/";
@@ -23,18 +23,18 @@ pub(crate) fn is_package(file: &str) -> bool {
 }
 
 /// Adds the package to an archive that has the library's terms; with `runtimes`, Microsoft's libraries beside the plugin.
-pub(super) fn add(tree: &mut Tree, clone: &Clone, plugin: &[u8], runtimes: bool) -> Result<(), String> {
+pub(super) fn add(tree: &mut Tree, workspace: &Workspace, plugin: &[u8], runtimes: bool) -> Result<(), String> {
     let mut files = Vec::new();
-    for file in clone.files()? {
+    for file in workspace.files()? {
         let name = match file.strip_prefix("bindings/csharp/src/") {
             Some(source) => format!("Runtime/Binding/{source}"),
             None if is_package(&file) => file[PACKAGE.len()..].to_owned(),
             None => continue,
         };
-        let path = clone.root.join(&file);
+        let path = workspace.root.join(&file);
         files.push((name, std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?));
     }
-    let place = clone.root.join("samples/worlds/place.ppm");
+    let place = workspace.root.join("samples/worlds/place.ppm");
     // Unity knows no such pictures; what ends like this it hands on as it is.
     let picture = std::fs::read(&place).map_err(|e| format!("{}: {e}", place.display()))?;
     files.push(("Samples~/Walk/Place.bytes".to_owned(), picture));

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::contents::TERMS;
 use super::tree::Tree;
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 /// In the clone: the binding with its page, and the plugin in it.
 pub(super) const SOURCE: &str = "bindings/unreal/";
@@ -26,12 +26,12 @@ pub(crate) const FILLED: [(&str, &str); 5] = [
 
 /// Adds the plugin to an archive that has the library and its terms. Microsoft's libraries are in
 /// the archive once, and who takes the plugin puts them beside it.
-pub(super) fn add(clone: &Clone, tree: &mut Tree, import: &[u8]) -> Result<(), String> {
-    for file in clone.files()?.iter().filter(|file| file.starts_with(PLUGIN)) {
+pub(super) fn add(workspace: &Workspace, tree: &mut Tree, import: &[u8]) -> Result<(), String> {
+    for file in workspace.files()?.iter().filter(|file| file.starts_with(PLUGIN)) {
         let path = file.replacen(PLUGIN, PLACE, 1);
-        tree.add_file(path, &clone.root.join(file))?;
+        tree.add_file(path, &workspace.root.join(file))?;
     }
-    tree.add_file(format!("{FOLDER}README.md"), &clone.root.join(format!("{SOURCE}README.md")))?;
+    tree.add_file(format!("{FOLDER}README.md"), &workspace.root.join(format!("{SOURCE}README.md")))?;
     for (from, to) in FILLED.into_iter().chain(TERMS.map(|name| (name, name))) {
         tree.copy(from, format!("{PLACE}{to}"))?;
     }
@@ -39,19 +39,19 @@ pub(super) fn add(clone: &Clone, tree: &mut Tree, import: &[u8]) -> Result<(), S
 }
 
 /// Puts the plugin together in a folder, from the clone and a library that was built.
-pub(crate) fn assemble(clone: &Clone, library: &Path, folder: &Path) -> Result<(), String> {
+pub(crate) fn assemble(workspace: &Workspace, library: &Path, folder: &Path) -> Result<(), String> {
     let copy = |from: &Path, to: &str| {
         let to = folder.join(to);
         fs::create_dir_all(to.parent().unwrap_or(folder)).map_err(|e| format!("{}: {e}", to.display()))?;
         fs::copy(from, &to).map(|_| ()).map_err(|e| format!("{}: {e}", from.display()))
     };
-    for file in clone.files()?.iter() {
+    for file in workspace.files()?.iter() {
         if let Some(path) = file.strip_prefix(PLUGIN) {
-            copy(&clone.root.join(file), path)?;
+            copy(&workspace.root.join(file), path)?;
         }
     }
     FILLED.iter().try_for_each(|(from, to)| match from.strip_prefix("bin/") {
         Some(name) => copy(&library.join(name), to),
-        None => copy(&clone.root.join(from), to),
+        None => copy(&workspace.root.join(from), to),
     })
 }

@@ -15,7 +15,7 @@ use super::library::{self, Built};
 use super::runtime::{self, RUST_NOTICES};
 use super::sbom;
 use super::tree::{self, Tree};
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 const PROJECT: &str = "bindings/python/pyproject.toml";
 const PACKAGE: &str = "bindings/python/cairn/";
@@ -37,22 +37,22 @@ pub(super) fn name(version: &str, platform: Platform) -> String {
 
 /// Everything in the wheel of a platform.
 pub(super) fn of(
-    clone: &Clone,
+    workspace: &Workspace,
     platform: Platform,
     built: &Built,
     parts: &[Part],
     bill: &[u8],
 ) -> Result<Tree, String> {
-    let project: Table = clone.read(PROJECT)?.parse().map_err(|e| format!("{PROJECT}: {e}"))?;
+    let project: Table = workspace.read(PROJECT)?.parse().map_err(|e| format!("{PROJECT}: {e}"))?;
     let project = Project::of(&project)?;
     let version = &parts.first().ok_or("a library of no parts")?.version;
     if project.version != *version {
         return Err(format!("{PROJECT} has the version {}, and the library is {version}", project.version));
     }
     let mut tree = Tree::without_folder(name(version, platform));
-    for file in clone.files()?.into_iter().filter(|file| file.starts_with(PACKAGE)) {
+    for file in workspace.files()?.into_iter().filter(|file| file.starts_with(PACKAGE)) {
         let inside = file.trim_start_matches("bindings/python/").to_owned();
-        tree.add_file(inside, &clone.root.join(&file))?;
+        tree.add_file(inside, &workspace.root.join(&file))?;
     }
     let [library, _] = library::names(platform);
     tree.add(format!("cairn/{library}"), built.library.as_slice())?;
@@ -60,13 +60,13 @@ pub(super) fn of(
     let info = format!("cairn-{version}.dist-info");
     let licences = ["LICENSE-APACHE", "LICENSE-MIT"];
     for file in licences {
-        tree.add_file(format!("{info}/licenses/{file}"), &clone.root.join(file))?;
+        tree.add_file(format!("{info}/licenses/{file}"), &workspace.root.join(file))?;
     }
     tree.add(format!("{info}/licenses/{}", dependencies::PAGE), dependencies::page(parts))?;
-    tree.add(format!("{info}/licenses/{RUST_NOTICES}"), runtime::rust_notices(clone)?)?;
+    tree.add(format!("{info}/licenses/{RUST_NOTICES}"), runtime::rust_notices(workspace)?)?;
     tree.add(format!("{info}/sboms/{}", sbom::NAME), bill)?;
     // Nothing that the page links to is in a wheel.
-    let page = tree::without_dead_links(&clone.read(README)?, |_| false);
+    let page = tree::without_dead_links(&workspace.read(README)?, |_| false);
     let texts = [&licences[..], &[dependencies::PAGE, RUST_NOTICES]].concat();
     tree.add(format!("{info}/METADATA"), project.metadata(&texts, &page))?;
     tree.add(format!("{info}/entry_points.txt"), project.entry_points())?;

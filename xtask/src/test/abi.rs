@@ -32,25 +32,25 @@ const CALLS: &str = "tests/abi/calls.h";
 const EARLIER: [(&str, &[&str]); 1] = [("2", &["basics", "world", "input", "rollout"])];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let clone = context.clone;
-    let work = clone.target.join("xtask").join("abi");
+    let workspace = context.workspace;
+    let work = workspace.target.join("xtask").join("abi");
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let mut tally = Tally::default();
 
-    let committed = clone.read(header::HEADER)?;
+    let committed = workspace.read(header::HEADER)?;
     let differs = |name: &str| format!("{name} is not what the sources say; cargo xtask fix writes it");
-    tally.check((header::generate(&clone.root)? != committed).then(|| differs(header::HEADER)));
+    tally.check((header::generate(&workspace.root)? != committed).then(|| differs(header::HEADER)));
     let declared = declarations::read(&committed)?;
     let version = env!("CARGO_PKG_VERSION");
     for function in &declared.functions {
         tally.check(declarations::missing_part(function, &declared.constants, version));
     }
-    tally.check(without_row(&declared, &clone.read(CALLS)?));
+    tally.check(without_row(&declared, &workspace.read(CALLS)?));
 
-    let recorded = clone.read(record::RECORD)?;
-    let layout = output(&mut record::rust_layout(clone))?;
+    let recorded = workspace.read(record::RECORD)?;
+    let layout = output(&mut record::rust_layout(workspace))?;
     tally.check((record::compose(&layout, &declared) != recorded).then(|| differs(record::RECORD)));
-    tally.check(broken_promise(clone, &recorded)?);
+    tally.check(broken_promise(workspace, &recorded)?);
     compilers(context, log, &work, &committed, &declared, &recorded, &mut tally)?;
 
     let library = library(context, log)?;
@@ -62,7 +62,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 
 /// The longer forms of the C programs that have one.
 pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let work = context.clone.target.join("xtask").join("abi");
+    let work = context.workspace.target.join("xtask").join("abi");
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let mut tally = Tally::default();
     let library = library(context, log)?;
@@ -71,8 +71,8 @@ pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
 }
 
 /// The first change of the record, in the history there is or since the last commit, that breaks hosts under an old number.
-fn broken_promise(clone: &crate::clone::Clone, now: &str) -> Result<Option<String>, String> {
-    let git = |arguments: &[&str]| output(Command::new("git").args(arguments).current_dir(&clone.root));
+fn broken_promise(workspace: &crate::workspace::Workspace, now: &str) -> Result<Option<String>, String> {
+    let git = |arguments: &[&str]| output(Command::new("git").args(arguments).current_dir(&workspace.root));
     let history = git(&["log", "--first-parent", "--format=%h", "--", record::RECORD])?;
     let mut newer = ("the working tree".to_owned(), now.to_owned());
     for commit in history.lines() {
@@ -145,7 +145,7 @@ fn compilers(
         for source in if compiler.cpp { &cpp[..] } else { &c[..] } {
             let mut command = Command::new(&compiler.program);
             command.args(compiler.first).arg(if compiler.cpp { "-std=c++17" } else { "-std=c11" }).args(STRICT);
-            command.arg("-I").arg(context.clone.root.join("include")).arg("-fsyntax-only").arg(source);
+            command.arg("-I").arg(context.workspace.root.join("include")).arg("-fsyntax-only").arg(source);
             let ended = log.run(&mut command)?;
             let name = compiler.program.display();
             tally.check((!ended.success).then(|| format!("{name} does not take {}", source.display())));
@@ -154,7 +154,7 @@ fn compilers(
     let program = work.join("layout");
     let source = write("print_layout.c", &record::c_program(declared))?;
     let mut command = c_compiler();
-    command.arg("-I").arg(context.clone.root.join("include")).arg(source).arg("-o").arg(&program);
+    command.arg("-I").arg(context.workspace.root.join("include")).arg(source).arg("-o").arg(&program);
     if !log.run(&mut command)?.success {
         tally.failures.push("the program that prints the layout does not compile".to_owned());
         return Ok(());
@@ -184,7 +184,7 @@ fn c_compiler() -> Command {
 pub(super) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     context.build_programs(log)?;
     let (prefix, suffix) = (std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
-    Ok(context.clone.target.join("debug").join(format!("{prefix}cairn{suffix}")))
+    Ok(context.workspace.target.join("debug").join(format!("{prefix}cairn{suffix}")))
 }
 
 /// What the library exports and the header does not declare, or the other way round.
@@ -221,12 +221,12 @@ fn programs(
     tally: &mut Tally,
     longer: bool,
 ) -> Result<(), String> {
-    let root = &context.clone.root;
+    let root = &context.workspace.root;
     let is_program = |file: &&String| {
         let name = file.strip_prefix(PROGRAMS).and_then(|rest| rest.strip_prefix('/'));
         name.is_some_and(|name| name.ends_with(".c") && !name.contains('/'))
     };
-    let files = context.clone.files()?;
+    let files = context.workspace.files()?;
     let sources: Vec<&String> = files.iter().filter(is_program).collect();
     if sources.is_empty() {
         return Err(format!("{PROGRAMS} has no programs"));
@@ -254,7 +254,7 @@ fn programs(
         let program = work.join(format!("program-{number}"));
         let mut command = c_compiler();
         command.arg("-I").arg(header).arg(root.join(source)).arg(library);
-        if context.clone.read(source)?.contains("shim/onnxruntime.h") {
+        if context.workspace.read(source)?.contains("shim/onnxruntime.h") {
             command.arg(&shim).arg(format!("-Wl,-rpath,{}", work.display()));
         }
         command.arg(format!("-Wl,-rpath,{}", folder.display())).args(["-lpthread", "-lm", "-o"]);
@@ -294,7 +294,7 @@ pub(super) fn count(name: &str, ended: &Ended, tally: &mut Tally) {
 fn shim(context: &Context<'_>, log: &mut Log, work: &Path) -> Result<PathBuf, String> {
     let library = work.join("libonnxruntime-shim.so");
     let mut command = c_compiler();
-    command.args(["-shared", "-fPIC"]).arg(context.clone.root.join(PROGRAMS).join("shim").join("onnxruntime.c"));
+    command.args(["-shared", "-fPIC"]).arg(context.workspace.root.join(PROGRAMS).join("shim").join("onnxruntime.c"));
     let made = log.run(command.args(["-ldl", "-o"]).arg(&library))?.success;
     if made { Ok(library) } else { Err("the shim of ONNX Runtime does not compile".to_owned()) }
 }

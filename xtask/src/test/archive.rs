@@ -129,7 +129,7 @@ impl Hosts<'_> {
         command.args(["-target:exe", "-langversion:7.2", "-unsafe", "-nostdlib", "-noconfig", "-nowarn:1702"]);
         let framework = dotnet.framework();
         command.args(csharp::FRAMEWORK.map(|name| format!("-r:{}", framework.join(format!("{name}.dll")).display())));
-        command.arg(format!("-out:{}", program.display())).arg(self.context.clone.root.join(CSHARP));
+        command.arg(format!("-out:{}", program.display())).arg(self.context.workspace.root.join(CSHARP));
         let sources = self.root.join("bindings/csharp/src");
         command.arg(format!("-recurse:{}/*.cs", sources.display()));
         if !log.run(&mut command)?.success {

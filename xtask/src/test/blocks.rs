@@ -10,8 +10,8 @@ use provision::tools;
 use super::Context;
 use super::abi::{self, Compiler, STRICT};
 use super::tally::{Skip, Tally};
-use crate::clone::Clone;
 use crate::shell::Log;
+use crate::workspace::Workspace;
 
 /// A fenced block of a page.
 #[derive(Debug, PartialEq, Eq)]
@@ -26,14 +26,14 @@ pub(super) struct Block {
 }
 
 /// The pages whose code is looked at: of the documentation, of samples and of bindings.
-pub(super) fn pages(clone: &Clone) -> Result<Vec<String>, String> {
+pub(super) fn pages(workspace: &Workspace) -> Result<Vec<String>, String> {
     let folders = ["docs/", "samples/host-c/", "samples/host-d3d12/", "bindings/"];
     let is_page = |file: &String| {
         file == "README.md"
             || (folders.iter().any(|folder| file.starts_with(folder))
                 && Path::new(file).extension().is_some_and(|ending| ending == "md"))
     };
-    Ok(clone.files()?.into_iter().filter(is_page).collect())
+    Ok(workspace.files()?.into_iter().filter(is_page).collect())
 }
 
 /// Whether a page is about the plugin of an engine, whose code needs that engine: what compiles the plugin compiles the page's code.
@@ -69,21 +69,21 @@ pub(super) fn of(page: &str) -> Vec<Block> {
 
 /// Looks at every block of every page, compiles what is C or C++, and builds and runs the programs among them as their page says.
 pub(super) fn check(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-    let work = context.clone.target.join("xtask").join("blocks");
+    let work = context.workspace.target.join("xtask").join("blocks");
     match fs::remove_dir_all(&work) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
         _ => {}
     }
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let compilers = abi::matrix(tally);
-    for page in pages(context.clone)? {
-        let text = context.clone.read(&page)?;
+    for page in pages(context.workspace)? {
+        let text = context.workspace.read(&page)?;
         let blocks = of(&text);
         for block in &blocks {
             let place = format!("{page}:{}", block.line);
             let failure = match (&block.from, block.language.as_str()) {
                 (Some(file), _) => {
-                    let source = context.clone.read(file);
+                    let source = context.workspace.read(file);
                     source.map_or_else(Some, |source| differs(&block.text, file, &source))
                 }
                 (None, "cpp") if is_of_engine(&page) => None,
@@ -144,7 +144,7 @@ fn compiled(
     for compiler in compilers.iter().filter(|compiler| compiler.cpp == cpp && takes_block(compiler, block)) {
         let mut command = Command::new(&compiler.program);
         command.args(compiler.first).args(if cpp { ["-std=c++17", "-Wshadow"] } else { ["-std=c11", "-Wshadow"] });
-        command.args(STRICT).arg("-I").arg(context.clone.root.join("include")).arg("-fsyntax-only").arg(&path);
+        command.args(STRICT).arg("-I").arg(context.workspace.root.join("include")).arg("-fsyntax-only").arg(&path);
         if !log.run(&mut command)?.success {
             return Ok(Some(format!("{} does not take it", compiler.program.display())));
         }
@@ -199,7 +199,7 @@ fn runs(
         return Ok(());
     }
     let library = abi::library(context, log)?;
-    let root = context.clone.root.display().to_string();
+    let root = context.workspace.root.display().to_string();
     let folder = library.parent().unwrap_or(Path::new(".")).display().to_string();
     let here = |line: &str| {
         let line = line.replace("$PWD/target/release", &folder).replace("target/release", &folder);

@@ -10,9 +10,9 @@ use super::tally::Tally;
 use crate::abi::declarations::{self, Declarations};
 use crate::abi::header;
 use crate::book::{self, SUMMARY};
-use crate::clone::Clone;
 use crate::dist::tree::joined;
 use crate::shell::Log;
+use crate::workspace::Workspace;
 
 /// Has a row for every result.
 const RESULTS: &str = "docs/troubleshooting.md";
@@ -22,21 +22,21 @@ const THREADS: &str = "docs/threads.md";
 const STATES: &str = "docs/resource-states.md";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let clone = context.clone;
+    let workspace = context.workspace;
     let mut tally = Tally::default();
-    let header = clone.read(header::HEADER)?;
+    let header = workspace.read(header::HEADER)?;
     let declared = declarations::read(&header)?;
-    let chapters = book::chapters(&clone.read(SUMMARY)?)?;
-    tally.check(outside(&chapters, &clone.files()?));
-    tally.check(results_differ(&results(&header)?, &clone.read(RESULTS)?));
-    tally.check(threads_differ(&declared, &clone.read(THREADS)?));
-    tally.check(states_missing(&declared, &clone.read(STATES)?));
-    let known = words_of_sources(clone)?;
+    let chapters = book::chapters(&workspace.read(SUMMARY)?)?;
+    tally.check(outside(&chapters, &workspace.files()?));
+    tally.check(results_differ(&results(&header)?, &workspace.read(RESULTS)?));
+    tally.check(threads_differ(&declared, &workspace.read(THREADS)?));
+    tally.check(states_missing(&declared, &workspace.read(STATES)?));
+    let known = words_of_sources(workspace)?;
     for chapter in &chapters {
-        tally.check(unknown_names(chapter, &clone.read(chapter)?, &known));
+        tally.check(unknown_names(chapter, &workspace.read(chapter)?, &known));
     }
 
-    let (pages, said) = book::render(clone, &clone.target.join("book"))?;
+    let (pages, said) = book::render(workspace, &workspace.target.join("book"))?;
     log.line(&said)?;
     tally.check(book::complaints(&said).first().map(|line| format!("mdBook complains: {line}")));
     let dead = dead_links(&pages)?;
@@ -129,14 +129,14 @@ fn is_name(word: &str) -> bool {
 }
 
 /// All that begins like a name of the C interface and stands in a file that is no page.
-fn words_of_sources(clone: &Clone) -> Result<BTreeSet<String>, String> {
+fn words_of_sources(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
     const ENDINGS: [&str; 8] = ["h", "hpp", "rs", "py", "cs", "c", "cpp", "cmake"];
     let mut known = BTreeSet::new();
-    for file in clone.files()? {
+    for file in workspace.files()? {
         let ending = Path::new(&file).extension().unwrap_or_default();
         // This file's tests have names that nothing has.
         if ENDINGS.iter().any(|known| ending == *known) && !file.ends_with("test/book.rs") {
-            known.extend(words(&clone.read(&file)?).filter(|word| is_name(word)).map(str::to_owned));
+            known.extend(words(&workspace.read(&file)?).filter(|word| is_name(word)).map(str::to_owned));
         }
     }
     Ok(known)

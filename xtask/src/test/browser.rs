@@ -74,7 +74,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     };
     let mut tally = Tally::default();
-    let profile = context.clone.target.join("xtask").join("browser");
+    let profile = context.workspace.target.join("xtask").join("browser");
     for (what, page, path, file, kind, expected) in [
         ("video", PAGE, "/video.mp4", study::rollout_video(context, log)?, "video/mp4", EXPECTED),
         ("report", REPORT_PAGE, "/report.html", study::comparison_report(context, log)?, "text/html", "all is well"),

@@ -13,7 +13,7 @@ pub(crate) const DENY_VERSION: &str = "0.20.2";
 
 pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     tools::rust_component("rustfmt", "rustfmt", &Console::new()).map_err(|e| e.to_string())?;
-    let ended = log.run(&mut context.clone.cargo(["fmt", "--all", "--check"]))?;
+    let ended = log.run(&mut context.workspace.cargo(["fmt", "--all", "--check"]))?;
     Ok(Tally::of_command(ended.success, "files are not formatted; cargo xtask fix does it"))
 }
 
@@ -28,13 +28,13 @@ pub(super) fn clippy_windows(context: &Context<'_>, log: &mut Log) -> Result<Tal
 
 fn lint(context: &Context<'_>, log: &mut Log, target: &[&str]) -> Result<Tally, String> {
     tools::rust_component("clippy", "cargo-clippy", &Console::new()).map_err(|e| e.to_string())?;
-    let mut command = context.clone.cargo(["clippy", "--workspace", "--all-targets"]);
+    let mut command = context.workspace.cargo(["clippy", "--workspace", "--all-targets"]);
     let ended = log.run(command.args(target).args(["--", "-D", "warnings"]))?;
     Ok(Tally::of_command(ended.success, "clippy has something to say"))
 }
 
 pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut command = context.clone.cargo(["doc", "--workspace", "--no-deps"]);
+    let mut command = context.workspace.cargo(["doc", "--workspace", "--no-deps"]);
     let ended = log.run(command.env("RUSTDOCFLAGS", "-D warnings"))?;
     Ok(Tally::of_command(ended.success, "the documentation has warnings"))
 }
@@ -46,7 +46,7 @@ pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally
     let linker = tools::mingw(&console).map_err(|e| e.to_string())?;
     let verb = if linker == tools::Mingw::Gcc { "build" } else { "zigbuild" };
     let packages = ["--package", "cairn", "--package", "cairn-unity"];
-    let mut command = context.clone.cargo([verb, "--lib", "--target", tools::WINDOWS_TARGET]);
+    let mut command = context.workspace.cargo([verb, "--lib", "--target", tools::WINDOWS_TARGET]);
     command.args(packages);
     if linker == tools::Mingw::Zig {
         tools::by_zig(&mut command, &console).map_err(|e| e.to_string())?;
@@ -59,7 +59,7 @@ pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally
     let warnings = ended.output.lines().find(|line| line.starts_with("warning"));
     tally.check(warnings.map(|line| format!("the build warns: {line}")));
     for name in ["cairn.dll", "cairn_unity.dll"] {
-        let dll = context.clone.target.join(tools::WINDOWS_TARGET).join("debug").join(name);
+        let dll = context.workspace.target.join(tools::WINDOWS_TARGET).join("debug").join(name);
         tally.check(match fs::read(&dll) {
             Ok(bytes) if bytes.starts_with(b"MZ") => None,
             Ok(_) => Some(format!("{} is no Windows library", dll.display())),
@@ -70,7 +70,7 @@ pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally
 }
 
 pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut command = context.clone.cargo(["test", "--workspace", "--no-fail-fast"]);
+    let mut command = context.workspace.cargo(["test", "--workspace", "--no-fail-fast"]);
     context.provide_worlds(&mut command)?;
     context.provide_lpips(&mut command)?;
     let ended = log.run(&mut command)?;
@@ -127,7 +127,7 @@ pub(super) fn deny(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     let mut tally = Tally::default();
     for rule in ["licenses", "bans", "sources"] {
         let mut command = std::process::Command::new(&program);
-        let ended = log.run(command.args(["--locked", "check", rule]).current_dir(&context.clone.root))?;
+        let ended = log.run(command.args(["--locked", "check", rule]).current_dir(&context.workspace.root))?;
         tally.check((!ended.success).then(|| format!("deny.toml refuses a dependency ({rule})")));
     }
     Ok(tally)

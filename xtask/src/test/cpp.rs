@@ -26,7 +26,7 @@ pub(super) fn run(
     declared: &Declarations,
     tally: &mut Tally,
 ) -> Result<(), String> {
-    let header = context.clone.read(HEADER)?;
+    let header = context.workspace.read(HEADER)?;
     tally.check(not_wrapped(declared, &header));
     let write = |name: &str, text: &str| {
         let path = work.join(name);
@@ -34,7 +34,7 @@ pub(super) fn run(
     };
     let twice = "#include \"cairn.hpp\"\n#include \"cairn.hpp\"\n\nint cairn_test_header();\n\
                  int cairn_test_header()\n{\n    return cairn::device() ? 1 : 0;\n}\n";
-    let root = &context.clone.root;
+    let root = &context.workspace.root;
     let sources = [write("alone-hpp.cpp", twice)?, write("loop-hpp.cpp", &example(&header)?)?, root.join(PROGRAM)];
     let strict = |command: &mut Command| {
         // Hosts may be stricter than we are with our own sources.

@@ -14,8 +14,8 @@ use super::tally::{Skip, Tally};
 use super::unity;
 use crate::abi::declarations::{self, Declarations};
 use crate::abi::{csharp, header, record};
-use crate::clone::Clone;
 use crate::shell::Log;
+use crate::workspace::Workspace;
 
 const PROJECT: &str = "bindings/csharp/Cairn.csproj";
 const STAND_IN: &str = "tests/host/stand_in.c";
@@ -33,16 +33,16 @@ const STAND_INS: [(&str, &[&str]); 5] = [
 ];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let clone = context.clone;
+    let workspace = context.workspace;
     let mut tally = Tally::default();
-    let declared = declarations::read(&clone.read(header::HEADER)?)?;
-    let differs = csharp::generate(&declared)? != clone.read(csharp::NATIVE)?;
+    let declared = declarations::read(&workspace.read(header::HEADER)?)?;
+    let differs = csharp::generate(&declared)? != workspace.read(csharp::NATIVE)?;
     tally.check(
         differs.then(|| format!("{} is not what the header says; cargo xtask fix --abi writes it", csharp::NATIVE)),
     );
-    tally.check(not_used(&declared, &classes(clone)?));
+    tally.check(not_used(&declared, &classes(workspace)?));
     let version = format!("<Version>{}</Version>", env!("CARGO_PKG_VERSION"));
-    let stale = !clone.read(PROJECT)?.contains(&version);
+    let stale = !workspace.read(PROJECT)?.contains(&version);
     tally.check(stale.then(|| format!("{PROJECT} does not have {version}")));
 
     let skip = |name: &str, reason: String| Skip { name: name.to_owned(), reason };
@@ -58,13 +58,13 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         }
     };
     let library = abi::library(context, log)?;
-    let place = Place { context, mono, work: clone.target.join("xtask").join("test").join("csharp") };
+    let place = Place { context, mono, work: workspace.target.join("xtask").join("test").join("csharp") };
     place.make_stand_ins(log)?;
     let on_mono = place.of_mono()?;
     place.check(log, &library, &on_mono, &mut tally)?;
     let binding = on_mono.folder.join("Cairn.dll");
     if binding.is_file() {
-        unity::check(clone, &place.mono, log, &binding, &mut tally)?;
+        unity::check(workspace, &place.mono, log, &binding, &mut tally)?;
     }
     match provision::dotnet(&Console::new()) {
         Ok(dotnet) => place.check(log, &library, &place.of_dotnet(&dotnet)?, &mut tally)?,
@@ -74,10 +74,10 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 }
 
 /// The text of the classes, which are written by hand.
-fn classes(clone: &Clone) -> Result<String, String> {
-    let files = clone.files()?;
+fn classes(workspace: &Workspace) -> Result<String, String> {
+    let files = workspace.files()?;
     let own = files.iter().filter(|file| file.starts_with("bindings/csharp/src/") && *file != csharp::NATIVE);
-    own.map(|file| clone.read(file)).collect()
+    own.map(|file| workspace.read(file)).collect()
 }
 
 /// What `cairn.h` has and no class calls.
@@ -180,7 +180,7 @@ impl Place<'_> {
             _ => {}
         }
         fs::create_dir_all(&self.work).map_err(|e| format!("{}: {e}", self.work.display()))?;
-        make_stand_ins(log, &self.context.clone.root, &|| Command::new("cc"), "so", &self.work)
+        make_stand_ins(log, &self.context.workspace.root, &|| Command::new("cc"), "so", &self.work)
     }
 
     /// Compiles everything for a runtime, beside the library, and runs the tests.
@@ -204,7 +204,7 @@ impl Place<'_> {
         let mut command = Command::new(runtime.program.get_program());
         command.args(runtime.program.get_args()).arg(&tests).current_dir(&runtime.folder);
         command.envs(runtime.program.get_envs().filter_map(|(name, value)| Some((name, value?))));
-        command.env("CAIRN_TEST_RECORD", self.context.clone.root.join(record::RECORD));
+        command.env("CAIRN_TEST_RECORD", self.context.workspace.root.join(record::RECORD));
         command.env("CAIRN_TEST_STAND_INS", &self.work).env_remove("CAIRN_LIBRARY");
         self.context.provide_worlds(&mut command)?;
         // What it names is for tools only.
@@ -217,11 +217,11 @@ impl Place<'_> {
     fn compile(&self, log: &mut Log, runtime: &Runtime, tests: &Path) -> Result<Option<String>, String> {
         // Mono's compiler knows nothing later; a project of .NET compiles them as 7.3.
         const STRICT: [&str; 4] = ["-langversion:7.2", "-unsafe", "-warnaserror+", "-warn:4"];
-        let clone = self.context.clone;
-        let files = clone.files()?;
+        let workspace = self.context.workspace;
+        let files = workspace.files()?;
         let below = |folder: &str| -> Vec<PathBuf> {
             let files = files.iter().filter(|file| file.starts_with(folder) && file.ends_with(".cs"));
-            files.map(|file| clone.root.join(file)).collect()
+            files.map(|file| workspace.root.join(file)).collect()
         };
         let option = |name: &str, file: &Path| format!("-{name}:{}", file.display());
         let assembly = runtime.folder.join("Cairn.dll");
@@ -233,8 +233,8 @@ impl Place<'_> {
             return Ok(Some("bindings/csharp/src does not compile".to_owned()));
         }
         let page = self.work.join("Page.cs");
-        let pages = blocks::pages(clone)?.into_iter().filter(|page| !blocks::is_of_engine(page));
-        let shown = pages.map(|page| clone.read(&page)).collect::<Result<Vec<_>, _>>()?;
+        let pages = blocks::pages(workspace)?.into_iter().filter(|page| !blocks::is_of_engine(page));
+        let shown = pages.map(|page| workspace.read(&page)).collect::<Result<Vec<_>, _>>()?;
         fs::write(&page, examples(&shown)?).map_err(|e| format!("{}: {e}", page.display()))?;
         let mut command = self.mono.compiler();
         command.arg("-target:exe").args(STRICT).args(&runtime.references).arg(option("r", &assembly));

@@ -37,7 +37,7 @@ fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, St
         tally.skips.push(skip);
         return Ok(tally);
     }
-    let mut build = context.clone.cargo(["build"]);
+    let mut build = context.workspace.cargo(["build"]);
     build.args(PACKAGES).args(["--bin", TRACE, "--test", STATES, "--test", BUDGETS]);
     lab::for_windows(&mut build)?;
     if !log.run(&mut build)?.success {
@@ -54,7 +54,7 @@ fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, St
 
 /// A test program of the library, or some of its tests in their short form. One at a time, as each has worlds of its own.
 fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]>, amd: &Amd) -> Result<Tally, String> {
-    let mut command = context.clone.cargo(["test", "--no-fail-fast"]);
+    let mut command = context.workspace.cargo(["test", "--no-fail-fast"]);
     command.args(PACKAGES).args(["--test", name]);
     lab::for_windows(&mut command)?;
     command.args(["--", "--test-threads=1"]);
@@ -70,7 +70,7 @@ fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]
 fn parity(context: &Context<'_>, log: &mut Log, is_short: bool, amd: &Amd) -> Result<Tally, String> {
     let mut command = Command::new(context.python()?);
     command.env("PYTHONPATH", provision::python_path()).env("PARITY_DEVICE", "d3d12");
-    let target = &context.clone.target;
+    let target = &context.workspace.target;
     let folder = if cfg!(windows) { target.clone() } else { target.join(provision::tools::WINDOWS_TARGET) };
     command.env("PARITY_TRACE", folder.join("debug").join(format!("{TRACE}.exe")));
     if !cfg!(windows) {

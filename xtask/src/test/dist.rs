@@ -50,7 +50,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     host::windows_library(context, log)?;
     let work = fresh(context, "dist")?;
     let made = [work.join("first"), work.join("second")]
-        .map(|folder| dist::make(context.clone, &BOTH, Parts::Archives, Source::Tests, &folder));
+        .map(|folder| dist::make(context.workspace, &BOTH, Parts::Archives, Source::Tests, &folder));
     let [first, second] = made;
     let first = first?;
     for (one, other) in first.iter().zip(second?) {
@@ -101,11 +101,12 @@ pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally,
     let mut tally = Tally::default();
     let work = fresh(context, "dist-release")?;
     let other = work.join("clone");
-    let cloned = log.run(Command::new("git").args(["clone", "--quiet"]).arg(&context.clone.root).arg(&other))?.success;
+    let cloned =
+        log.run(Command::new("git").args(["clone", "--quiet"]).arg(&context.workspace.root).arg(&other))?.success;
     if !cloned {
         return Err("the clone cannot be cloned".to_owned());
     }
-    let here = dist::make(context.clone, &BOTH, Parts::All, Source::Release, &work.join("here"))?;
+    let here = dist::make(context.workspace, &BOTH, Parts::All, Source::Release, &work.join("here"))?;
     let mut command = Command::new(tools::cargo());
     command.args(["xtask", "dist", "--out"]).arg(work.join("there")).current_dir(&other);
     command.env("CARGO_TARGET_DIR", work.join("target")).env("CAIRN_CACHE_DIR", other_cache(&work)?);
@@ -145,7 +146,7 @@ fn other_cache(work: &Path) -> Result<PathBuf, String> {
 
 /// An empty folder for what is made.
 pub(super) fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String> {
-    let work = context.clone.target.join("xtask").join("test").join(name);
+    let work = context.workspace.target.join("xtask").join("test").join(name);
     match fs::remove_dir_all(&work) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
         _ => {}
@@ -187,7 +188,7 @@ fn promises(root: &Path) -> Result<Option<String>, String> {
 
 /// The book's chapters that an archive lacks.
 fn no_book(context: &Context<'_>, root: &Path) -> Result<Option<String>, String> {
-    let chapters = book::chapters(&context.clone.read(book::SUMMARY)?)?;
+    let chapters = book::chapters(&context.workspace.read(book::SUMMARY)?)?;
     let wanted = chapters.iter().filter(|chapter| chapter.starts_with("docs/"));
     // A whole run of the comparison is as large as the library, and the lab is for who works on Cairn.
     let missing: Vec<_> = wanted

@@ -31,12 +31,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         return Ok(tally);
     }
     // Together with the library, so that what both use is compiled once.
-    let mut double = context.clone.cargo(["build", "--package", "cairn", "--package", "ffx-double", "--lib"]);
+    let mut double = context.workspace.cargo(["build", "--package", "cairn", "--package", "ffx-double", "--lib"]);
     lab::for_windows(&mut double)?;
     if !log.run(&mut double)?.success {
         return Err("the library that plays AMD's does not build".to_owned());
     }
-    let mut command = context.clone.cargo(["test", "--package", "cairn", "--no-fail-fast"]);
+    let mut command = context.workspace.cargo(["test", "--package", "cairn", "--no-fail-fast"]);
     command.args(PROGRAMS.iter().flat_map(|program| ["--test", program]));
     lab::for_windows(&mut command)?;
     // A device of the C interface runs worlds as well.
@@ -67,7 +67,7 @@ const ROLE: &str = "sdk 2.0\noffers 0xf600000000c01005 3.1.5\n";
 
 /// Runs those tests with the double in the place of AMD's libraries; it has nothing against its calls.
 fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-    let folder = context.clone.target.join("xtask").join("ffx-double");
+    let folder = context.workspace.target.join("xtask").join("ffx-double");
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
     match fs::remove_dir_all(&folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(failed(e)),
@@ -76,7 +76,8 @@ fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> R
     fs::create_dir_all(&folder).map_err(failed)?;
     fs::copy(built(context).join(DOUBLE), folder.join(AMD)).map_err(failed)?;
     fs::write(folder.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
-    let mut command = context.clone.cargo(["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"]);
+    let mut command =
+        context.workspace.cargo(["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"]);
     command.args(["--test", "d3d12_presenter", "--test", "host"]);
     lab::for_windows(&mut command)?;
     context.provide_windows_worlds(&mut command)?;
@@ -96,6 +97,6 @@ fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> R
 
 /// Where programs for Windows are built.
 pub(super) fn built(context: &Context<'_>) -> PathBuf {
-    let target = &context.clone.target;
+    let target = &context.workspace.target;
     if cfg!(windows) { target.join("debug") } else { target.join(tools::WINDOWS_TARGET).join("debug") }
 }

@@ -48,7 +48,7 @@ pub(super) fn lab_run() -> Result<Command, String> {
 /// The library's tests of Direct3D 12 and DirectML, and the plugin's in a Unity of our own, built for Windows.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
     let packages = ["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"];
-    let mut command = context.clone.cargo(packages);
+    let mut command = context.workspace.cargo(packages);
     command.args(["--test", "d3d12*", "--test", "directml", "--test", "host", "--test", "hostile"]);
     for_windows(&mut command)?;
     context.provide_windows_worlds(&mut command)?;
@@ -114,7 +114,7 @@ pub(super) fn run_cycles(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
     if let Some(skip) = or_skip("lives of devices and worlds on Direct3D 12")? {
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }
-    let mut command = context.clone.cargo(["test", "--package", "cairn", "--test", "d3d12_lifecycle"]);
+    let mut command = context.workspace.cargo(["test", "--package", "cairn", "--test", "d3d12_lifecycle"]);
     for_windows(&mut command)?;
     command.args(["--", "--exact"]).args(CYCLES);
     context.provide_windows_worlds(&mut command)?;
@@ -160,13 +160,13 @@ fn quoted(word: &std::ffi::OsStr) -> String {
 
 /// What the lab passes to a program and back, and what it leaves behind.
 fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-    let folder = context.clone.target.join("xtask").join("lab").join("a folder");
+    let folder = context.workspace.target.join("xtask").join("lab").join("a folder");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let program = folder.join("echo.exe");
     tools::rust_target(tools::WINDOWS_TARGET, &Console::new()).map_err(|e| e.to_string())?;
     let mut rustc = Command::new("rustc");
     rustc.args(["--edition=2024", "--target", tools::WINDOWS_TARGET, "-o"]).arg(&program);
-    if !log.run(rustc.arg("tests/lab/echo.rs").current_dir(&context.clone.root))?.success {
+    if !log.run(rustc.arg("tests/lab/echo.rs").current_dir(&context.workspace.root))?.success {
         return Err("the program that tells what it was given does not build".to_owned());
     }
     let echo = Echo { program, folder };

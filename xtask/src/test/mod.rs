@@ -10,17 +10,17 @@ mod cargo;
 mod cpp;
 mod csharp;
 mod directml;
+mod disk_space;
 mod dist;
 mod ffx;
 mod host;
-mod house;
 mod junit;
 mod lab;
 mod nightly;
 mod python;
 mod quality;
 mod readme;
-mod room;
+mod repository;
 mod shaders;
 mod skips;
 mod study;
@@ -40,8 +40,8 @@ use std::time::Instant;
 use provision::Console;
 
 use crate::cli::TestOptions;
-use crate::clone::Clone;
 use crate::shell::Log;
+use crate::workspace::Workspace;
 use skips::Allowed;
 use tally::Tally;
 
@@ -58,7 +58,7 @@ struct Runner {
 /// In the order they run: what is quick and often wrong first, then what reuses the compiled code of its predecessor.
 const RUNNERS: &[Runner] = &[
     Runner { name: "fmt", what: "the code is formatted", run: cargo::fmt },
-    Runner { name: "house", what: "file lengths, forbidden words, links, who may use whom", run: house::run },
+    Runner { name: "repository", what: "file lengths, forbidden words, links, who may use whom", run: repository::run },
     Runner { name: "clippy", what: "no warning, all targets", run: cargo::clippy },
     Runner { name: "docs", what: "documentation without a warning", run: cargo::docs },
     Runner { name: "clippy-windows", what: "no warning for Windows, all targets", run: cargo::clippy_windows },
@@ -148,7 +148,7 @@ const THOROUGH: &[Runner] = &[
 
 /// What runners share: the clone, and what was fetched for them.
 struct Context<'a> {
-    clone: &'a Clone,
+    workspace: &'a Workspace,
     library: OnceCell<Result<PathBuf, String>>,
     bundles: OnceCell<Result<PathBuf, String>>,
     lpips: OnceCell<Result<PathBuf, String>>,
@@ -161,11 +161,11 @@ struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    fn new(clone: &'a Clone) -> Self {
+    fn new(workspace: &'a Workspace) -> Self {
         let (library, bundles, lpips) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
         let (python, training, cluster) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
         let (built, amd_skipped) = (OnceCell::new(), Cell::new(false));
-        Self { clone, library, bundles, lpips, python, training, cluster, built, amd_skipped }
+        Self { workspace, library, bundles, lpips, python, training, cluster, built, amd_skipped }
     }
 
     /// Provides something once; a failure is remembered too, so that an unreachable index is asked once.
@@ -224,7 +224,7 @@ impl<'a> Context<'a> {
 
     /// Where cargo puts programs for Windows; those of tests are in its folder `deps`.
     fn windows_programs(&self) -> PathBuf {
-        let target = &self.clone.target;
+        let target = &self.workspace.target;
         if cfg!(windows) { target.join("debug") } else { target.join(provision::tools::WINDOWS_TARGET).join("debug") }
     }
 
@@ -238,7 +238,7 @@ impl<'a> Context<'a> {
     /// the programs; the tests, so that features are those of `cargo test` and nothing heavy is compiled a second time.
     fn build_programs(&self, log: &mut Log) -> Result<(), String> {
         let build = || {
-            let ended = log.run(&mut self.clone.cargo(["build", "--workspace", "--lib", "--bins", "--tests"]))?;
+            let ended = log.run(&mut self.workspace.cargo(["build", "--workspace", "--lib", "--bins", "--tests"]))?;
             if ended.success { Ok(()) } else { Err("the workspace does not build".to_owned()) }
         };
         self.built.get_or_init(build).clone()
@@ -246,7 +246,7 @@ impl<'a> Context<'a> {
 }
 
 /// Runs what `options` choose; whether nothing failed.
-pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> {
+pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, String> {
     let all = RUNNERS.iter().chain(if options.thorough || options.list { THOROUGH } else { &[] });
     if options.list {
         for runner in all {
@@ -266,19 +266,19 @@ pub(crate) fn run(clone: &Clone, options: &TestOptions) -> Result<bool, String> 
     };
     let chosen: Vec<&Runner> = all.into_iter().filter(is_chosen).collect();
     if options.filters.is_empty() {
-        room::require(clone)?;
+        disk_space::require(workspace)?;
     }
-    let allowed = Allowed::read(&clone.read("xtask/skips.toml")?)?;
+    let allowed = Allowed::read(&workspace.read("xtask/skips.toml")?)?;
     let must_allow = std::env::var_os("CI").is_some_and(|value| value == "true" || value == "1");
 
-    let context = Context::new(clone);
+    let context = Context::new(workspace);
     let mut lines = Vec::new();
     let mut failures = String::new();
     let mut skipped = String::new();
     let mut total = Tally::default();
     for (number, runner) in chosen.iter().enumerate() {
         let began = Instant::now();
-        let path = clone.target.join("xtask").join(format!("{}.log", runner.name));
+        let path = workspace.target.join("xtask").join(format!("{}.log", runner.name));
         let mut log = Log::new(&path, &format!("[{}/{}] {}: {}", number + 1, chosen.len(), runner.name, runner.what))?;
         let mut tally = (runner.run)(&context, &mut log).unwrap_or_else(Tally::broken);
         if tally.is_empty() {

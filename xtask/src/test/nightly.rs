@@ -24,7 +24,7 @@ pub(super) fn miri(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     let mut command = tools::rustup_run(toolchain);
     // Dependencies are read, not compiled to machine code, into a folder of their own.
     command.args(["cargo", "miri", "test", "--package", "cairn", "--lib", "--"]).args(UNDER_MIRI);
-    command.current_dir(&context.clone.root).env("CARGO_TARGET_DIR", context.clone.target.join("miri"));
+    command.current_dir(&context.workspace.root).env("CARGO_TARGET_DIR", context.workspace.target.join("miri"));
     let ended = log.run(&mut command)?;
     let mut tally = cargo::count_named(&ended, &UNDER_MIRI);
     // A leak is found after the last test.
@@ -43,8 +43,8 @@ pub(super) fn races(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
         Err(e) => return Ok(skipped(name, &e)),
     };
     let sysroot = output(tools::rustup_run(toolchain).args(["rustc", "--print", "sysroot"]))?;
-    let root = &context.clone.root;
-    let target = context.clone.target.join("tsan");
+    let root = &context.workspace.root;
+    let target = context.workspace.target.join("tsan");
     let mut build = tools::rustup_run(toolchain);
     build.args(["cargo", "build", "-Zbuild-std", "--target", TARGET, "--package", "cairn", "--lib"]);
     build.current_dir(root).env("RUSTFLAGS", "-Zsanitizer=thread").env("CARGO_TARGET_DIR", &target);

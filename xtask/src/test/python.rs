@@ -38,7 +38,7 @@ fn installed(
     library: &Path,
     carried: Option<&Path>,
 ) -> Result<Option<String>, String> {
-    let site = context.clone.target.join("xtask").join("package");
+    let site = context.workspace.target.join("xtask").join("package");
     match fs::remove_dir_all(&site) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", site.display())),
         _ => {}
@@ -51,7 +51,7 @@ fn installed(
     let mut command = Command::new(context.python()?);
     command
         .args(["-c", "from cairn._library import library; print(library().path)"])
-        .current_dir(&context.clone.target);
+        .current_dir(&context.workspace.target);
     let ended = log.run(command.env("PYTHONPATH", &site).env_remove("CAIRN_LIBRARY"))?;
     let found = ended.success && ended.output.trim() == inside.to_string_lossy();
     Ok((!found).then(|| format!("the installed package does not find its library: {}", ended.output.trim())))
@@ -63,8 +63,8 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
     command
         .env("PYTHONPATH", provision::python_path())
         .env("CAIRN_LIBRARY", abi::library(context, log)?)
-        .env("PARITY_TRACE", context.clone.program("debug", "parity-trace"))
-        .env("SCENES", context.clone.program("debug", "scenes"));
+        .env("PARITY_TRACE", context.workspace.program("debug", "parity-trace"))
+        .env("SCENES", context.workspace.program("debug", "scenes"));
     context.provide_worlds(&mut command)?;
     if folder == TRAINING {
         context.provide_lpips(&mut command)?;
@@ -78,7 +78,7 @@ pub(super) fn cluster(context: &Context<'_>, log: &mut Log) -> Result<Tally, Str
     let mut command = Command::new(context.cluster_python()?);
     command
         .env("PYTHONPATH", provision::python_path())
-        .env("CAIRN_STUDY", context.clone.program("debug", "study"))
+        .env("CAIRN_STUDY", context.workspace.program("debug", "study"))
         // Ray tells nobody of the tests, and leaves nothing in the home.
         .env("RAY_USAGE_STATS_ENABLED", "0")
         .env("RAY_AUTH_MODE", "disabled")
@@ -96,7 +96,7 @@ pub(super) fn pytest(
     folder: &str,
     (name, chosen): (&str, &[&str]),
 ) -> Result<Tally, String> {
-    let report = context.clone.target.join("xtask").join(format!("{name}.xml"));
+    let report = context.workspace.target.join("xtask").join(format!("{name}.xml"));
     match fs::remove_file(&report) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", report.display())),
         _ => {}
@@ -105,7 +105,7 @@ pub(super) fn pytest(
         .args(["-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--junitxml"])
         .arg(&report)
         .args(chosen)
-        .current_dir(context.clone.root.join(folder))
+        .current_dir(context.workspace.root.join(folder))
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("PYTHONUNBUFFERED", "1");
     let ended = log.run(&mut python)?;

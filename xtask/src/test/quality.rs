@@ -14,13 +14,13 @@ const FRAMES: usize = 2;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
-    let folder = context.clone.target.join("xtask").join("quality");
+    let folder = context.workspace.target.join("xtask").join("quality");
     match fs::remove_dir_all(&folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
         _ => {}
     }
-    let mut quality = Command::new(context.clone.program("debug", "study"));
-    quality.current_dir(&context.clone.root).args(["quality", "--smoke", "--fresh", "--out"]).arg(&folder);
+    let mut quality = Command::new(context.workspace.program("debug", "study"));
+    quality.current_dir(&context.workspace.root).args(["quality", "--smoke", "--fresh", "--out"]).arg(&folder);
     context.provide_lpips(&mut quality)?;
 
     let mut tally = Tally::default();

@@ -14,8 +14,8 @@ use crate::shell::Log;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    for page in blocks::pages(context.clone)? {
-        for line in commands(&context.clone.read(&page)?) {
+    for page in blocks::pages(context.workspace)? {
+        for line in commands(&context.workspace.read(&page)?) {
             let failure = check(context, log, &line)?;
             log.line(&format!("{page}: {line}: {}", failure.as_deref().unwrap_or("ok")))?;
             tally.check(failure.map(|why| format!("{page}: \"{line}\": {why}")));
@@ -55,7 +55,8 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
         }
         ["cargo", "run", rest @ ..] => run_of_a_package(context, log, rest),
         ["cargo", "test" | "bench", "-p" | "--package", package, ..] => {
-            Ok((!context.clone.packages.iter().any(|p| p == package)).then(|| format!("there is no package {package}")))
+            Ok((!context.workspace.packages.iter().any(|p| p == package))
+                .then(|| format!("there is no package {package}")))
         }
         [python, "-m", module @ ("cairn" | "cairn.build" | "cairn.sweep"), arguments @ ..] if is_python(python) => {
             let mut help = Command::new(context.python()?);
@@ -80,16 +81,16 @@ fn is_python(program: &str) -> bool {
 fn run_of_a_package(context: &Context<'_>, log: &mut Log, words: &[&str]) -> Result<Option<String>, String> {
     let after = |names: &[&str]| words.windows(2).find(|pair| names.contains(&pair[0])).map(|pair| pair[1]);
     if let Some(example) = after(&["--example"]) {
-        let there = context.clone.root.join("examples").join(format!("{example}.rs")).is_file();
+        let there = context.workspace.root.join("examples").join(format!("{example}.rs")).is_file();
         return Ok((!there).then(|| format!("there is no example {example}")));
     }
     let Some(package) = after(&["-p", "--package"]) else { return Ok(Some("it names no package".to_owned())) };
-    if !context.clone.packages.iter().any(|known| known == package) {
+    if !context.workspace.packages.iter().any(|known| known == package) {
         return Ok(Some(format!("there is no package {package}")));
     }
     context.build_programs(log)?;
     let arguments = words.iter().position(|word| *word == "--").map_or(&[][..], |at| &words[at + 1..]);
-    let mut program = Command::new(context.clone.program("debug", package));
+    let mut program = Command::new(context.workspace.program("debug", package));
     if package == "study" {
         // It can say more than whether it knows the options: whether their values make sense.
         let ended = log.run(program.arg("--dry-run").args(arguments))?;

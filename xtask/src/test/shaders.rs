@@ -16,7 +16,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 }
 
 fn of_folder(context: &Context<'_>, log: &mut Log, folder: &'static str, tally: &mut Tally) -> Result<(), String> {
-    let shaders = Shaders::find(context.clone, folder)?;
+    let shaders = Shaders::find(context.workspace, folder)?;
     if shaders.names.is_empty() {
         return Err(format!("there is no shader in {folder}"));
     }
@@ -32,8 +32,8 @@ fn of_folder(context: &Context<'_>, log: &mut Log, folder: &'static str, tally: 
         tally.skips.push(Skip { name, reason: format!("needs lab: {why}") });
         return Ok(());
     }
-    let out = context.clone.target.join("xtask").join("shaders");
-    let ended = log.run(&mut shaders.compiler(context.clone, &out)?)?;
+    let out = context.workspace.target.join("xtask").join("shaders");
+    let ended = log.run(&mut shaders.compiler(context.workspace, &out)?)?;
     if !ended.success {
         return Err(format!("the shaders of {folder} do not compile"));
     }

@@ -30,7 +30,7 @@ const SHORT: &[&str] = &[
 
 /// The video of the short rollout; makes it where the `study` runner has not.
 pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
-    let folder = context.clone.target.join("xtask").join("study").join("rollout");
+    let folder = context.workspace.target.join("xtask").join("study").join("rollout");
     if find_video(&folder).is_none() {
         run(context, log)?;
     }
@@ -40,7 +40,7 @@ pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<Path
 /// The report of a comparison of a fifth of a second of one scene.
 pub(super) fn comparison_report(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     context.build_programs(log)?;
-    let folder = context.clone.target.join("xtask").join("compare");
+    let folder = context.workspace.target.join("xtask").join("compare");
     let mut compare = study(context)?;
     compare.args([
         "compare",
@@ -67,7 +67,7 @@ fn find_video(folder: &Path) -> Option<PathBuf> {
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
-    let folder = context.clone.target.join("xtask").join("study");
+    let folder = context.workspace.target.join("xtask").join("study");
     match fs::remove_dir_all(&folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
         _ => {}
@@ -109,8 +109,8 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 }
 
 fn study(context: &Context<'_>) -> Result<Command, String> {
-    let mut command = Command::new(context.clone.program("debug", "study"));
-    command.current_dir(&context.clone.root);
+    let mut command = Command::new(context.workspace.program("debug", "study"));
+    command.current_dir(&context.workspace.root);
     context.provide_worlds(&mut command)?;
     Ok(command)
 }

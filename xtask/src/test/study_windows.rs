@@ -46,14 +46,14 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(skip);
         return Ok(tally);
     }
-    let mut build = context.clone.cargo(["build"]);
+    let mut build = context.workspace.cargo(["build"]);
     build.args(PACKAGES).args(["--lib", "--bins"]).args(programs());
     lab::for_windows(&mut build)?;
     if !log.run(&mut build)?.success {
         return Ok(Tally::broken("the study does not build for Windows"));
     }
     context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
-    let folder = context.clone.target.join("xtask").join("study-windows");
+    let folder = context.workspace.target.join("xtask").join("study-windows");
     match fs::remove_dir_all(&folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
         _ => {}
@@ -73,7 +73,7 @@ fn programs() -> impl Iterator<Item = &'static str> {
 
 /// The study's tests of itself.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
-    let mut command = context.clone.cargo(["test", "--no-fail-fast"]);
+    let mut command = context.workspace.cargo(["test", "--no-fail-fast"]);
     command.args(PACKAGES).arg("--lib").args(programs());
     lab::for_windows(&mut command)?;
     // By their whole names: another test whose name holds one of them is not left out, and a renamed one runs.
@@ -109,7 +109,7 @@ impl<'a> Comparison<'a> {
     fn run(&self, generator: &str, amd: &Amd, log: &mut Log) -> Result<Ended, String> {
         let mut command = lab::lab_run()?;
         command.arg(&self.program).arg("compare").args(SHORT).args(["--quiet", "--generator", generator]);
-        command.arg("--out").arg(&self.out).current_dir(&self.context.clone.root);
+        command.arg("--out").arg(&self.out).current_dir(&self.context.workspace.root);
         amd.provide(&mut command);
         self.context.provide_windows_tools(&mut command)?;
         self.context.provide_lpips(&mut command)?;

@@ -18,7 +18,7 @@ const CARGO_FUZZ_VERSION: &str = "0.13.2";
 const FUZZ_SECONDS: u32 = 60;
 
 pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let files = context.clone.files()?;
+    let files = context.workspace.files()?;
     let targets = files.iter().filter_map(|file| file.strip_prefix("fuzz/fuzz_targets/")?.strip_suffix(".rs"));
     let mut tally = Tally::default();
     // libFuzzer's instrumentation is a feature of the nightly compiler.
@@ -33,7 +33,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     for target in targets {
         let mut command = tools::rustup_run(toolchain);
         command.arg(&program).args(["run", target, "--", &format!("-max_total_time={FUZZ_SECONDS}")]);
-        command.current_dir(&context.clone.root).env("CARGO_TARGET_DIR", context.clone.target.join("fuzz"));
+        command.current_dir(&context.workspace.root).env("CARGO_TARGET_DIR", context.workspace.target.join("fuzz"));
         context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
         context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
         let ended = log.run(&mut command)?;
@@ -44,7 +44,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
 
 pub(super) fn soak(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     // The whole workspace is named so that what the cargo runner compiled serves here.
-    let mut command = context.clone.cargo(["test", "--workspace", "--test", "soak", "--test", "soak_frames"]);
+    let mut command = context.workspace.cargo(["test", "--workspace", "--test", "soak", "--test", "soak_frames"]);
     context.provide_worlds(&mut command)?;
     Ok(cargo::count(&log.run(command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS).env("CAIRN_SOAK_FRAMES", SOAK_FRAMES))?))
 }

@@ -11,9 +11,9 @@ use serde_json::Value;
 
 use super::blocks;
 use super::tally::Tally;
-use crate::clone::Clone;
 use crate::dist::unity::{PACKAGE, is_package};
 use crate::shell::Log;
+use crate::workspace::Workspace;
 
 /// What Unity defines: without input, with the Input System, an earlier and a later one, with the Input Manager. The last is what is
 /// compiled further.
@@ -31,20 +31,20 @@ const ASSEMBLIES: [(&str, &str); 3] =
 /// Assemblies that a project has from elsewhere, or may not have.
 const FOREIGN: [&str; 1] = ["Unity.InputSystem"];
 
-const DOORS: &str = "bindings/unity/plugin/src/doors.rs";
+const ENTRY_POINTS: &str = "bindings/unity/plugin/src/entry_points.rs";
 const SCRIPT: &str = "bindings/unity/Runtime/Plugin.cs";
 
 /// Checks the package; `binding` is the assembly of `bindings/csharp/src`.
 pub(super) fn check(
-    clone: &Clone,
+    workspace: &Workspace,
     mono: &Mono,
     log: &mut Log,
     binding: &Path,
     tally: &mut Tally,
 ) -> Result<(), String> {
-    let files: Vec<String> = clone.files()?.into_iter().filter(|file| is_package(file)).collect();
-    tally.check(manifests(clone, &files)?);
-    tally.check(names(&clone.read(DOORS)?, &clone.read(SCRIPT)?));
+    let files: Vec<String> = workspace.files()?.into_iter().filter(|file| is_package(file)).collect();
+    tally.check(manifests(workspace, &files)?);
+    tally.check(names(&workspace.read(ENTRY_POINTS)?, &workspace.read(SCRIPT)?));
 
     let work = binding.with_file_name("unity");
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
@@ -68,7 +68,7 @@ pub(super) fn check(
         let compiled = log.run(&mut command)?.success;
         Ok::<_, String>((out, (!compiled).then(|| format!("{name} of {PACKAGE} does not compile, with {defines:?}"))))
     };
-    let declared = |file: &str| [clone.root.join(PACKAGE).join("tests").join(file)];
+    let declared = |file: &str| [workspace.root.join(PACKAGE).join("tests").join(file)];
     let (engine, failure) = compile("UnityEngine", &declared("UnityEngine.cs"), &[], &[], false)?;
     tally.check(failure);
     let (editor, failure) =
@@ -82,7 +82,7 @@ pub(super) fn check(
                 .and_then(|file| file.strip_prefix(folder))
                 .is_some_and(|file| file.ends_with(".cs"))
         };
-        let sources: Vec<PathBuf> = files.iter().filter(is_own).map(|file| clone.root.join(file)).collect();
+        let sources: Vec<PathBuf> = files.iter().filter(is_own).map(|file| workspace.root.join(file)).collect();
         compiled += sources.len();
         let inputs = if name == "Cairn.Unity" { &INPUTS[..] } else { &INPUTS[INPUTS.len() - 1..] };
         let mut made = None;
@@ -97,8 +97,8 @@ pub(super) fn check(
     tally.check((compiled != all).then(|| format!("{compiled} of {all} C# files of {PACKAGE} are in an assembly")));
 
     let mut shown = Vec::new();
-    for page in blocks::pages(clone)?.into_iter().filter(|page| page.starts_with(PACKAGE)) {
-        for (line, text) in scripts(&page, &clone.read(&page)?) {
+    for page in blocks::pages(workspace)?.into_iter().filter(|page| page.starts_with(PACKAGE)) {
+        for (line, text) in scripts(&page, &workspace.read(&page)?) {
             let path = work.join(format!("{}-{line}.cs", page.replace(['/', '.', '~'], "-")));
             fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
             shown.push(path);
@@ -117,9 +117,9 @@ fn scripts(page: &str, text: &str) -> Vec<(usize, String)> {
 }
 
 /// What is wrong with the package's manifest and those of its assemblies.
-fn manifests(clone: &Clone, files: &[String]) -> Result<Option<String>, String> {
+fn manifests(workspace: &Workspace, files: &[String]) -> Result<Option<String>, String> {
     let read = |file: &str| -> Result<Value, String> {
-        serde_json::from_str(&clone.read(file)?).map_err(|e| format!("{file}: {e}"))
+        serde_json::from_str(&workspace.read(file)?).map_err(|e| format!("{file}: {e}"))
     };
     let package = read(&format!("{PACKAGE}package.json"))?;
     let mut wrong = Vec::new();
@@ -128,7 +128,7 @@ fn manifests(clone: &Clone, files: &[String]) -> Result<Option<String>, String> 
     }
     for sample in package["samples"].as_array().into_iter().flatten() {
         let path = sample["path"].as_str().unwrap_or_default();
-        if !clone.root.join(PACKAGE).join(path).is_dir() {
+        if !workspace.root.join(PACKAGE).join(path).is_dir() {
             wrong.push(format!("package.json names {path}"));
         }
     }
@@ -158,21 +158,21 @@ fn manifests(clone: &Clone, files: &[String]) -> Result<Option<String>, String> 
 }
 
 /// How the plugin's functions and version differ from what the scripts declare.
-fn names(doors: &str, script: &str) -> Option<String> {
+fn names(entry_points: &str, script: &str) -> Option<String> {
     let exported: BTreeSet<&str> =
-        doors.split("extern \"C\" fn ").skip(1).filter_map(|rest| rest.split('(').next()).collect();
+        entry_points.split("extern \"C\" fn ").skip(1).filter_map(|rest| rest.split('(').next()).collect();
     let declared: BTreeSet<&str> = script
         .lines()
         .filter_map(|line| line.split_once("static extern ")?.1.split('(').next()?.split(' ').next_back())
         .collect();
     let number = |text: &str, before: &str| text.split_once(before)?.1.split(';').next().map(str::to_owned);
-    let versions = [number(doors, "CAIRN_UNITY_VERSION: u32 = "), number(script, "const uint Version = ")];
+    let versions = [number(entry_points, "CAIRN_UNITY_VERSION: u32 = "), number(script, "const uint Version = ")];
     if exported.is_empty() || exported != declared {
         let apart: Vec<_> = exported.symmetric_difference(&declared).copied().collect();
-        return Some(format!("{DOORS} and {SCRIPT} differ: {}", apart.join(", ")));
+        return Some(format!("{ENTRY_POINTS} and {SCRIPT} differ: {}", apart.join(", ")));
     }
     (versions[0].is_none() || versions[0] != versions[1])
-        .then(|| format!("{DOORS} and {SCRIPT} have versions {versions:?}"))
+        .then(|| format!("{ENTRY_POINTS} and {SCRIPT} have versions {versions:?}"))
 }
 
 #[cfg(test)]
@@ -187,14 +187,15 @@ mod tests {
 
     #[test]
     fn a_function_that_one_side_lacks_is_named() {
-        let doors =
+        let entry_points =
             "pub const CAIRN_UNITY_VERSION: u32 = 1;\npub extern \"C\" fn a() {}\npub unsafe extern \"C\" fn b(\n";
         let script =
             "const uint Version = 1;\ninternal static extern int a();\n internal static extern IntPtr b(int c);\n";
-        assert_eq!(names(doors, script), None);
-        assert!(names(doors, &script.replace("b(", "c(")).is_some_and(|why| why.contains("b, c")));
+        assert_eq!(names(entry_points, script), None);
+        assert!(names(entry_points, &script.replace("b(", "c(")).is_some_and(|why| why.contains("b, c")));
         assert!(
-            names(doors, &script.replace("Version = 1", "Version = 2")).is_some_and(|why| why.contains("versions"))
+            names(entry_points, &script.replace("Version = 1", "Version = 2"))
+                .is_some_and(|why| why.contains("versions"))
         );
         assert!(names("", "").is_some());
     }

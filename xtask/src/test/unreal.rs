@@ -44,7 +44,7 @@ pub(super) const LIBRARY: &str = "Binaries/ThirdParty/Cairn/Win64/cairn.dll";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    let work = context.clone.target.join("xtask").join("test").join("unreal");
+    let work = context.workspace.target.join("xtask").join("test").join("unreal");
     match fs::remove_dir_all(&work) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
         _ => {}
@@ -92,15 +92,15 @@ impl Place<'_> {
 
     /// The clone's files of a folder with that ending.
     fn files(&self, folder: &str, ending: &str) -> Result<Vec<PathBuf>, String> {
-        let files = self.context.clone.files()?.into_iter();
+        let files = self.context.workspace.files()?.into_iter();
         let own = files.filter(|file| file.starts_with(folder) && file.ends_with(ending));
-        Ok(own.map(|file| self.context.clone.root.join(file)).collect())
+        Ok(own.map(|file| self.context.workspace.root.join(file)).collect())
     }
 
     /// The plugin's description is JSON, of the library's version, and names modules that are there. None is called Cairn, whose macro the
     /// build tool would define as `cairn.h` does.
     fn describe(&self, tally: &mut Tally) -> Result<(), String> {
-        let text = self.context.clone.read(DESCRIPTION)?;
+        let text = self.context.workspace.read(DESCRIPTION)?;
         let read: serde_json::Value = serde_json::from_str(&text).map_err(|e| format!("{DESCRIPTION}: {e}"))?;
         let version = read["VersionName"].as_str() == Some(env!("CARGO_PKG_VERSION"));
         tally.check((!version).then(|| format!("{DESCRIPTION} is not of version {}", env!("CARGO_PKG_VERSION"))));
@@ -109,7 +109,7 @@ impl Place<'_> {
         tally.check(modules.is_empty().then(|| format!("{DESCRIPTION} has no module")));
         for module in modules {
             let rules = format!("bindings/unreal/Cairn/Source/{module}/{module}.Build.cs");
-            let there = self.context.clone.root.join(&rules).is_file() && module != "Cairn";
+            let there = self.context.workspace.root.join(&rules).is_file() && module != "Cairn";
             tally.check((!there).then(|| format!("{DESCRIPTION} names {module}, and {rules} must be there")));
         }
         Ok(())
@@ -123,7 +123,7 @@ impl Place<'_> {
             tally.check(wrong_marks(&text, &name).map(|why| format!("{}: {why}", path.display())));
             self.write(&format!("generated/{name}.generated.h"), "")?;
         }
-        let list = self.context.clone.read(HEADERS)?;
+        let list = self.context.workspace.read(HEADERS)?;
         for (of, header) in list.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split_once(' ')) {
             self.write(&format!("include/{}", header.trim()), &format!("#include \"{of}\"\n"))?;
         }
@@ -133,8 +133,8 @@ impl Place<'_> {
     /// The C++ of the pages that are for the plugin, as headers of a game's.
     fn shown(&self, tally: &mut Tally) -> Result<Vec<PathBuf>, String> {
         let mut headers = Vec::new();
-        for page in blocks::pages(self.context.clone)?.iter().filter(|page| page.starts_with(PAGES)) {
-            let text = self.context.clone.read(page)?;
+        for page in blocks::pages(self.context.workspace)?.iter().filter(|page| page.starts_with(PAGES)) {
+            let text = self.context.workspace.read(page)?;
             for block in blocks::of(&text).iter().filter(|block| block.language == "cpp") {
                 // A header that has marks is named by what the header tool makes of it.
                 let generated = block.text.lines().find_map(|line| line.trim().strip_suffix(".generated.h\""));
@@ -153,7 +153,7 @@ impl Place<'_> {
 
     /// What a compiler of the plugin is told, whichever it is.
     fn told(&self, command: &mut Command, version: u32, d3d12: bool) {
-        let root = &self.context.clone.root;
+        let root = &self.context.workspace.root;
         command.arg("-std=c++17").args(STRICT).arg("-Wshadow").args(["-DUNICODE", "-D_UNICODE", "-DCAIRNRUNTIME_API="]);
         command.args(["-DENGINE_MAJOR_VERSION=5".to_owned(), format!("-DENGINE_MINOR_VERSION={version}")]);
         command.arg(format!("-DCAIRN_WITH_D3D12={}", u8::from(d3d12)));
@@ -219,18 +219,18 @@ impl Place<'_> {
                 return Ok(());
             }
         };
-        let clone = self.context.clone;
+        let workspace = self.context.workspace;
         let program = self.work.join("BuildTool.exe");
         let mut command = mono.compiler();
         command.args(["-target:exe", "-langversion:7.2", "-warnaserror+", "-warn:4"]);
         // What only one side of a rule reads is nobody's mistake here.
-        command.arg("-nowarn:414,649").arg(format!("-out:{}", program.display())).arg(clone.root.join(BUILD_TOOL));
+        command.arg("-nowarn:414,649").arg(format!("-out:{}", program.display())).arg(workspace.root.join(BUILD_TOOL));
         command.args(self.files(dist::UNREAL, ".Build.cs")?);
         if !log.run(&mut command)?.success {
             tally.failures.push("the rules of the plugin do not compile".to_owned());
             return Ok(());
         }
-        let empty = log.run(mono.program().arg(&program).arg(clone.root.join(dist::UNREAL)))?;
+        let empty = log.run(mono.program().arg(&program).arg(workspace.root.join(dist::UNREAL)))?;
         let told = !empty.success && empty.output.contains("error The plugin Cairn has no library");
         tally.check((!told).then(|| format!("a plugin without a library: {:?}", empty.output)));
         let full = self.work.join("rules");
@@ -276,7 +276,7 @@ impl Place<'_> {
     fn play(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let library = host::windows_library(self.context, log)?;
         let plugin = self.work.join(FOLDER).join("Cairn");
-        dist::assemble_unreal(self.context.clone, &library, &plugin)?;
+        dist::assemble_unreal(self.context.workspace, &library, &plugin)?;
         // Beside the library, as the page has it, and the program is elsewhere.
         lab::put_runtime(&plugin.join(LIBRARY).with_file_name(""))?;
         let late = self.late_imports(log)?;
@@ -325,7 +325,7 @@ impl Place<'_> {
 
     /// An import library as a linker makes it of `cairn.lib` for what is loaded late.
     fn late_imports(&self, log: &mut Log) -> Result<PathBuf, String> {
-        let declared = declarations::read(&self.context.clone.read(header::HEADER)?)?;
+        let declared = declarations::read(&self.context.workspace.read(header::HEADER)?)?;
         let names: String = declared.functions.iter().map(|function| format!("    {}\n", function.name)).collect();
         let exports = self.write("cairn.def", &format!("LIBRARY cairn.dll\nEXPORTS\n{names}"))?;
         let made = self.work.join("libcairn-late.a");
@@ -342,7 +342,7 @@ impl Place<'_> {
             command.args(compiler.first).arg("-DCAIRN_STATIC");
             command
         };
-        csharp::make_stand_ins(log, &self.context.clone.root, &compile, "dll", &self.work)?;
+        csharp::make_stand_ins(log, &self.context.workspace.root, &compile, "dll", &self.work)?;
         let stand_in = |name: &str| Some(self.work.join(format!("{name}.dll")));
         let text = self.write("text.dll", "no library")?;
         let processor = for_another_processor(&self.work.join("other.dll"))?;

@@ -46,7 +46,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let work = fresh(context, "wheels")?;
     let make = |name| {
         let platforms = [Platform::Windows, Platform::Linux];
-        dist::make(context.clone, &platforms, Parts::Wheels, Source::Tests, &work.join(name))
+        dist::make(context.workspace, &platforms, Parts::Wheels, Source::Tests, &work.join(name))
     };
     let (first, second) = (make("first")?, make("second")?);
     for (one, other) in first.iter().zip(second) {
@@ -128,7 +128,7 @@ impl Place<'_> {
     /// A program of ours for an installed wheel, run from a folder of nothing, where no variable helps.
     fn program(&self, mut python: Command, name: &str, folder: &Path) -> Result<Command, String> {
         fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-        python.arg(self.context.clone.root.join(PROGRAMS).join(name)).arg(folder).current_dir(folder);
+        python.arg(self.context.workspace.root.join(PROGRAMS).join(name)).arg(folder).current_dir(folder);
         for variable in ["CAIRN_LIBRARY", "CAIRN_ONNXRUNTIME", "PYTHONPATH"] {
             python.env_remove(variable);
         }
@@ -164,7 +164,7 @@ impl Place<'_> {
         into: &Path,
     ) -> Result<(), String> {
         fs::create_dir_all(into).map_err(|e| format!("{}: {e}", into.display()))?;
-        csharp::make_stand_ins(log, &self.context.clone.root, compiler, ending, into)
+        csharp::make_stand_ins(log, &self.context.workspace.root, compiler, ending, into)
     }
 
     /// Python for Windows with the wheel, in the lab.

@@ -11,7 +11,7 @@
 //! | `events` | the two things that are done on Unity's threads |
 //! | `drawing` | how they are done: on Windows with Direct3D 12, elsewhere not at all |
 //! | `pipeline_cache` | compiled pipelines in a file of the game's |
-//! | `doors` | the functions that C# calls |
+//! | `entry_points` | the functions that C# calls |
 //!
 //! A frame crosses in two events, as Unity keeps its queue and its command lists apart. `make` runs on the submission thread, where the
 //! queue may be used, and has the presenter write the frame into a texture of the view's ring. `show` runs where Unity records, and copies
@@ -19,7 +19,7 @@
 //! once Unity's frame fence says that it has.
 
 #[allow(non_camel_case_types, reason = "the name is that of the interface in C")]
-mod doors;
+mod entry_points;
 mod events;
 pub mod interfaces;
 mod pipeline_cache;
@@ -28,10 +28,10 @@ mod text;
 mod views;
 
 #[cfg_attr(windows, path = "drawing/windows.rs")]
-#[cfg_attr(not(windows), path = "drawing/elsewhere.rs")]
+#[cfg_attr(not(windows), path = "drawing/unsupported.rs")]
 mod drawing;
 
-pub use doors::*;
+pub use entry_points::*;
 pub use plugin::{UnityPluginLoad, UnityPluginUnload};
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

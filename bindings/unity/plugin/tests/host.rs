@@ -383,7 +383,7 @@ fn devices_come_and_go_and_nothing_of_them_is_kept() {
         unity.unload();
         assert_eq!((state().0, scene.get().1), (CAIRN_NOT_READY, 4));
         scene.end();
-        unity.settle();
+        unity.wait_ignoring_loss();
         unity.unload();
         engine::comes_back(count, before);
         assert_eq!(unity.wrong(), Vec::<String>::new());
@@ -470,7 +470,7 @@ fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
         let differ = expected.windows(2).filter(|pair| pair[0] != pair[1]).count();
         assert!(differ >= 4, "v{version}, {delay}: {differ} of the frames differ from the one before");
         unity.delay(0);
-        unity.settle();
+        unity.wait_ignoring_loss();
         for ((target, expected), count) in targets.iter().zip(&expected).zip(0..) {
             assert!(expected.is_in(&unity, target), "v{version}, {delay}: the list of frame {count}");
         }
@@ -564,7 +564,7 @@ fn what_the_queue_uses_is_kept_and_then_let_go_of() {
         let scene = Scene::new();
         assert_eq!(scene.set(INTERVAL, Some(&targets[0])), CAIRN_OK);
         scene.show(&unity);
-        unity.settle();
+        unity.wait_ignoring_loss();
         // One frame is under way in each texture, and with the second the first has none any more.
         let gate = unity.hold();
         for (place, target) in (5..).zip(&targets) {
@@ -576,7 +576,7 @@ fn what_the_queue_uses_is_kept_and_then_let_go_of() {
         assert_eq!(unsafe { cairn_unity_view_destroy(scene.view) }, CAIRN_OK);
         assert_eq!((unity.freed(), unity.wrong()), (0, Vec::new()), "v{version}");
         drop(gate);
-        unity.settle();
+        unity.wait_ignoring_loss();
         // Another view that ends finds that they have run.
         // SAFETY: live handles, and a place for the view.
         unsafe {
@@ -588,7 +588,7 @@ fn what_the_queue_uses_is_kept_and_then_let_go_of() {
         // SAFETY: live handles.
         let ended = unsafe { [cairn_presenter_destroy(scene.presenter), cairn_device_destroy(scene.device)] };
         assert_eq!(ended, [CAIRN_OK; 2]);
-        unity.settle();
+        unity.wait_ignoring_loss();
         unity.unload();
         engine::comes_back(count, before);
         assert_eq!((unity.freed(), unity.wrong()), (2, Vec::new()), "v{version}");

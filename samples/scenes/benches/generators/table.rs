@@ -9,7 +9,7 @@ use cairn::gpu::{Gpu, Target, read_texture, texture_of};
 use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
 use cairn::present::device::{DeviceDrawer, Preparation};
 use cairn::present::pacing::Interval;
-use cairn::present::presenter::{Presenter, PresenterOptions, ShownSource};
+use cairn::present::presenter::{FrameSource, Presenter, PresenterOptions};
 use cairn::world::{ControlScript, KeptAnchor};
 use cairn::{Colours, Picture};
 use half::f16;
@@ -164,7 +164,7 @@ impl Maker {
             }
         };
         match (shown, made) {
-            (Some(shown), Some(made)) if shown.t == 0.5 && shown.source != ShownSource::Anchor => Ok(made),
+            (Some(shown), Some(made)) if shown.t == 0.5 && shown.source != FrameSource::Anchor => Ok(made),
             (shown, _) => Err(format!("{}: {shown:?} is not half way", self.name).into()),
         }
     }

@@ -3,7 +3,7 @@
 use super::super::{ROUNDS, SMALL, grid};
 use super::kernels::Kernels;
 use super::layout::{Constants, Layout};
-use crate::gpu::compute::{Frame, Kernel, Table};
+use crate::gpu::compute::{CommandRecorder, Kernel, Table};
 
 /// Sides of a group of threads that goes over pixels.
 const GROUP: u32 = 8;
@@ -18,7 +18,7 @@ const BOTH: u32 = 2;
 
 /// An extraction with everything bound.
 pub(super) struct Steps<'f, 'g> {
-    pub(super) frame: &'f mut Frame<'g>,
+    pub(super) frame: &'f mut CommandRecorder<'g>,
     pub(super) table: &'f Table,
     pub(super) kernels: &'f Kernels,
     pub(super) layout: &'f Layout,

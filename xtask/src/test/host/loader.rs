@@ -13,12 +13,12 @@ const PROGRAM: &str = "tests/host/loader.c";
 const STAND_IN: &str = "tests/host/stand_in.c";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &mut Tally) -> Result<(), String> {
-    let clone = context.clone;
-    let declared = declarations::read(&clone.read(header::HEADER)?)?;
-    let committed = clone.read(loader::LOADER)?;
+    let workspace = context.workspace;
+    let declared = declarations::read(&workspace.read(header::HEADER)?)?;
+    let committed = workspace.read(loader::LOADER)?;
     let differs = loader::with_lists(&committed, &declared)? != committed;
     tally.check(differs.then(|| format!("{} lists other functions; cargo xtask fix --abi writes it", loader::LOADER)));
-    let source = clone.root.join(PROGRAM);
+    let source = workspace.root.join(PROGRAM);
     for compiler in abi::matrix(tally) {
         takes(log, &compiler, &place.include, &source, tally)?;
     }
@@ -120,6 +120,6 @@ fn stand_in(
     let library = place.work.join(format!("{name}{}", std::env::consts::DLL_SUFFIX));
     let mut command = place.compile();
     command.args(["-shared", "-fPIC", "-include", "cairn.h"]).args(defines);
-    command.arg(context.clone.root.join(Path::new(STAND_IN))).arg("-o").arg(&library);
+    command.arg(context.workspace.root.join(Path::new(STAND_IN))).arg("-o").arg(&library);
     if log.run(&mut command)?.success { Ok(library) } else { Err(format!("{STAND_IN} does not compile as {name}")) }
 }

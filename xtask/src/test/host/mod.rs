@@ -20,7 +20,7 @@ use crate::shell::Log;
 pub(super) use windows::{by_cmake as windows_sample, library as windows_library, run as run_windows};
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let work = context.clone.target.join("xtask").join("host");
+    let work = context.workspace.target.join("xtask").join("host");
     match fs::remove_dir_all(&work) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
         _ => {}
@@ -32,7 +32,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(Skip { name: "hosts in C".into(), reason: "needs cc: install a C compiler".into() });
         return Ok(tally);
     };
-    let place = Place { include: context.clone.root.join("include"), work, library, cc };
+    let place = Place { include: context.workspace.root.join("include"), work, library, cc };
     loader::run(context, log, &place, &mut tally)?;
     sample::run(context, log, &place, &mut tally)?;
     Ok(tally)

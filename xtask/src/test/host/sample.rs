@@ -17,8 +17,13 @@ const SCRIPT: &str = "samples/scripts/walk.txt";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &mut Tally) -> Result<(), String> {
     let is_source = |file: &String| file.starts_with(SAMPLE) && file.ends_with(".c");
-    let sources: Vec<PathBuf> =
-        context.clone.files()?.into_iter().filter(is_source).map(|file| context.clone.root.join(file)).collect();
+    let sources: Vec<PathBuf> = context
+        .workspace
+        .files()?
+        .into_iter()
+        .filter(is_source)
+        .map(|file| context.workspace.root.join(file))
+        .collect();
     for compiler in abi::matrix(&mut Tally::default()).iter().filter(|compiler| !compiler.cpp) {
         for source in &sources {
             takes(log, compiler, &place.include, source, tally)?;
@@ -36,9 +41,9 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &m
 
 /// Builds by the line that the sample's page and its source show, for the library there is.
 fn build_as_written(context: &Context<'_>, log: &mut Log, place: &Place) -> Result<PathBuf, String> {
-    let page = context.clone.read(&format!("{SAMPLE}/README.md"))?;
+    let page = context.workspace.read(&format!("{SAMPLE}/README.md"))?;
     let line = page.lines().find(|line| line.starts_with("cc ")).ok_or("the sample's page has no line with cc")?;
-    if !context.clone.read(&format!("{SAMPLE}/main.c"))?.contains(line) {
+    if !context.workspace.read(&format!("{SAMPLE}/main.c"))?.contains(line) {
         return Err("the sample's source shows another line with cc than its page".to_owned());
     }
     let program = place.work.join("host-c");
@@ -47,7 +52,7 @@ fn build_as_written(context: &Context<'_>, log: &mut Log, place: &Place) -> Resu
         .replace("$PWD/target/release", &folder)
         .replace("target/release", &folder)
         .replace("-o host-c", &format!("-o {}", program.display()));
-    let ended = log.run(Command::new("sh").args(["-c", &line]).current_dir(&context.clone.root))?;
+    let ended = log.run(Command::new("sh").args(["-c", &line]).current_dir(&context.workspace.root))?;
     if ended.success { Ok(program) } else { Err("the sample does not build as its page says".to_owned()) }
 }
 
@@ -69,7 +74,7 @@ impl Host<'_> {
     /// Walks for `seconds` and writes `out`.
     fn walk(&self, log: &mut Log, seconds: &str, seed: &str, out: &str, more: &[&Path]) -> Result<Ended, String> {
         let mut command = self.command(&self.program)?;
-        command.arg(self.context.bundle("tiny")?).arg("--script").arg(self.context.clone.root.join(SCRIPT));
+        command.arg(self.context.bundle("tiny")?).arg("--script").arg(self.context.workspace.root.join(SCRIPT));
         command.args(["--seconds", seconds, "--seed", seed, "--out", out]).args(more);
         log.run(&mut command)
     }
@@ -129,7 +134,7 @@ fn pictures(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
 
 /// The line that the sample's page shows, but shorter: through the world inside the library, from a place that it knows.
 fn without_a_world(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-    let root = &host.context.clone.root;
+    let root = &host.context.workspace.root;
     let mut command = host.command(&host.program)?;
     command.arg("--seed-picture").arg(root.join("samples/worlds/place.ppm")).arg("--script").arg(root.join(SCRIPT));
     let ended = log.run(command.args(["--seconds", "0.2", "--out", "embedded.y4m"]))?;
@@ -184,7 +189,7 @@ fn cmake(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     }
     let build = host.place.work.join("build");
     let mut configure = Command::new(&cmake);
-    configure.arg("-S").arg(host.context.clone.root.join(SAMPLE)).arg("-B").arg(&build);
+    configure.arg("-S").arg(host.context.workspace.root.join(SAMPLE)).arg("-B").arg(&build);
     configure.arg(format!("-DCAIRN_ROOT={}", release.display())).arg("-DCMAKE_C_FLAGS=-Werror");
     let ended = log.run(&mut configure)?;
     let built = ended.success && log.run(Command::new(&cmake).arg("--build").arg(&build))?.success;
@@ -228,7 +233,7 @@ fn sanitizers(host: &Host<'_>, log: &mut Log, sources: &[PathBuf], tally: &mut T
         return Err("the sample does not build with sanitizers".to_owned());
     }
     let world = host.context.bundle("tiny")?;
-    let script = host.context.clone.root.join(SCRIPT);
+    let script = host.context.workspace.root.join(SCRIPT);
     let (world, script) = (world.to_string_lossy(), script.to_string_lossy());
     for (arguments, works) in [
         (&[&*world, "--script", &*script, "--seconds", "0.3", "--verbose", "--out", "sanitized.y4m"][..], true),

@@ -46,7 +46,7 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
         tally.skips.push(Skip { name: SAMPLE.into(), reason: "needs cmake: apt install cmake".into() });
         return Ok(tally);
     };
-    let place = context.clone.target.join("xtask").join("host-d3d12");
+    let place = context.workspace.target.join("xtask").join("host-d3d12");
     let mut built = None;
     context.with_and_without_amd(&mut tally, |amd| {
         let work = place.join(if matches!(amd, Amd::None) { "plain" } else { "amd" });
@@ -88,7 +88,7 @@ fn shown(host: &Host<'_>, log: &mut Log) -> Result<Tally, String> {
 /// Builds the library for Windows, with what the library's own tests have been built with, and the Unity that shows a picture; the
 /// folder they are in.
 pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
-    let mut command = context.clone.cargo([
+    let mut command = context.workspace.cargo([
         "build",
         "--package",
         "cairn",
@@ -111,7 +111,7 @@ pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<P
 fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
     let library = library(context, log)?;
     let place = format!("-DCAIRN_LIBRARY_DIR={}", library.display());
-    by_cmake(log, cmake, &context.clone.root.join(SAMPLE), &work.join("build"), &[&place])
+    by_cmake(log, cmake, &context.workspace.root.join(SAMPLE), &work.join("build"), &[&place])
 }
 
 /// Builds the sample in `source` by its CMake file; the program.
@@ -167,7 +167,7 @@ impl Host<'_> {
     }
 
     fn script(&self) -> String {
-        self.context.clone.root.join(SCRIPT).display().to_string()
+        self.context.workspace.root.join(SCRIPT).display().to_string()
     }
 }
 
@@ -273,7 +273,7 @@ fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     context.build_programs(log)?;
     let raw = host.work.join("forest.rgb");
     let asked = ["clip", "--scene", "forest", "--seconds", "600", "--rate", "15", "--size", "160x96", "--raw", "-"];
-    let mut alone = Command::new(context.clone.program("debug", "scenes"));
+    let mut alone = Command::new(context.workspace.program("debug", "scenes"));
     alone.args(asked.map(|word| if word == "600" { "0.2" } else { word }).iter().filter(|word| **word != "-"));
     if !log.run(alone.arg(&raw))?.success {
         return Err("the scenes are not drawn".to_owned());
@@ -283,7 +283,7 @@ fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     if !cfg!(windows) {
         compile(context, log, RENDERER, &renderer)?;
     }
-    let program = if cfg!(windows) { context.clone.program("debug", "scenes") } else { renderer };
+    let program = if cfg!(windows) { context.workspace.program("debug", "scenes") } else { renderer };
     let program = program.display().to_string();
     let arguments =
         ["--source", "scene:forest", "--scenes", &program, "--size", "160x96", "--headless", "5", "--record", "forest"];
@@ -309,7 +309,7 @@ fn compile(context: &Context<'_>, log: &mut Log, source: &str, program: &Path) -
     let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
     let mut compile = Command::new(&compiler.program);
     compile.args(compiler.first).arg("-std=c11").args(STRICT);
-    match log.run(compile.arg(context.clone.root.join(source)).arg("-o").arg(program))?.success {
+    match log.run(compile.arg(context.workspace.root.join(source)).arg("-o").arg(program))?.success {
         true => Ok(()),
         false => Err(format!("{source} does not compile")),
     }

@@ -194,7 +194,7 @@ fn textures_in_other_states_are_refused() {
     unity.end_frame();
     refused(&unity, "a barrier");
     // Textures outlive the queue's work with them.
-    unity.settle();
+    unity.wait_ignoring_loss();
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn lists_that_are_not_as_they_should_be_are_refused() {
     unsafe { allocator.Reset() }.expect_err("it is refused");
     refused(&unity, "an allocator is reset");
     unity.end_frame();
-    unity.settle();
+    unity.wait_ignoring_loss();
     // SAFETY: it has run.
     unsafe { allocator.Reset() }.expect("an allocator");
     assert_eq!(unity.wrong(), [""; 0]);
@@ -223,14 +223,14 @@ fn lists_that_are_not_as_they_should_be_are_refused() {
     hand_over(&unity, &other, &[state(&target, IS_WRITTEN, READ)], true);
     unity.end_frame();
     refused(&unity, "what Unity was told");
-    unity.settle();
+    unity.wait_ignoring_loss();
     // The list is open.
     let again = texture(&unity, SIZE, 1);
     let (open, _open) = recorded(&unity, &again, &from);
     hand_over(&unity, &open, &[state(&again, IS_WRITTEN, IS_WRITTEN)], false);
     refused(&unity, "not closed");
     unity.end_frame();
-    unity.settle();
+    unity.wait_ignoring_loss();
 }
 
 #[test]
@@ -246,5 +246,5 @@ fn textures_that_go_too_soon_are_refused() {
     assert_eq!(unity.freed(), 1);
     refused(&unity, "a texture is freed");
     drop(gate);
-    unity.settle();
+    unity.wait_ignoring_loss();
 }

@@ -462,7 +462,7 @@ impl Running {
         with(|unity| unity.lags = true);
     }
 
-    /// From now on the queue is given a frame's lists when so many later frames have ended, or by [`Self::settle`].
+    /// From now on the queue is given a frame's lists when so many later frames have ended, or by [`Self::wait_ignoring_loss`].
     pub(crate) fn delay(&self, frames: u64) {
         with(|unity| unity.delay = frames);
     }
@@ -546,7 +546,7 @@ impl Running {
     }
 
     /// Gives the queue what waits, waits for it, and lets go of the lists that it had.
-    pub(crate) fn settle(&self) {
+    pub(crate) fn wait_ignoring_loss(&self) {
         submit(0);
         super::textures::wait(&self.device(), &self.queue());
         with(|unity| unity.alive.clear());

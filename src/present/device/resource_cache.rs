@@ -7,10 +7,10 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::super::motion::{Extractors, MotionSource};
-use super::super::presenter::{Overlay, Plan, Slot, Taken};
+use super::super::presenter::{Overlay, PendingFrame, Plan, Slot};
 use super::{nothing_brought, resting};
 use crate::framegen::shader::{self, GuidanceTextures};
-use crate::gpu::compute::{FRAMES_IN_FLIGHT, Frame, Frames, Resting, Spent};
+use crate::gpu::compute::{CommandRecorder, CommandRing, FRAMES_IN_FLIGHT, ResourceWithState, Spent};
 use crate::gpu::{Gpu, Heap, Shared, written_texture};
 use crate::guidance::paper::LatentBuffer;
 use crate::guidance::{Guidance, paper, picture_flow};
@@ -31,10 +31,10 @@ const PITCH: usize = D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize;
 
 /// Brings pictures, motion and depth to the device where they are not there, on the queue for frames and in lists of its own. All of its memory is
 /// made with it and by [`prepare`](Self::prepare); nothing waits for an anchor, as one that has not arrived is not shown.
-pub(super) struct Supply {
+pub(super) struct ResourceCache {
     gpu: Gpu,
     size: (u32, u32),
-    ring: Frames,
+    ring: CommandRing,
     /// What lists of the ring copy from, by their places in it.
     staging: [Shared; FRAMES_IN_FLIGHT],
     pictures: Vec<PictureTexture>,
@@ -98,7 +98,7 @@ pub(super) struct Textures {
 }
 
 /// What a frame is made of. All of it rests in the state COMMON.
-pub(super) struct Supplied {
+pub(super) struct FrameInputs {
     pub(super) previous: Option<ID3D12Resource>,
     /// The later anchor, the last one, or the picture that is shown as it is.
     pub(super) current: ID3D12Resource,
@@ -118,7 +118,7 @@ struct Upload<'a> {
     to: ID3D12Resource,
 }
 
-impl Supply {
+impl ResourceCache {
     pub(super) fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
         let format = DXGI_FORMAT_R8G8B8A8_UNORM;
         let state = D3D12_RESOURCE_STATE_COMMON;
@@ -128,7 +128,7 @@ impl Supply {
         Ok(Self {
             gpu: gpu.clone(),
             size,
-            ring: Frames::new(gpu, gpu.frames(), DESCRIPTORS)?,
+            ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
             staging: staging.try_into().map_err(|_| nothing_brought())?,
             pictures: (0..PICTURES).map(|_| picture()).collect::<Result<_>>()?,
             pairs: (0..PAIRS).map(|_| PairTextures::new(gpu, size)).collect::<Result<_>>()?,
@@ -174,10 +174,10 @@ impl Supply {
     /// along only if `also_leads` and there is something.
     pub(super) fn bring(
         &mut self,
-        Taken { plan, epoch, overlay, .. }: &Taken,
+        PendingFrame { plan, epoch, overlay, .. }: &PendingFrame,
         motion: MotionSource,
         also_leads: bool,
-    ) -> Result<Supplied> {
+    ) -> Result<FrameInputs> {
         self.clock += 1;
         let (previous, current, index) = match plan {
             Plan::Copy { previous, current, index, picture } => {
@@ -187,7 +187,7 @@ impl Supply {
                     false => None,
                 };
                 let current = self.bring_picture(&current.anchor, *picture)?;
-                return Ok(Supplied {
+                return Ok(FrameInputs {
                     previous: None,
                     current,
                     guidance,
@@ -196,14 +196,14 @@ impl Supply {
                     overlay: None,
                 });
             }
-            Plan::Between { previous, current, index, .. } => (Some(previous), current, *index),
-            Plan::Beyond { previous, last, index, .. } => (previous.as_ref(), last, *index),
+            Plan::Interpolate { previous, current, index, .. } => (Some(previous), current, *index),
+            Plan::Extrapolate { previous, last, index, .. } => (previous.as_ref(), last, *index),
         };
         let guidance = self.bring_guidance(motion, previous, current, (*epoch, index))?;
         let overlay = overlay.as_ref().map(|overlay| self.bring_overlay(overlay)).transpose()?;
         let last = |slot: &Slot| slot.anchor.count() - 1;
         let picture = self.bring_picture(&current.anchor, last(current))?;
-        let mut supplied = Supplied {
+        let mut inputs = FrameInputs {
             previous: None,
             current: picture,
             guidance: Some(guidance),
@@ -211,14 +211,14 @@ impl Supply {
             previous_depth: None,
             overlay,
         };
-        if let (Plan::Between { .. }, Some(previous)) = (plan, previous) {
-            supplied.previous = Some(self.bring_picture(&previous.anchor, last(previous))?);
+        if let (Plan::Interpolate { .. }, Some(previous)) = (plan, previous) {
+            inputs.previous = Some(self.bring_picture(&previous.anchor, last(previous))?);
             if let Some(given) = &previous.guidance {
                 let textures = self.bring_given(given)?;
-                supplied.previous_depth = Some((textures.depth, textures.depth_tile));
+                inputs.previous_depth = Some((textures.depth, textures.depth_tile));
             }
         }
-        Ok(supplied)
+        Ok(inputs)
     }
 
     /// Motion and depth that lead to an anchor.
@@ -254,7 +254,7 @@ impl Supply {
     }
 
     /// A list for what a pair needs besides.
-    pub(super) fn begin(&mut self) -> Result<Frame<'_>> {
+    pub(super) fn begin(&mut self) -> Result<CommandRecorder<'_>> {
         self.ring.begin()
     }
 
@@ -536,7 +536,7 @@ impl Upload<'_> {
     }
 
     /// Writes it to byte `at` of `memory`, and records that it is copied from there.
-    fn record(&self, frame: &mut Frame<'_>, memory: &mut Shared, at: usize) -> Result<()> {
+    fn record(&self, frame: &mut CommandRecorder<'_>, memory: &mut Shared, at: usize) -> Result<()> {
         let pitch = self.row().next_multiple_of(PITCH);
         for (y, row) in self.bytes.chunks_exact(self.row()).enumerate() {
             memory.write(at + y * pitch, row);
@@ -549,7 +549,7 @@ impl Upload<'_> {
             RowPitch: u32::try_from(pitch).map_err(|_| too_wide(pitch))?,
         };
         let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: at as u64, Footprint: rows };
-        let from = Resting { resource: memory.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
+        let from = ResourceWithState { resource: memory.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
         frame.copy_rows(&from, rows, &resting(&self.to))
     }
 }

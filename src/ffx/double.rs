@@ -9,7 +9,7 @@ use super::{Api, Header};
 
 /// What the library does.
 #[derive(Default)]
-pub(super) struct Play {
+pub(super) struct Double {
     /// Its providers.
     pub(super) offers: Vec<(u64, &'static CStr)>,
     /// What a context says that it is; None where it cannot say.
@@ -28,7 +28,7 @@ pub(super) struct Play {
 }
 
 thread_local! {
-    pub(super) static PLAY: RefCell<Play> = RefCell::default();
+    pub(super) static PLAY: RefCell<Double> = RefCell::default();
 }
 
 /// Reads a chain, and answers what the play says about its structs.

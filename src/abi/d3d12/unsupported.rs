@@ -3,7 +3,7 @@
 use parking_lot::Mutex;
 
 use super::super::device::DeviceOptions;
-use super::super::presenter::Asked;
+use super::super::presenter::RenderRequest;
 use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
 };
@@ -66,7 +66,7 @@ pub(in crate::abi) enum Prepared {}
 
 impl Prepared {
     pub(in crate::abi) fn new(
-        _: &Asked<'_>,
+        _: &RenderRequest<'_>,
         _: &Device,
         _: &cairn_d3d12_preparation,
         _: &mut Amd,
@@ -86,7 +86,13 @@ pub(in crate::abi) struct Recording;
 impl Recording {
     /// # Safety
     /// Nothing is asked for.
-    pub(in crate::abi) unsafe fn record(&mut self, _: &Asked<'_>, _: &Device, _: u64, _: &To) -> Outcome<Recorded> {
+    pub(in crate::abi) unsafe fn record(
+        &mut self,
+        _: &RenderRequest<'_>,
+        _: &Device,
+        _: u64,
+        _: &To,
+    ) -> Outcome<Recorded> {
         Err(Failure::no_d3d12())
     }
 

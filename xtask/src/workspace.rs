@@ -8,7 +8,7 @@ use provision::tools;
 
 /// The clone we were compiled in.
 #[derive(Debug)]
-pub(crate) struct Clone {
+pub(crate) struct Workspace {
     pub(crate) root: PathBuf,
     /// Cargo's target directory, wherever the environment puts it.
     pub(crate) target: PathBuf,
@@ -16,7 +16,7 @@ pub(crate) struct Clone {
     pub(crate) packages: Vec<String>,
 }
 
-impl Clone {
+impl Workspace {
     pub(crate) fn find() -> Result<Self, String> {
         let root = provision::repository().to_owned();
         let mut command = Command::new(tools::cargo());

@@ -16,13 +16,13 @@ const PATIENCE: u32 = 100;
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Clone)]
-pub struct Moment {
+pub struct FencePoint {
     fence: ID3D12Fence,
     value: u64,
     device: ID3D12Device,
 }
 
-impl Moment {
+impl FencePoint {
     pub(super) fn new(fence: &ID3D12Fence, value: u64, device: &ID3D12Device) -> Self {
         Self { fence: fence.clone(), value, device: device.clone() }
     }
@@ -68,7 +68,7 @@ impl Moment {
 
     /// Waits until nothing of it runs any more, before what it uses is freed: as [`wait`](Self::wait), but also on a device that is
     /// gone, as not every driver drops what such a device was given.
-    pub(crate) fn settle(&self) {
+    pub(crate) fn wait_ignoring_loss(&self) {
         let Ok(event) = Event::new() else { return };
         // SAFETY: as in `wait`.
         if unsafe { self.fence.SetEventOnCompletion(self.value, event.0) }.is_err() {
@@ -93,7 +93,7 @@ impl Moment {
                 .map_err(|e| failed_on(&self.device, "ID3D12Fence::SetEventOnCompletion", &e))?;
             while !event.wait()? && !self.reached() {
                 if let Some(gone) = removed(&self.device) {
-                    self.settle();
+                    self.wait_ignoring_loss();
                     return Err(gone);
                 }
             }
@@ -102,7 +102,7 @@ impl Moment {
     }
 }
 
-impl std::fmt::Debug for Moment {
+impl std::fmt::Debug for FencePoint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Moment({}, {})", self.value, if self.reached() { "reached" } else { "to come" })
     }

@@ -5,7 +5,7 @@ use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLO
 
 use super::shader::GuidanceTextures;
 use crate::Result;
-use crate::gpu::compute::{Frames, Kernel, Resting, Shape, View};
+use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
 use crate::gpu::{Gpu, written_texture};
 
 /// Descriptors of a list that spreads motion and depth.
@@ -16,11 +16,11 @@ pub(crate) const MOTION: DXGI_FORMAT = DXGI_FORMAT_R16G16_FLOAT;
 pub(crate) const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
 
 /// Spreads tiles of motion and depth over their pixels, in lists of its own on a device's queue for frames.
-pub(crate) struct EachPixel {
+pub(crate) struct Densifier {
     gpu: Gpu,
     size: (u32, u32),
     spread: Kernel,
-    ring: Frames,
+    ring: CommandRing,
     /// Of what comes in tiles.
     each: [ID3D12Resource; 2],
 }
@@ -33,12 +33,12 @@ pub(crate) struct Held {
 }
 
 impl Held {
-    pub(crate) fn resting(&self) -> Resting<'_> {
-        Resting { resource: &self.resource, state: self.state }
+    pub(crate) fn resting(&self) -> ResourceWithState<'_> {
+        ResourceWithState { resource: &self.resource, state: self.state }
     }
 }
 
-impl EachPixel {
+impl Densifier {
     /// For pictures of `size`.
     pub(crate) fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
         let shape = Shape { constants: 4, inputs: 2, outputs: 2 };
@@ -47,14 +47,14 @@ impl EachPixel {
             gpu: gpu.clone(),
             size,
             spread: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_spread.dxbc"), shape)?,
-            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
             each: [each(MOTION)?, each(DEPTH)?],
         })
     }
 
     /// Motion and depth with one to a pixel: those that are given where they have, else textures that hold them until it is asked again.
     pub(crate) fn of(&mut self, guidance: &GuidanceTextures<'_>) -> Result<(Held, Held)> {
-        let hold = |resting: &Resting<'_>| Held { resource: resting.resource.clone(), state: resting.state };
+        let hold = |resting: &ResourceWithState<'_>| Held { resource: resting.resource.clone(), state: resting.state };
         if [guidance.motion_tile, guidance.depth_tile] == [1, 1] {
             return Ok((hold(&guidance.motion), hold(&guidance.depth)));
         }

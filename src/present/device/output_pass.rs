@@ -5,10 +5,10 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::super::area::Area;
 use super::super::upscale::{Filter, Table};
+use super::resource_cache::ResourceCache;
 use super::resting;
-use super::supply::Supply;
 use crate::gpu::compute::pictures::{Format, pitch};
-use crate::gpu::compute::{Frame, Kernel, Output, Resting, Shape, View, Words};
+use crate::gpu::compute::{CommandRecorder, Kernel, Output, ResourceWithState, Shape, View, Words};
 use crate::gpu::{Gpu, Heap, Shared, buffer, written_texture};
 use crate::texels::NITS_OF_SCRGB;
 use crate::{Colours, Error, ErrorKind, Result};
@@ -24,7 +24,7 @@ const MOST: u64 = 4 << 27;
 
 /// The shaders that bring a picture into a target: its rows, and of these its columns in the target's colours and format. A copy does the
 /// rest, so that the target need not be one that shaders write.
-pub(super) struct Canvas {
+pub(super) struct OutputPass {
     gpu: Gpu,
     rows: Kernel,
     columns: Kernel,
@@ -49,7 +49,7 @@ struct Made {
     last: Option<(Format, Colours)>,
 }
 
-impl Canvas {
+impl OutputPass {
     /// For pictures of the size `from`.
     ///
     /// # Errors
@@ -67,17 +67,17 @@ impl Canvas {
         })
     }
 
-    /// Makes it ready for frames of `size`, which keep the shape of the picture if so, with a list of `supply`'s. What frames before use lives
+    /// Makes it ready for frames of `size`, which keep the shape of the picture if so, with a list of `cache`'s. What frames before use lives
     /// until they have run.
     ///
     /// # Errors
     /// `Unsupported` for more pixels than fit into the buffers of Direct3D; `OutOfMemory`, `DeviceRemoved`.
-    pub(super) fn fit(&mut self, supply: &mut Supply, size: (u32, u32), keeps_shape: bool) -> Result<()> {
+    pub(super) fn fit(&mut self, cache: &mut ResourceCache, size: (u32, u32), keeps_shape: bool) -> Result<()> {
         let area = Area::of(self.from, size, keeps_shape);
         if !self.made.as_ref().is_some_and(|made| made.size == size && made.area == area) {
             // First, as there may not be room for both.
             self.made = None;
-            self.made = Some(Made::new(&self.gpu, supply, self.from, size, area)?);
+            self.made = Some(Made::new(&self.gpu, cache, self.from, size, area)?);
         }
         Ok(())
     }
@@ -88,7 +88,7 @@ impl Canvas {
     }
 
     /// Where the generator writes the picture.
-    pub(super) fn picture(&self) -> Resting<'_> {
+    pub(super) fn picture(&self) -> ResourceWithState<'_> {
         resting(&self.picture)
     }
 
@@ -98,7 +98,7 @@ impl Canvas {
     /// As for any frame. Nothing more is recorded then.
     pub(super) fn record(
         &mut self,
-        frame: &mut Frame<'_>,
+        frame: &mut CommandRecorder<'_>,
         format: Format,
         colours: Colours,
         target: Output<'_>,
@@ -147,7 +147,7 @@ impl Canvas {
     /// As for [`record`](Self::record).
     pub(super) fn again(
         &self,
-        frame: &mut Frame<'_>,
+        frame: &mut CommandRecorder<'_>,
         format: Format,
         colours: Colours,
         target: Output<'_>,
@@ -160,7 +160,7 @@ impl Canvas {
 }
 
 impl Made {
-    fn new(gpu: &Gpu, supply: &mut Supply, from: (u32, u32), size: (u32, u32), area: Area) -> Result<Self> {
+    fn new(gpu: &Gpu, cache: &mut ResourceCache, from: (u32, u32), size: (u32, u32), area: Area) -> Result<Self> {
         let between = u64::from(from.0) * u64::from(area.size.1) * BETWEEN;
         // Halves are the widest.
         let finished = u64::from(pitch(size.0, 8)) * u64::from(size.1);
@@ -186,9 +186,10 @@ impl Made {
         let make = |bytes: u64| buffer(gpu, Heap::Device, bytes as usize);
         let tables = make(bytes as u64)?;
         // In a list of ours: an engine's may never run.
-        let mut frame = supply.begin()?;
+        let mut frame = cache.begin()?;
         frame.stage(c"Cairn: weights for another size");
-        let from_processor = Resting { resource: written.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
+        let from_processor =
+            ResourceWithState { resource: written.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
         frame.copy_bytes(&from_processor, bytes as u64, &resting(&tables), 0)?;
         frame.end_stage();
         frame.submit(gpu.frames())?;
@@ -206,7 +207,7 @@ impl Made {
     }
 
     /// Copies what is finished over all of a target.
-    fn copy(&self, frame: &mut Frame<'_>, target: Output<'_>) -> Result<()> {
+    fn copy(&self, frame: &mut CommandRecorder<'_>, target: Output<'_>) -> Result<()> {
         let (format, _) = self.last.ok_or_else(not_ready)?;
         target.copy(frame, &resting(&self.finished), format.rows([self.size.0, self.size.1]))
     }

@@ -3,10 +3,10 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use super::Frame;
-use super::frame::Tracked;
+use super::CommandRecorder;
+use super::command_recorder::Tracked;
 use super::timing::Timing;
-use crate::gpu::{Gpu, Moment, Queue, Spent, failed_on};
+use crate::gpu::{FencePoint, Gpu, Queue, Spent, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
@@ -20,7 +20,7 @@ const RESOURCES: usize = 64;
 /// nothing, but for more than 64 resources or shaders in one.
 ///
 /// Threads: one at a time; may move between them.
-pub struct Frames {
+pub struct CommandRing {
     gpu: Gpu,
     kind: D3D12_COMMAND_LIST_TYPE,
     pub(super) heap: ID3D12DescriptorHeap,
@@ -42,7 +42,7 @@ pub(super) struct Slot {
     /// Whether its time on the device is still to be looked at.
     pub(super) is_timed: bool,
     /// Until when the device may use it.
-    pub(super) busy: Option<Moment>,
+    pub(super) busy: Option<FencePoint>,
     /// What it uses, held until then.
     pub(super) tracked: Vec<Tracked>,
     /// The shaders it runs, held as well.
@@ -55,7 +55,7 @@ pub(super) struct Slot {
 // at a time because that needs the ring exclusively.
 unsafe impl Send for Slot {}
 
-impl Frames {
+impl CommandRing {
     /// A ring for frames on a queue like `queue`, direct or compute, each with room for `descriptors` views.
     ///
     /// # Errors
@@ -86,11 +86,11 @@ impl Frames {
         Ok(Self { gpu: gpu.clone(), kind, heap, step, room: descriptors, slots, next: 0, timing })
     }
 
-    /// Starts a frame in a command list of the ring's, for [`Frame::submit`]. Waits where [`FRAMES_IN_FLIGHT`] frames are under way.
+    /// Starts a frame in a command list of the ring's, for [`CommandRecorder::submit`]. Waits where [`FRAMES_IN_FLIGHT`] frames are under way.
     ///
     /// # Errors
     /// `DeviceRemoved`.
-    pub fn begin(&mut self) -> Result<Frame<'_>> {
+    pub fn begin(&mut self) -> Result<CommandRecorder<'_>> {
         self.free_next()?;
         let slot = &self.slots[self.next];
         // SAFETY: what was recorded with it has run, or was closed and never will.
@@ -110,7 +110,7 @@ impl Frames {
     ///
     /// # Errors
     /// `InvalidArgument` for a list of another device or of another type than the ring's queue, `DeviceRemoved`.
-    pub fn begin_in(&mut self, list: &ID3D12GraphicsCommandList, until: &Moment) -> Result<Frame<'_>> {
+    pub fn begin_in(&mut self, list: &ID3D12GraphicsCommandList, until: &FencePoint) -> Result<CommandRecorder<'_>> {
         self.gpu.owns(list, "list")?;
         // SAFETY: a live list.
         if unsafe { list.GetType() } != self.kind {
@@ -125,7 +125,7 @@ impl Frames {
     /// Lets go of the resources of frames that have run: before a swap chain is resized, for one.
     pub fn let_go(&mut self) {
         for slot in &mut self.slots {
-            if slot.busy.as_ref().is_none_or(Moment::reached) {
+            if slot.busy.as_ref().is_none_or(FencePoint::reached) {
                 slot.tracked.clear();
                 slot.kernels.clear();
             }
@@ -137,7 +137,7 @@ impl Frames {
     /// # Errors
     /// `DeviceRemoved`.
     pub fn finish(&mut self) -> Result<()> {
-        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).try_for_each(Moment::wait)?;
+        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).try_for_each(FencePoint::wait)?;
         self.let_go();
         Ok(())
     }
@@ -148,8 +148,8 @@ impl Frames {
             return Err(gone);
         }
         let slot = &mut self.slots[self.next];
-        if let Some(moment) = &slot.busy {
-            moment.wait()?;
+        if let Some(fence_point) = &slot.busy {
+            fence_point.wait()?;
         }
         slot.busy = None;
         slot.tracked.clear();
@@ -162,7 +162,7 @@ impl Frames {
     /// Time on the device of the frames that have run.
     pub fn spent(&mut self) -> Spent {
         for slot in 0..self.slots.len() {
-            if self.slots[slot].busy.as_ref().is_none_or(Moment::reached) {
+            if self.slots[slot].busy.as_ref().is_none_or(FencePoint::reached) {
                 self.look(slot);
             }
         }
@@ -186,25 +186,34 @@ impl Frames {
 
     /// How many frames are under way.
     pub fn under_way(&self) -> usize {
-        self.slots.iter().filter(|slot| slot.busy.as_ref().is_some_and(|moment| !moment.reached())).count()
+        self.slots.iter().filter(|slot| slot.busy.as_ref().is_some_and(|fence_point| !fence_point.reached())).count()
     }
 
-    fn start(&mut self, list: ID3D12GraphicsCommandList, own: bool) -> Frame<'_> {
+    fn start(&mut self, list: ID3D12GraphicsCommandList, own: bool) -> CommandRecorder<'_> {
         let slot = self.next;
         self.next = (slot + 1) % FRAMES_IN_FLIGHT;
         let timing = self.timing.as_ref().map(|timing| (timing, slot));
-        Frame::new(&self.gpu, &self.heap, (self.step, self.room), self.kind, timing, &mut self.slots[slot], list, own)
+        CommandRecorder::new(
+            &self.gpu,
+            &self.heap,
+            (self.step, self.room),
+            self.kind,
+            timing,
+            &mut self.slots[slot],
+            list,
+            own,
+        )
     }
 }
 
-impl Drop for Frames {
+impl Drop for CommandRing {
     fn drop(&mut self) {
         // The device may still use what is freed next.
-        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).for_each(Moment::settle);
+        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).for_each(FencePoint::wait_ignoring_loss);
     }
 }
 
-impl std::fmt::Debug for Frames {
+impl std::fmt::Debug for CommandRing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let busy = self.under_way();
         write!(f, "Frames({busy} of {FRAMES_IN_FLIGHT} under way)")

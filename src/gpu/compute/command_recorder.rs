@@ -6,11 +6,11 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
 use super::barrier::{all_written, borrowed, transition, written};
-use super::frames::Slot;
+use super::command_ring::Slot;
 use super::timing::Timing;
-use super::{Kernel, Resting, View};
+use super::{Kernel, ResourceWithState, View};
 use crate::gpu::queue::EVENT_OF_BYTES;
-use crate::gpu::{Gpu, Moment, Queue, failed_on};
+use crate::gpu::{FencePoint, Gpu, Queue, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// What a shader may read a resource in.
@@ -20,7 +20,7 @@ const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
 /// A frame that is being recorded. Dropped before it is handed on, one in a list of the ring's is forgotten, and one in an engine's
 /// list leaves what it has recorded there, with every resource in the state it rests in.
-pub struct Frame<'a> {
+pub struct CommandRecorder<'a> {
     gpu: &'a Gpu,
     heap: &'a ID3D12DescriptorHeap,
     /// Bytes from one descriptor to the next.
@@ -54,7 +54,7 @@ pub(super) struct Tracked {
     current: D3D12_RESOURCE_STATES,
 }
 
-impl<'a> Frame<'a> {
+impl<'a> CommandRecorder<'a> {
     #[expect(clippy::too_many_arguments, reason = "the parts of the ring that a frame has")]
     pub(super) fn new(
         gpu: &'a Gpu,
@@ -81,7 +81,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// `InvalidArgument` for a frame in an engine's list, which the engine submits, and for a queue of another kind;
     /// `DeviceRemoved`.
-    pub fn submit(mut self, queue: &Queue) -> Result<Moment> {
+    pub fn submit(mut self, queue: &Queue) -> Result<FencePoint> {
         let refuse = |why: &str, field: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         if !self.own {
             return refuse("the frame is in an engine's list, which the engine submits", "frame");
@@ -95,9 +95,9 @@ impl<'a> Frame<'a> {
         // SAFETY: an open list.
         unsafe { self.list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
         self.open = false;
-        let moment = queue.submit(&[self.slot.closed(self.gpu)?])?;
-        self.slot.busy = Some(moment.clone());
-        Ok(moment)
+        let fence_point = queue.submit(&[self.slot.closed(self.gpu)?])?;
+        self.slot.busy = Some(fence_point.clone());
+        Ok(fence_point)
     }
 
     /// Runs a shader over `groups` of its threads. What it needs of the frame before is there: writes are waited for.
@@ -175,9 +175,9 @@ impl<'a> Frame<'a> {
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states. Nothing is recorded then.
     pub(crate) fn copy_rows(
         &mut self,
-        from: &Resting<'_>,
+        from: &ResourceWithState<'_>,
         rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,
-        to: &Resting<'_>,
+        to: &ResourceWithState<'_>,
     ) -> Result<()> {
         self.takes(from)?;
         self.takes(to)?;
@@ -203,7 +203,13 @@ impl<'a> Frame<'a> {
     ///
     /// # Errors
     /// As for [`copy_rows`](Self::copy_rows).
-    pub(crate) fn copy_bytes(&mut self, from: &Resting<'_>, bytes: u64, to: &Resting<'_>, at: u64) -> Result<()> {
+    pub(crate) fn copy_bytes(
+        &mut self,
+        from: &ResourceWithState<'_>,
+        bytes: u64,
+        to: &ResourceWithState<'_>,
+        at: u64,
+    ) -> Result<()> {
         self.takes(from)?;
         self.takes(to)?;
         self.becomes(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
@@ -238,7 +244,7 @@ impl<'a> Frame<'a> {
     ///
     /// # Errors
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states.
-    pub(crate) fn bring(&mut self, given: &Resting<'_>, state: D3D12_RESOURCE_STATES) -> Result<()> {
+    pub(crate) fn bring(&mut self, given: &ResourceWithState<'_>, state: D3D12_RESOURCE_STATES) -> Result<()> {
         self.takes(given)?;
         self.becomes(given, state);
         self.flush();
@@ -257,7 +263,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Refuses a resource whose state does not fit: one that the queue does not know, or another than it was given in before.
-    pub(crate) fn takes(&self, given: &Resting<'_>) -> Result<()> {
+    pub(crate) fn takes(&self, given: &ResourceWithState<'_>) -> Result<()> {
         let known = WRITTEN
             | READ
             | D3D12_RESOURCE_STATE_COPY_DEST
@@ -282,7 +288,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Brings a resource into the state that the next dispatch needs.
-    fn becomes(&mut self, given: &Resting<'_>, needed: D3D12_RESOURCE_STATES) {
+    fn becomes(&mut self, given: &ResourceWithState<'_>, needed: D3D12_RESOURCE_STATES) {
         let at = self.tracked(given.resource).unwrap_or_else(|| {
             let (resource, resting) = (given.resource.clone(), given.state);
             self.slot.tracked.push(Tracked { resource, resting, current: resting });
@@ -345,7 +351,7 @@ impl<'a> Frame<'a> {
     }
 }
 
-impl Drop for Frame<'_> {
+impl Drop for CommandRecorder<'_> {
     fn drop(&mut self) {
         if !self.open {
             return;
@@ -360,7 +366,7 @@ impl Drop for Frame<'_> {
     }
 }
 
-impl std::fmt::Debug for Frame<'_> {
+impl std::fmt::Debug for CommandRecorder<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Frame({} resources)", self.slot.tracked.len())
     }

@@ -10,12 +10,12 @@ use super::{Chain, Described};
 
 /// A field, as a host knows it, and what may be wrong with it.
 #[derive(Debug, Clone)]
-pub(super) struct Suspect {
+pub(super) struct Diagnosis {
     pub(super) field: &'static str,
     pub(super) why: Cow<'static, str>,
 }
 
-impl Suspect {
+impl Diagnosis {
     const fn new(field: &'static str, why: &'static str) -> Self {
         Self { field, why: Cow::Borrowed(why) }
     }
@@ -131,7 +131,7 @@ mod tests {
     /// The suspects of codes 1 to 8.
     fn of<Head: Described>(chain: &Chain<Head>) -> [&'static str; 8] {
         [1, 2, 3, 4, 5, 6, 7, 8].map(|code| {
-            let Suspect { field, why } = Suspect::of(chain, ReturnCode(code));
+            let Diagnosis { field, why } = Diagnosis::of(chain, ReturnCode(code));
             assert!(!why.is_empty());
             field
         })
@@ -159,15 +159,15 @@ mod tests {
                 assert_eq!(made, [w, p, w, version, d, "description", p, w]);
             }
         }
-        assert_eq!(Suspect::OF_END.field, "context");
+        assert_eq!(Diagnosis::OF_END.field, "context");
     }
 
     #[test]
     fn what_is_not_known_is_the_newest_struct_of_the_chain() {
         let chain = made::<CreateFrameGeneration>(true).with(CreateFrameGenerationHudless::default());
-        assert!(Suspect::of(&chain, ReturnCode::UNKNOWN_STRUCT).why.contains("FRAME_GENERATION_HUDLESS"));
+        assert!(Diagnosis::of(&chain, ReturnCode::UNKNOWN_STRUCT).why.contains("FRAME_GENERATION_HUDLESS"));
         let chain = Chain::new(DispatchPrepareV2::default());
-        assert!(Suspect::of(&chain, ReturnCode::STRUCT_TOO_NEW).why.contains("FRAME_GENERATION_PREPARE_V2"));
+        assert!(Diagnosis::of(&chain, ReturnCode::STRUCT_TOO_NEW).why.contains("FRAME_GENERATION_PREPARE_V2"));
     }
 
     #[test]

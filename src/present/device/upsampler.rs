@@ -3,14 +3,14 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
 
+use super::resource_cache::Textures;
 use super::resting;
-use super::supply::Textures;
 use crate::Result;
 use crate::ffx::bindings::{CreateUpscale, UpscaleCreateFlags, UpscaleFlags};
 use crate::ffx::{Api, Choice, TextureUpscaler, UpscalePictures, UpscaleShot, Version};
-use crate::framegen::each_pixel::{DEPTH, EachPixel, MOTION};
+use crate::framegen::densify::{DEPTH, Densifier, MOTION};
 use crate::framegen::fsr::{Place, camera, dimensions};
-use crate::gpu::compute::{Frames, Kernel, Shape, View};
+use crate::gpu::compute::{CommandRing, Kernel, Shape, View};
 use crate::gpu::{Gpu, written_texture};
 use crate::guidance::{Projection, paper};
 
@@ -27,16 +27,16 @@ const GROUP: u32 = 8;
 /// left out, and after a cut, it starts anew.
 ///
 /// What it makes is in lists of its own, submitted at once, so that an engine's list that is dropped leaves its history whole.
-pub(super) struct Enlarger {
+pub(super) struct Upsampler {
     upscaler: TextureUpscaler,
     gpu: Gpu,
     from: (u32, u32),
     to: (u32, u32),
-    each: EachPixel,
+    each: Densifier,
     /// Motion and depth of what has none: no motion.
     still: Textures,
     enlarge: Kernel,
-    ring: Frames,
+    ring: CommandRing,
     anchors: Vec<(Option<Place>, ID3D12Resource)>,
     pairs: Vec<(Option<Place>, Textures)>,
     /// The places of either that are taken next.
@@ -56,7 +56,7 @@ pub(super) struct Small<'a> {
     pub(super) interval_ms: f32,
 }
 
-impl Enlarger {
+impl Upsampler {
     /// Makes it ready for anchors of the size `from`, RGBA8 in sRGB, that are to have the size `to`.
     ///
     /// # Errors
@@ -77,7 +77,7 @@ impl Enlarger {
             gpu: gpu.clone(),
             from,
             to,
-            each: EachPixel::new(gpu, from)?,
+            each: Densifier::new(gpu, from)?,
             // Memory of the device is zero where nothing was written.
             still: Textures::new(gpu, from, [1, 1])?,
             enlarge: Kernel::new(
@@ -85,7 +85,7 @@ impl Enlarger {
                 include_bytes!("../../gpu/shaders/fsr_enlarge.dxbc"),
                 Shape { constants: 6, inputs: 2, outputs: 2 },
             )?,
-            ring: Frames::new(gpu, gpu.frames(), ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
             anchors: (0..ANCHORS).map(|_| anchor()).collect::<Result<_>>()?,
             pairs: (0..PAIRS).map(|_| pair()).collect::<Result<_>>()?,
             next: [0; 2],

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::clone::Clone;
+use crate::workspace::Workspace;
 
 /// Of bytes.
 const GB: u64 = 1_000_000_000;
@@ -12,12 +12,12 @@ const FROM_NOTHING: u64 = 13 * GB;
 const BUILT_BEFORE: u64 = 2 * GB;
 
 /// Refuses to begin where the target directory's disk is too full for all runners.
-pub(super) fn require(clone: &Clone) -> Result<(), String> {
-    fs::create_dir_all(&clone.target).map_err(|e| format!("{}: {e}", clone.target.display()))?;
+pub(super) fn require(workspace: &Workspace) -> Result<(), String> {
+    fs::create_dir_all(&workspace.target).map_err(|e| format!("{}: {e}", workspace.target.display()))?;
     // A file system that does not tell is not a reason to stop.
-    let Ok(free) = fs4::available_space(&clone.target) else { return Ok(()) };
+    let Ok(free) = fs4::available_space(&workspace.target) else { return Ok(()) };
     // Built last of all compiled code.
-    let built = clone.target.join("tsan").is_dir();
+    let built = workspace.target.join("tsan").is_dir();
     let needed = if built { BUILT_BEFORE } else { FROM_NOTHING };
     if free >= needed {
         return Ok(());
@@ -26,7 +26,7 @@ pub(super) fn require(clone: &Clone) -> Result<(), String> {
         "all tests need about {} GB in {}, and {:.1} GB are free there. Make room, or let CARGO_TARGET_DIR name a folder on \
          another disk; `cargo xtask test RUNNER` runs a part that needs less",
         needed / GB,
-        clone.target.display(),
+        workspace.target.display(),
         free as f64 / GB as f64
     ))
 }

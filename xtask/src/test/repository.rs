@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::Context;
 use super::tally::Tally;
-use crate::clone::Clone;
 use crate::shell::Log;
+use crate::workspace::Workspace;
 
 /// Longer than this is more than one concept.
 const LONGEST_FILE: usize = 600;
@@ -36,14 +36,14 @@ const ENDINGS: [&str; 16] =
     ["rs", "hlsl", "c", "h", "cpp", "hpp", "cs", "csproj", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let clone = context.clone;
-    let files = clone.files()?;
+    let workspace = context.workspace;
+    let files = workspace.files()?;
     let mut tally = Tally::default();
     for (rule, finds) in [
-        ("file lengths", long_files(clone, &files)?),
-        ("unfinished work", unfinished(clone, &files)?),
-        ("links and file names in texts", dead_references(clone, &files)?),
-        ("rooms use only those below", upward_uses(clone, &files)?),
+        ("file lengths", long_files(workspace, &files)?),
+        ("unfinished work", unfinished(workspace, &files)?),
+        ("links and file names in texts", dead_references(workspace, &files)?),
+        ("rooms use only those below", upward_uses(workspace, &files)?),
     ] {
         log.line(&format!("{rule}: {} found", finds.len()))?;
         for find in &finds {
@@ -58,10 +58,10 @@ fn ends_with_one_of(file: &str, endings: &[&str]) -> bool {
     Path::new(file).extension().is_some_and(|ending| endings.iter().any(|e| ending == *e))
 }
 
-fn long_files(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+fn long_files(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
     let mut finds = Vec::new();
     for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "py"])) {
-        let lines = clone.read(file)?.lines().count();
+        let lines = workspace.read(file)?.lines().count();
         if lines > LONGEST_FILE {
             finds.push(format!("{file} has {lines} lines, more than {LONGEST_FILE}"));
         }
@@ -69,10 +69,10 @@ fn long_files(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
     Ok(finds)
 }
 
-fn unfinished(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+fn unfinished(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
     let mut finds = Vec::new();
     for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "hlsl", "cs", "py", "md", "toml"])) {
-        for (number, line) in clone.read(file)?.lines().enumerate() {
+        for (number, line) in workspace.read(file)?.lines().enumerate() {
             for (first, second) in UNFINISHED {
                 if line.contains(&format!("{first}{second}")) {
                     finds.push(format!("{file}:{}: {first}{second}", number + 1));
@@ -83,20 +83,20 @@ fn unfinished(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
     Ok(finds)
 }
 
-fn dead_references(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+fn dead_references(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
     let mut finds = Vec::new();
     for file in files.iter().filter(|file| ends_with_one_of(file, &["md", "rs", "py", "toml"])) {
-        let text = clone.read(file)?;
+        let text = workspace.read(file)?;
         let is_page = ends_with_one_of(file, &["md"]);
         for (number, line) in text.lines().enumerate() {
             // A text may name a file from the root of the clone, or from any folder that it lies in itself.
             let exists =
-                |path: &str| Path::new(file).ancestors().skip(1).any(|f| clone.root.join(f).join(path).exists());
+                |path: &str| Path::new(file).ancestors().skip(1).any(|f| workspace.root.join(f).join(path).exists());
             for path in named_files(line).filter(|path| !exists(path)) {
                 finds.push(format!("{file}:{} names {path}, which is not there", number + 1));
             }
             for target in if is_page { links(line) } else { Vec::new() } {
-                if let Some(why) = dead_link(clone, file, &text, target) {
+                if let Some(why) = dead_link(workspace, file, &text, target) {
                     finds.push(format!("{file}:{}: {why}", number + 1));
                 }
             }
@@ -118,13 +118,13 @@ fn links(line: &str) -> Vec<&str> {
 }
 
 /// Why a link leads nowhere; links to other sites are not followed.
-fn dead_link(clone: &Clone, page: &str, text: &str, target: &str) -> Option<String> {
+fn dead_link(workspace: &Workspace, page: &str, text: &str, target: &str) -> Option<String> {
     if target.contains("://") || target.starts_with("mailto:") {
         return None;
     }
     let (path, heading) = target.split_once('#').unwrap_or((target, ""));
     let folder = Path::new(page).parent().unwrap_or(Path::new(""));
-    let linked = clone.root.join(folder).join(path);
+    let linked = workspace.root.join(folder).join(path);
     if !path.is_empty() && !linked.exists() {
         return Some(format!("the link {target} leads to no file"));
     }
@@ -147,13 +147,15 @@ fn headings(text: &str) -> BTreeSet<String> {
         .collect()
 }
 
-fn upward_uses(clone: &Clone, files: &[String]) -> Result<Vec<String>, String> {
+fn upward_uses(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
     let mut finds = Vec::new();
     for file in files.iter().filter(|file| file.starts_with("src/") && ends_with_one_of(file, &["rs"])) {
         let place = file.trim_start_matches("src/").split(['/', '.']).next().unwrap_or_default();
         let Some(room) = ROOMS.iter().position(|room| *room == place) else { continue };
         // Comments may point up; code may not.
-        for (number, line) in clone.read(file)?.lines().enumerate().filter(|(_, line)| !line.trim().starts_with("//")) {
+        for (number, line) in
+            workspace.read(file)?.lines().enumerate().filter(|(_, line)| !line.trim().starts_with("//"))
+        {
             for above in ROOMS[..room].iter().filter(|above| line.contains(&format!("crate::{above}"))) {
                 finds.push(format!("{file}:{} uses {above}, which is above {place}", number + 1));
             }
