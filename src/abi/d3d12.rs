@@ -53,6 +53,10 @@ pub(super) struct DeviceFigures {
     pub(super) frames: DeviceTimes,
     /// Lists that bring what they are made of.
     pub(super) lists: DeviceTimes,
+    /// Which generator made the last frame, none for the processor, and why no other did; none before the first.
+    pub(super) generator: Option<(Option<String>, String)>,
+    /// What brought the last frame to its size, and why AMD's upscaler did not; none where the processor made it.
+    pub(super) upscaler: Option<(String, String)>,
 }
 
 /// What a rollout has taken on the device, and how its passes run there.

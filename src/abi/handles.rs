@@ -107,16 +107,19 @@ impl<T> Entered<T> {
         if !self.is_nested {
             return Ok(part.lock());
         }
-        part.try_lock().ok_or_else(|| {
-            Failure::new(CAIRN_ERROR_BUSY, "the object is in use: this is a callback of a call on it")
-                .remedy("Call it after that call")
-        })
+        part.try_lock().ok_or_else(in_use)
     }
 
     /// The object for keeps, also when its handle is gone.
     pub(super) fn share(&self) -> Arc<T> {
         self.object.clone()
     }
+}
+
+/// A callback asks for what the call that it comes from has locked.
+pub(super) fn in_use() -> Failure {
+    Failure::new(CAIRN_ERROR_BUSY, "the object is in use: this is a callback of a call on it")
+        .remedy("Call it after that call")
 }
 
 impl<T> Deref for Entered<T> {

@@ -2,19 +2,16 @@
 
 use std::time::Duration;
 
-use parking_lot::Mutex;
-
 use super::anchor::cairn_anchor;
 use super::boundary::call;
-use super::d3d12::behind::{Amd, HAS_SHADERS, Prepared, Recording, put};
-use super::d3d12::{Recorded, To, cairn_d3d12_preparation};
+use super::d3d12::behind::{self, HAS_SHADERS};
+use super::d3d12::{DeviceFigures, Recorded, To, cairn_d3d12_preparation};
 use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
 use super::images::{Target, cairn_target};
 use super::preferences::{choose, colours};
 use super::results::{
-    CAIRN_ERROR_BUSY, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL,
-    Failure, Outcome, cairn_result,
+    CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result,
 };
 use super::structs::{Out, check_out, describe, read_or_default, slice};
 use crate::Colours;
@@ -83,19 +80,14 @@ pub struct cairn_presenter(());
 pub(super) struct Presenting {
     pub(super) presenter: Presenter,
     colours: Colours,
-    /// How AMD's generator is preferred, and that of shaders.
-    fsr: u32,
-    shader: u32,
-    /// How AMD's upscaler is.
-    upscaler: u32,
+    /// The first of fsr, shader and upscaler that is required.
+    required: Option<&'static str>,
     /// The generator on the processor; empty where it is not used.
     generator: &'static str,
     /// Why a preference was not met.
     preference: String,
-    /// What frames for Direct3D 12 are recorded with.
-    pub(super) recording: Mutex<Recording>,
-    /// Whoever prepares holds it; behind what uses AMD's libraries, which it keeps loaded.
-    preparing: Mutex<Amd>,
+    /// Makes frames for Direct3D 12.
+    renderer: behind::Renderer,
 }
 
 impl Handle for cairn_presenter {
@@ -116,7 +108,7 @@ impl Presenting {
             return Err(Failure::no_d3d12());
         }
         // SAFETY: the caller's promise.
-        unsafe { self.recording.lock().record(&self.request(), device, now, to) }
+        unsafe { behind::record(&self.renderer, &self.presenter, device, now, to) }
     }
 
     /// Makes all that frames need, and uses it from then on; false where it is not known how large anchors are. Frames are recorded meanwhile.
@@ -124,60 +116,32 @@ impl Presenting {
         if !device.is_gpu() {
             return Err(Failure::no_d3d12());
         }
-        let Some(mut amd) = self.preparing.try_lock() else {
-            return Err(Failure::new(CAIRN_ERROR_BUSY, "another thread prepares the presenter")
-                .remedy("Wait for that call to return"));
-        };
-        let request = self.request();
-        let made = match Prepared::new(&request, device, wanted, &mut amd) {
-            Err(why) if why.code == CAIRN_ERROR_OUT_OF_MEMORY && put(&self.recording, None) => {
-                log::info!("what was prepared before is released, as there is no memory for both");
-                Prepared::new(&request, device, wanted, &mut amd)
-            }
-            made => made,
-        }?;
-        let is_known = made.is_some();
-        if is_known {
-            put(&self.recording, made);
-        }
-        Ok(is_known)
+        behind::prepare(&self.renderer, &self.presenter, device, wanted)
     }
 
-    fn request(&self) -> RenderRequest<'_> {
-        let Self { presenter, colours, fsr, shader, upscaler, .. } = self;
-        RenderRequest { presenter, colours: *colours, fsr: *fsr, shader: *shader, upscaler: *upscaler }
-    }
-
-    /// Waits until all frames have run, and lets go of their targets.
+    /// Waits until all frames have run, and releases their targets.
     pub(super) fn release(&self) -> Outcome<()> {
-        self.recording.lock().release()
+        behind::release(&self.renderer)
+    }
+
+    /// What frames for Direct3D 12 have taken and who made them; none where the call is nested in one that records.
+    pub(super) fn device_figures(&self, is_nested: bool) -> Option<DeviceFigures> {
+        behind::figures(&self.renderer, &self.presenter, is_nested)
     }
 
     /// What brought frames to their size last, and why AMD's upscaler did not.
-    pub(super) fn scaled_by(&self, recording: &mut Recording) -> (String, String) {
-        if let Some(said) = recording.scaled_by() {
-            return said;
-        }
-        let scales = self.presenter.size().zip(self.presenter.anchor_size()).is_some_and(|(size, of)| size != of);
-        (if scales { "spatial" } else { "" }.to_owned(), String::new())
+    pub(super) fn scaled_by(&self, figures: &DeviceFigures) -> (String, String) {
+        figures.upscaler.clone().unwrap_or_else(|| {
+            let scales = self.presenter.size().zip(self.presenter.anchor_size()).is_some_and(|(size, of)| size != of);
+            (if scales { "spatial" } else { "" }.to_owned(), String::new())
+        })
     }
 
     /// The generator of the frame that was made last, and why no other is used.
-    pub(super) fn used(&self, recording: &mut Recording) -> (String, String) {
-        let used = recording.used(&self.presenter);
-        let (recorded, why) = used.unwrap_or_else(|| (None, self.preference.clone()));
+    pub(super) fn used(&self, figures: &DeviceFigures) -> (String, String) {
+        let (recorded, why) = figures.generator.clone().unwrap_or_else(|| (None, self.preference.clone()));
         (recorded.unwrap_or_else(|| self.generator.to_owned()), why)
     }
-}
-
-/// What frames for Direct3D 12 are recorded of, and how.
-#[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door reads it"))]
-pub(super) struct RenderRequest<'a> {
-    pub(super) presenter: &'a Presenter,
-    pub(super) colours: Colours,
-    pub(super) fsr: u32,
-    pub(super) shader: u32,
-    pub(super) upscaler: u32,
 }
 
 /// How anchors are shown. All zero: two frames to an anchor, one interval after they come.
@@ -357,8 +321,7 @@ pub unsafe extern "C" fn cairn_presenter_draw(
         let presenting = enter_alone(presenter)?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
-        let required = [("fsr", presenting.fsr), ("shader", presenting.shader), ("upscaler", presenting.upscaler)];
-        if let Some((name, _)) = required.into_iter().find(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE) {
+        if let Some(name) = presenting.required {
             let why = format!("what options.{name} requires makes no frames in memory");
             return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why)
                 .remedy("Record frames for Direct3D 12, or do not require it"));
@@ -540,17 +503,10 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
     if HAS_SHADERS && options.shader != CAIRN_PREFER_NEVER {
         presenter = presenter.with_phases(Phases::Any);
     }
-    Ok(Presenting {
-        presenter,
-        colours,
-        fsr: options.fsr,
-        shader: options.shader,
-        upscaler: options.upscaler,
-        generator: name,
-        preference,
-        recording: Mutex::default(),
-        preparing: Mutex::default(),
-    })
+    let preferences = [("fsr", options.fsr), ("shader", options.shader), ("upscaler", options.upscaler)];
+    let required = preferences.into_iter().find(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE);
+    let (required, renderer) = (required.map(|(name, _)| name), behind::renderer(options, colours));
+    Ok(Presenting { presenter, colours, required, generator: name, preference, renderer })
 }
 
 pub(super) fn to_header(shown: &FrameInfo) -> cairn_frame {

@@ -4,7 +4,7 @@ use std::ffi::c_char;
 use std::time::Duration;
 
 use super::boundary::call;
-use super::handles::enter;
+use super::handles::{enter, in_use};
 use super::presenter::cairn_presenter;
 use super::results::{CAIRN_OK, cairn_result};
 use super::rollout::{cairn_rollout, nanoseconds};
@@ -269,13 +269,11 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         let presenting = enter(presenter)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
-        let mut recording = presenting.lock_part(&presenting.recording)?;
         // First, as it may find out more.
-        let (generator, preference) = presenting.used(&mut recording);
-        let (upscaler, upscaling) = presenting.scaled_by(&mut recording);
+        let device = presenting.device_figures(presenting.is_nested()).ok_or_else(in_use)?;
+        let (generator, preference) = presenting.used(&device);
+        let (upscaler, upscaling) = presenting.scaled_by(&device);
         let done = presenting.presenter.statistics();
-        let device = recording.figures();
-        drop(recording);
         statistics.write(&cairn_presenter_statistics {
             struct_size: 0,
             reserved: 0,

@@ -2,6 +2,8 @@
 
 mod area;
 #[cfg(windows)]
+pub mod d3d12;
+#[cfg(windows)]
 pub mod device;
 mod drawer;
 mod governor;

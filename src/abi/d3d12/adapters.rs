@@ -3,31 +3,32 @@
 use super::*;
 use crate::gpu::adapters;
 
-/// Has the host give pipelines that a device had in an earlier run. What is wrong with them is no failure: they are made anew.
-pub(super) fn load_pipelines(
-    gpu: &Gpu,
+/// Pipelines that the host kept of an earlier run; none where it has none, or what it gives cannot be taken.
+pub(super) fn loaded_pipelines(
     load: unsafe extern "C" fn(*mut c_void, u64, *mut c_void) -> u64,
     user: *mut c_void,
-) {
+) -> Option<Vec<u8>> {
     /// More than all pipelines could take.
     const MOST: u64 = 1 << 30;
     // SAFETY: a function of the host's, asked for the size as its documentation says.
     let size = unsafe { load(std::ptr::null_mut(), 0, user) };
     if size == 0 {
-        return;
+        return None;
     }
     let mut bytes = Vec::new();
     let has_room = size <= MOST && bytes.try_reserve_exact(size as usize).is_ok();
     if !has_room {
         log::warn!("{size} bytes of pipelines are not loaded: they are too many");
-        return;
+        return None;
     }
     bytes.resize(size as usize, 0);
     // SAFETY: as above, with so many bytes that may be written.
     let given = unsafe { load(bytes.as_mut_ptr().cast(), size, user) };
-    if given != size || !gpu.pipelines().load(gpu, &bytes) {
-        log::info!("pipelines are made anew: those that were loaded are damaged, or of another driver or version");
+    if given != size {
+        log::info!("pipelines are made anew: {given} of {size} bytes were loaded");
+        return None;
     }
+    Some(bytes)
 }
 
 /// The adapters, in the system's order.

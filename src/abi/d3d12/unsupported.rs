@@ -1,9 +1,7 @@
 //! What stands behind the doors of Direct3D 12 where it is not there.
 
-use parking_lot::Mutex;
-
 use super::super::device::DeviceOptions;
-use super::super::presenter::RenderRequest;
+use super::super::presenter::cairn_presenter_options;
 use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
 };
@@ -12,10 +10,10 @@ use super::{
     DeviceFigures, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutFigures, To,
     cairn_d3d12_options, cairn_d3d12_preparation,
 };
-use crate::Picture;
 use crate::present::presenter::Presenter;
 use crate::runtime::Device;
 use crate::world::{KeptAnchor, Rollout};
+use crate::{Colours, Picture};
 
 /// # Safety
 /// Nothing is asked for.
@@ -57,60 +55,29 @@ pub(in crate::abi) fn texture(_: &KeptAnchor, _: u32) -> Outcome<Guarded> {
 /// Whether frames can be made by shaders.
 pub(in crate::abi) const HAS_SHADERS: bool = false;
 
-/// AMD's libraries: none.
-#[derive(Default)]
-pub(in crate::abi) struct Amd;
+/// Makes no frames: there is nothing to make them with.
+pub(in crate::abi) struct Renderer;
 
-/// All that frames need: there is no such thing.
-pub(in crate::abi) enum Prepared {}
-
-impl Prepared {
-    pub(in crate::abi) fn new(
-        _: &RenderRequest<'_>,
-        _: &Device,
-        _: &cairn_d3d12_preparation,
-        _: &mut Amd,
-    ) -> Outcome<Option<Self>> {
-        Err(Failure::no_d3d12())
-    }
+pub(in crate::abi) fn renderer(_: &cairn_presenter_options, _: Colours) -> Renderer {
+    Renderer
 }
 
-pub(in crate::abi) fn put(_: &Mutex<Recording>, _: Option<Prepared>) -> bool {
-    false
+pub(in crate::abi) fn prepare(_: &Renderer, _: &Presenter, _: &Device, _: &cairn_d3d12_preparation) -> Outcome<bool> {
+    Err(Failure::no_d3d12())
 }
 
-/// What frames are recorded with: nothing.
-#[derive(Default)]
-pub(in crate::abi) struct Recording;
+/// # Safety
+/// Nothing is asked for.
+pub(in crate::abi) unsafe fn record(_: &Renderer, _: &Presenter, _: &Device, _: u64, _: &To) -> Outcome<Recorded> {
+    Err(Failure::no_d3d12())
+}
 
-impl Recording {
-    /// # Safety
-    /// Nothing is asked for.
-    pub(in crate::abi) unsafe fn record(
-        &mut self,
-        _: &RenderRequest<'_>,
-        _: &Device,
-        _: u64,
-        _: &To,
-    ) -> Outcome<Recorded> {
-        Err(Failure::no_d3d12())
-    }
+pub(in crate::abi) fn figures(_: &Renderer, _: &Presenter, _: bool) -> Option<DeviceFigures> {
+    Some(DeviceFigures::default())
+}
 
-    pub(in crate::abi) fn release(&mut self) -> Outcome<()> {
-        Err(Failure::no_d3d12())
-    }
-
-    pub(in crate::abi) fn figures(&mut self) -> DeviceFigures {
-        DeviceFigures::default()
-    }
-
-    pub(in crate::abi) fn scaled_by(&mut self) -> Option<(String, String)> {
-        None
-    }
-
-    pub(in crate::abi) fn used(&mut self, _: &Presenter) -> Option<(Option<String>, String)> {
-        None
-    }
+pub(in crate::abi) fn release(_: &Renderer) -> Outcome<()> {
+    Err(Failure::no_d3d12())
 }
 
 pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
