@@ -1,13 +1,37 @@
 //! The one error type of the library: what went wrong, where, and what to do.
 
+use std::any::Any;
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Result with [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// What a panic said, where it said anything.
-pub(crate) fn panic_text(payload: &(dyn std::any::Any + Send)) -> Option<&str> {
+pub(crate) fn panic_text(payload: &(dyn Any + Send)) -> Option<&str> {
     payload.downcast_ref::<String>().map(String::as_str).or_else(|| payload.downcast_ref().copied())
+}
+
+/// Does `work`; a panic in it is logged and becomes an error of kind [`ErrorKind::Internal`].
+pub(crate) fn catch_panic<T, E: From<Error>>(work: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
+        let what = panic_text(&*payload).unwrap_or("no message");
+        let error =
+            Error::new(ErrorKind::Internal, format!("a fault of the library: {what}")).remedy("Please report it");
+        discard(payload);
+        let _ = catch_unwind(|| log::error!(target: "cairn", "{error}"));
+        Err(error.into())
+    })
+}
+
+/// Drops what a panic threw. That is foreign code and may panic as well: what it throws is kept from dropping unless it is text.
+fn discard(payload: Box<dyn Any + Send>) {
+    if let Err(again) = catch_unwind(AssertUnwindSafe(|| drop(payload)))
+        && !again.is::<&str>()
+        && !again.is::<String>()
+    {
+        std::mem::forget(again);
+    }
 }
 
 /// The class of a failure. A host decides by this; people read the message.
@@ -37,6 +61,10 @@ pub enum ErrorKind {
     Busy,
     /// The caller asked to stop.
     Cancelled,
+    /// The object was left half done by a fault of the library; it can only be dropped.
+    Poisoned,
+    /// A fault of the library: a panic.
+    Internal,
 }
 
 /// A failure with its cause, the offending field where there is one, and a remedy where one is known.

@@ -4,7 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cairn::bundle::Precision;
-use cairn::world::{CacheMode, CachePass, ControlInput, OperatingPoint, Part, Rollout, Schedule, World, WorldOptions};
+use cairn::world::{
+    CacheMode, CachePass, ControlInput, Job, OperatingPoint, Part, Rollout, Schedule, TicketState, Worker, World,
+    WorldOptions,
+};
 use cairn::{ErrorKind, Picture};
 
 mod common;
@@ -23,6 +26,38 @@ fn steps(rollout: &mut Rollout, range: std::ops::Range<u64>) {
     for i in range {
         rollout.step(&controls(i)).expect("a step");
     }
+}
+
+#[test]
+fn a_worker_runs_queued_steps_in_order_and_cancels_what_waits() {
+    let world = world("tiny");
+    let mut alone = seeded(&world, &point(&world), 7);
+    steps(&mut alone, 0..3);
+    let worker = Worker::new(seeded(&world, &point(&world), 7), 3);
+    let submit = |i| worker.submit(Job::Step(controls(i))).expect("it is queued");
+    let tickets = [0, 1, 2].map(|i| submit(i).expect("there is room"));
+    assert_eq!(submit(3), None, "the queue is full");
+    let ended = |ticket| match worker.ticket(ticket, None, false, |_| Ok::<_, cairn::Error>(())).expect("a ticket") {
+        TicketState::Over(result) => result,
+        TicketState::Open => panic!("it was waited for without a limit"),
+    };
+    for ticket in tickets {
+        assert!(ended(ticket).is_ok());
+    }
+    let twice = worker.ticket(tickets[0], None, false, |_| Ok::<_, cairn::Error>(()));
+    assert_eq!(twice.expect_err("it is over").kind(), ErrorKind::InvalidArgument);
+    assert!(
+        fingerprint(&mut worker.alone().expect("nothing runs").rollout).expect("bits")
+            == fingerprint(&mut alone).expect("bits")
+    );
+
+    worker.pause(true);
+    let waiting = submit(3).expect("there is room");
+    assert_eq!(worker.alone().expect_err("a step waits").kind(), ErrorKind::Busy);
+    worker.cancel();
+    assert_eq!(ended(waiting).expect_err("it was cancelled").kind(), ErrorKind::Cancelled);
+    worker.close();
+    assert_eq!(worker.submit(Job::Step(controls(3))).expect_err("it ends").kind(), ErrorKind::Cancelled);
 }
 
 #[test]

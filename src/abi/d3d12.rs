@@ -11,8 +11,8 @@ use super::presenter::{cairn_frame, cairn_presenter, to_header};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out, describe, read};
-use super::worker::Job;
 use crate::present::presenter::FrameInfo;
+use crate::world::Job;
 
 #[cfg_attr(windows, path = "d3d12/windows.rs")]
 #[cfg_attr(not(windows), path = "d3d12/unsupported.rs")]

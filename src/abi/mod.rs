@@ -17,7 +17,7 @@
 //!
 //! Behind them, and not in the header: `boundary` is the one way in, where panics end; `handles` the table behind every handle,
 //! with a `gate` for each object; `preferences` are what a host wants of frames; `structs` and `text` read and write foreign memory;
-//! `worker` has a rollout's queue; `record` is what the interface promises.
+//! `record` is what the interface promises.
 #![allow(non_camel_case_types, reason = "the names are the header's")]
 #![allow(clippy::missing_safety_doc, reason = "the header says once, for all functions, what pointers must be")]
 
@@ -50,4 +50,3 @@ mod handles;
 mod preferences;
 mod structs;
 mod text;
-mod worker;

@@ -5,6 +5,7 @@ use std::ffi::c_char;
 use std::fmt;
 
 use super::text::copy_text;
+use crate::error::catch_panic;
 use crate::{Error, ErrorKind};
 
 /// What a call answers: 0 is success, a positive number is not an error, a negative one is. Numbers are never used again
@@ -97,7 +98,7 @@ pub extern "C" fn cairn_result_name(result: cairn_result) -> *const c_char {
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_last_error(text: *mut c_char, capacity: usize, length: *mut usize) -> cairn_result {
-    super::boundary::guard(|| {
+    catch_panic(|| {
         LAST.with_borrow(|last| {
             // SAFETY: the caller's promise about `text`, `capacity` and `length` is copy_text's.
             unsafe { copy_text(&last.message, text, capacity, length) }
@@ -132,7 +133,7 @@ pub unsafe extern "C" fn cairn_last_error_part(
     capacity: usize,
     length: *mut usize,
 ) -> cairn_result {
-    super::boundary::guard(|| {
+    catch_panic(|| {
         LAST.with_borrow(|last| {
             let part = match part {
                 CAIRN_LAST_ERROR_FUNCTION => &last.function,
@@ -255,6 +256,8 @@ impl From<Error> for Failure {
             ErrorKind::InvalidState => CAIRN_ERROR_INVALID_STATE,
             ErrorKind::Busy => CAIRN_ERROR_BUSY,
             ErrorKind::Cancelled => CAIRN_ERROR_CANCELLED,
+            ErrorKind::Poisoned => CAIRN_ERROR_POISONED,
+            ErrorKind::Internal => CAIRN_ERROR_INTERNAL,
         };
         let part = |part: Option<&str>| part.map(str::to_owned);
         let (field, remedy) = (part(error.offending_field()), part(error.remedy_text()));

@@ -6,15 +6,14 @@ use std::time::Duration;
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
-use super::handles::{Handle, Kind, destroy, enter, enter_alone, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
 use super::images::{cairn_picture, read_picture};
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{fixed_text, optional_text, required_text};
-use super::worker::{Job, Running};
 use super::world::cairn_world;
 use crate::Picture;
-use crate::world::{OperatingPoint, Rollout, Schedule, Stage, StepInfo};
+use crate::world::{Job, OperatingPoint, Rollout, Schedule, Stage, StepInfo, Worker};
 
 /// The longest queue there may be.
 pub const CAIRN_MAX_QUEUE: u32 = 64;
@@ -28,7 +27,17 @@ pub struct cairn_rollout(());
 impl Handle for cairn_rollout {
     const KIND: Kind = Kind::Rollout;
     const NAME: &'static str = "cairn_rollout";
-    type Object = Running;
+    type Object = Worker;
+}
+
+impl Object for Worker {
+    fn close(&self) {
+        Worker::close(self);
+    }
+
+    fn is_on_own_thread(&self) -> bool {
+        Worker::is_on_own_thread(self)
+    }
 }
 
 /// How a rollout runs. All zero: as its world, with seed 0.
@@ -134,7 +143,7 @@ pub unsafe extern "C" fn cairn_rollout_create(
             }
         };
         let made = Rollout::new(&world.world, &point, options.seed)?;
-        let handle = insert::<cairn_rollout>(Running::new(made, capacity as usize))?;
+        let handle = insert::<cairn_rollout>(Worker::new(made, capacity as usize))?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { rollout.write(handle) };
         Ok(CAIRN_OK)

@@ -4,13 +4,14 @@ use std::ffi::c_char;
 use std::time::Duration;
 
 use super::boundary::call;
+use super::d3d12::behind;
 use super::handles::{enter, in_use};
 use super::presenter::cairn_presenter;
 use super::results::{CAIRN_OK, cairn_result};
 use super::rollout::{cairn_rollout, nanoseconds};
 use super::structs::{Out, describe};
 use super::text::fixed_text;
-use super::worker::Figures;
+use crate::world::WorkerStatistics;
 
 /// What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time.
 #[repr(C)]
@@ -122,7 +123,9 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
         let running = enter(rollout)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
-        let (Figures { done, device, governor }, depth) = running.statistics();
+        let (statistics_now, depth) = running.statistics();
+        let device = behind::rollout_figures(&statistics_now);
+        let WorkerStatistics { done, governor, .. } = statistics_now;
         let (stages, bytes) = (done.stages, done.bytes);
         statistics.write(&cairn_rollout_statistics {
             struct_size: 0,

@@ -10,7 +10,7 @@ use super::images::{cairn_picture, read_picture};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, read_pictures, step_info};
 use super::structs::{Out, check_out};
-use super::worker::{Job, Ticket};
+use crate::world::{Job, TicketState};
 
 /// A timeout that never comes.
 pub const CAIRN_FOREVER: u64 = u64::MAX;
@@ -215,15 +215,15 @@ unsafe fn result(
         check_out(anchor, "anchor")?;
     }
     let mut handle = std::ptr::null_mut();
-    let became = running.ticket(ticket, timeout, running.is_nested(), |done| {
+    let became = running.ticket(ticket, timeout, running.is_nested(), |done| -> Outcome<()> {
         if !anchor.is_null() {
             handle = insert::<cairn_anchor>(done.anchor.clone())?;
         }
         Ok(())
     })?;
     match became {
-        Ticket::Open => Ok(CAIRN_NOT_READY),
-        Ticket::Over(done) => {
+        TicketState::Open => Ok(CAIRN_NOT_READY),
+        TicketState::Over(done) => {
             let done = done?;
             info.into_iter().for_each(|info| info.write(&step_info(&done.info)));
             if !anchor.is_null() {

@@ -1,4 +1,4 @@
-//! Latents held to a budget of time.
+//! Keeps latents within a time budget.
 
 use std::time::Duration;
 
@@ -6,33 +6,34 @@ use super::{Rollout, Schedule};
 use crate::bundle::Sampler;
 use crate::{Error, ErrorKind, Result};
 
-/// Latents that are looked at before anything is changed.
+/// Latents measured before each decision.
 const LATENTS: u32 = 3;
-/// Schedules of a budget, at most.
+/// Maximum number of schedules of a budget.
 const MOST_SCHEDULES: usize = 8;
 
-/// Holds a rollout's latents to so much time each.
+/// Keeps the time of each latent of a rollout within a budget.
 #[derive(Debug, Clone)]
 pub(super) struct LatentBudget {
     schedules: Vec<Schedule>,
     governor: Governor,
 }
 
-/// Decides with how many passes latents are made. A latent is taken to cost as much as its passes, and one more for all that does not
-/// depend on their number: too little for fewer, so that the next latents tell, and too much for more, so that these stay within the budget.
+/// Chooses the number of passes of latents. A latent's cost is assumed to be proportional to its passes + 1, where the 1 stands for
+/// all work that does not depend on their number. This may underestimate fewer passes, which the next measurement corrects, and
+/// overestimates more passes, so that these stay within the budget.
 #[derive(Debug, Clone)]
 struct Governor {
     budget: Duration,
-    /// Of each schedule, descending.
+    /// Passes of each schedule, descending.
     passes: Vec<u32>,
-    /// Which one is in use.
+    /// Index of the schedule in use.
     at: usize,
     latents: u32,
     spent: Duration,
 }
 
 impl Rollout {
-    /// Changes the noise levels of the latents that follow; memory, clocks and seed stay.
+    /// Changes the noise levels of all following latents; memory, clocks and seed stay.
     ///
     /// # Errors
     /// As for [`Schedule::table`]. Nothing has changed then.
@@ -43,17 +44,17 @@ impl Rollout {
         Ok(())
     }
 
-    /// Holds latents to `per_latent` of wall time each, decoding and all, for as long as a host likes: they are made by the first of
-    /// `schedules` until that takes too long, then by one with fewer passes, and by one with more again where there is time. It goes by the
-    /// times of the latents before, three at a time, so that the same controls may give other pictures the next time. A restored state
-    /// ends it. An empty list ends it too, and leaves the schedule as it is.
+    /// Keeps latents within `per_latent` of wall time each, decoding included, until the budget is changed: they use the first of
+    /// `schedules` until that takes too long, then one with fewer passes, and one with more again when there is time. Decisions use
+    /// the mean time of three latents at a time, so the same controls may give other pictures the next time. A restored state ends
+    /// the budget. An empty list ends it too, and keeps the current schedule.
     ///
-    /// What it does is logged; [`StepInfo`](super::StepInfo) says with how many passes a latent was made, and
-    /// [`operating_point`](Self::operating_point) has the schedule of the next one.
+    /// Changes are logged; [`StepInfo`](super::StepInfo) has the number of passes of a latent, and
+    /// [`operating_point`](Self::operating_point) the schedule of the next one.
     ///
     /// # Errors
-    /// As for [`Schedule::table`]; `InvalidArgument` for more than eight schedules, for one that has not fewer passes than the one before
-    /// it, and for a time of 0. Nothing has changed then.
+    /// As for [`Schedule::table`]; `InvalidArgument` for more than eight schedules, for one that does not have fewer passes than
+    /// the one before it, and for a time of 0. Nothing has changed then.
     pub fn set_budget(&mut self, per_latent: Duration, schedules: &[Schedule]) -> Result<()> {
         let refuse = |field: &str, why: String| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         let Some(first) = schedules.first() else {
@@ -70,12 +71,12 @@ impl Rollout {
         Ok(())
     }
 
-    /// Takes note of how long a latent has taken.
+    /// Records the time of a latent, and applies a changed schedule.
     pub(super) fn note_latent(&mut self, took: Duration) {
         let Some(mut budget) = self.budget.take() else { return };
         if let Some((at, mean)) = budget.governor.note(took) {
             let schedule = &budget.schedules[at];
-            // It was checked when the budget was set.
+            // Does not fail: the schedule was checked when the budget was set.
             match self.set_schedule(schedule) {
                 Ok(()) => log::info!("latents take {mean:?} each: they are made by schedule {schedule} from now on"),
                 Err(why) => log::warn!("schedule {schedule} cannot be used: {why}"),
@@ -85,7 +86,7 @@ impl Rollout {
     }
 }
 
-/// Passes of schedules of which each has fewer than the one before.
+/// The passes of schedules, each of which must have fewer than the one before.
 pub(super) fn passes_of(schedules: &[Schedule], sampler: &Sampler, field: &str) -> Result<Vec<u32>> {
     let refuse = |why: String| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
     if schedules.len() > MOST_SCHEDULES {
@@ -104,7 +105,8 @@ impl Governor {
         Self { budget, passes, at: 0, latents: 0, spent: Duration::ZERO }
     }
 
-    /// Takes note of a latent; the schedule that is used from now on and how long latents took, where it is another.
+    /// Records the time of a latent. Returns the index of the new schedule and the mean time of the last latents if the schedule
+    /// changes.
     fn note(&mut self, took: Duration) -> Option<(usize, Duration)> {
         self.latents += 1;
         self.spent = self.spent.saturating_add(took);
@@ -131,7 +133,8 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// So many latents on a device that takes `pass` for each pass and `rest` for all else; how often the schedule changed.
+    /// Simulates latents on a device that takes `pass` for each pass and `rest` for all other work; returns how often the schedule
+    /// changed.
     fn run(governor: &mut Governor, latents: u32, pass: Duration, rest: Duration) -> u32 {
         let took = |governor: &Governor| pass * governor.passes[governor.at] + rest;
         (0..latents).filter(|_| governor.note(took(governor)).is_some()).count() as u32
@@ -155,10 +158,10 @@ mod tests {
         let mut governor = Governor::new(60 * MS, vec![9, 4, 2]);
         run(&mut governor, 30, 30 * MS, 10 * MS);
         assert_eq!(governor.passes[governor.at], 2);
-        // The game leaves the device alone.
+        // The game no longer uses the device.
         assert_eq!(run(&mut governor, 30, 4 * MS, 4 * MS), 1);
         assert_eq!(governor.passes[governor.at], 9);
-        // What does not depend on the passes is large: fewer help little, and it is no reason to go back and forth.
+        // Work that does not depend on the passes dominates: fewer passes help little, and must not make the schedule oscillate.
         assert!(run(&mut governor, 300, 6 * MS, 40 * MS) <= 3);
     }
 }

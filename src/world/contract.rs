@@ -9,21 +9,21 @@ pub(super) struct Contract {
     pub(super) outputs: Vec<TensorSpec>,
 }
 
-/// The shapes the rollout computes with, as sizes of this machine.
+/// The shapes of the rollout's computations, as `usize`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Shapes {
     /// `[C, h, w]`.
     pub(super) latent: [usize; 3],
-    /// T.
+    /// T, the tokens of one latent.
     pub(super) tokens: usize,
     pub(super) layers: usize,
     pub(super) kv_heads: usize,
     pub(super) head_width: usize,
-    /// Latents a local layer's ring holds.
+    /// Slots of a local layer's ring.
     pub(super) local_buckets: usize,
-    /// Latents a global layer's ring holds.
+    /// Slots of a global layer's ring.
     pub(super) global_buckets: usize,
-    /// All control numbers.
+    /// Number of control values.
     pub(super) controls: usize,
     /// Pictures per latent.
     pub(super) pictures: usize,
@@ -32,7 +32,7 @@ pub(super) struct Shapes {
 }
 
 impl Shapes {
-    /// The shapes of `manifest` at global window `g`, which the bundle has checked.
+    /// The shapes of `manifest` at global window `g`, which [`Bundle`](crate::bundle::Bundle) has checked.
     pub(super) fn new(manifest: &Manifest, g: u32) -> Self {
         let geometry = &manifest.geometry;
         let [width, height] = manifest.picture.decoded;
@@ -50,12 +50,12 @@ impl Shapes {
         }
     }
 
-    /// Numbers of one latent.
+    /// Values of one latent.
     pub(super) fn latent_len(&self) -> usize {
         self.latent.iter().product()
     }
 
-    /// Latents a layer's ring holds.
+    /// Slots of a layer's ring.
     pub(super) fn buckets(&self, global: bool) -> usize {
         if global { self.global_buckets } else { self.local_buckets }
     }
@@ -65,22 +65,22 @@ impl Shapes {
         (self.buckets(global) + 1) * self.tokens
     }
 
-    /// Numbers of K, or of V, of one latent in one layer: `[kv_heads, T, head_width]`.
+    /// Values of K, or of V, of one latent in one layer: `[kv_heads, T, head_width]`.
     pub(super) fn slab_len(&self) -> usize {
         self.kv_heads * self.tokens * self.head_width
     }
 
-    /// Numbers of K, or of V, in a layer's ring: `[kv_heads, buckets * T, head_width]`.
+    /// Values of K, or of V, in a layer's ring: `[kv_heads, buckets * T, head_width]`.
     pub(super) fn ring_len(&self, global: bool) -> usize {
         self.buckets(global) * self.slab_len()
     }
 
-    /// Cosines, and sines, of one latent: `[T, head_width / 2]`.
+    /// Number of cosines, or of sines, of one latent: `[T, head_width / 2]`.
     pub(super) fn rope_len(&self) -> usize {
         self.tokens * self.head_width / 2
     }
 
-    /// Numbers of one decoded picture: `[3, H, W]`.
+    /// Values of one decoded picture: `[3, H, W]`.
     pub(super) fn picture_len(&self) -> usize {
         3 * self.decoded[0] * self.decoded[1]
     }
@@ -139,7 +139,8 @@ fn pictures(s: &Shapes, f: Precision) -> TensorSpec {
     TensorSpec::new("rgb", f, &[s.pictures, 3, height, width])
 }
 
-/// A graph from `input` to `output` that is handed memories of such shapes, `[channels, height, width]`, and hands them on.
+/// A graph from `input` to `output` that takes memories of these shapes, `[channels, height, width]`, as inputs and returns the
+/// next ones as outputs.
 fn with_memories(f: Precision, shapes: &[[u32; 3]], input: TensorSpec, output: TensorSpec) -> Contract {
     let (mut inputs, mut outputs) = (vec![input], vec![output]);
     for (j, memory) in shapes.iter().enumerate() {

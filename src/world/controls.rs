@@ -1,10 +1,10 @@
-//! What the player does during one latent step.
+//! The player's controls during one latent step.
 
 use crate::bundle::Controls;
 use crate::world::keys::{Key, KeySet};
 use crate::{Error, ErrorKind, Result};
 
-/// The largest mouse motion of one latent step, in counts, either way and on either axis.
+/// Maximum mouse motion of one latent step, in counts, on either axis and in either direction.
 pub const MAX_MOUSE: f32 = 32_768.0;
 
 /// Controls of one latent step, always valid: mouse motion in raw counts summed over the step, keys held in it, and
@@ -17,11 +17,11 @@ pub struct ControlInput {
 }
 
 impl ControlInput {
-    /// Nothing moves, no key is held.
+    /// No motion, no key held.
     pub const IDLE: Self = Self { mouse: [0.0; 2], keys: KeySet::NONE, scroll: 0.0 };
 
-    /// `mouse` is dx (right positive) and dy (down positive), each from -[`MAX_MOUSE`] to [`MAX_MOUSE`]; of `scroll`,
-    /// any finite number, the sign counts (up positive).
+    /// Makes controls. `mouse` is dx (right positive) and dy (down positive), each from -[`MAX_MOUSE`] to [`MAX_MOUSE`]. `scroll`
+    /// is any finite number, of which only the sign is kept (up positive).
     ///
     /// # Errors
     /// `InvalidArgument` for a number that is not finite or a motion outside the range.
@@ -38,7 +38,7 @@ impl ControlInput {
                 .field("scroll")
                 .remedy("Give a finite number; its sign counts"));
         }
-        // -0 and 0 are the same input, so they are the same bits in the graph and in a saved file.
+        // Normalises -0 to 0, so that the same input has the same bits in the graph and in a saved file.
         let plain = |x: f32| if x == 0.0 { 0.0 } else { x };
         let sign = if scroll == 0.0 { 0.0 } else { scroll.signum() };
         Ok(Self { mouse: mouse.map(plain), keys, scroll: sign })
@@ -54,16 +54,16 @@ impl ControlInput {
         self.keys
     }
 
-    /// -1, 0 or 1.
+    /// Sign of the wheel motion: -1, 0 or 1.
     pub fn scroll(&self) -> f32 {
         self.scroll
     }
 
-    /// Writes the numbers as the transformer's `controls` input has them: mouse, buttons, scroll.
+    /// Writes the values in the order of the transformer's `controls` input: mouse, buttons, scroll.
     ///
     /// # Errors
-    /// `InvalidArgument` when `out` is not `controls.len()` long; `Unsupported` when the world's control layout has no
-    /// place for mouse and wheel, or a held key has a code that the world does not know.
+    /// `InvalidArgument` when the length of `out` is not `controls.len()`; `Unsupported` when the world's control layout does not
+    /// have 2 mouse and 1 scroll values and at most 256 buttons, or when a held key's code is outside of its buttons.
     pub fn write(&self, controls: &Controls, out: &mut [f32]) -> Result<()> {
         if controls.mouse != 2 || controls.scroll != 1 || controls.buttons > 256 {
             return Err(Error::new(

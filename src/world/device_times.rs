@@ -1,27 +1,27 @@
-//! Time of a rollout's work on the device itself. Windows only.
+//! Device time of a rollout's work. Windows only.
 
 use super::Rollout;
 use crate::gpu::Spent;
 use crate::runtime::{Captured, ExternalTimes, Work};
 
-/// Time on the device since a rollout was made, of what is known to be done: work that nobody has waited for is counted later.
+/// Device time since a rollout was made, of work known to be complete; work that nobody has waited for is counted later.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct DeviceTimes {
-    /// Pictures made latents.
+    /// Encoder runs.
     pub encode: Spent,
-    /// Passes of the transformer, those that denoise and those that make K and V for the ring.
+    /// Transformer passes: denoise passes and cache passes, which make K and V for the ring.
     pub passes: Spent,
-    /// Latents made pictures, those that only prime the decoder among them.
+    /// Decoder runs, including those that only prime the decoder.
     pub decode: Spent,
     /// Copies of new K and V into the ring.
     pub commit: Spent,
-    /// What the processor did meanwhile that is not the library's own work.
+    /// Wall time that was spent outside of this library's own code.
     pub external: ExternalTimes,
 }
 
 impl Rollout {
-    /// Time on the device by its own clock, from the first to the last command of each pass; none on a device that is no Direct3D
-    /// 12 one. All is zero where the queue for anchors has no clock. [`Statistics`](super::Statistics) has the processor's view.
+    /// Device time by the device's own clock, from the first to the last command of each pass; `None` if the device is not a
+    /// Direct3D 12 device. All zero if the queue for anchors has no timestamps. [`Statistics`](super::Statistics) has wall times.
     pub fn device_times(&mut self) -> Option<DeviceTimes> {
         let mut spent = |work| self.context.spent(work);
         let (world, before) = (&self.world, self.times_before);
@@ -34,8 +34,8 @@ impl Rollout {
         })
     }
 
-    /// Which of its passes, each with buffers of its own, run by graph capture, and why others do not; none on a device that is no
-    /// Direct3D 12 one. [`DirectMlOptions::captured_passes`](crate::runtime::DirectMlOptions::captured_passes) is the switch.
+    /// How many of its passes, each with its own buffers, run by graph capture, and why others do not; `None` if the device is not
+    /// a Direct3D 12 device. [`DirectMlOptions::captured_passes`](crate::runtime::DirectMlOptions::captured_passes) turns it on.
     pub fn captured(&self) -> Option<Captured> {
         self.context.captured()
     }

@@ -1,4 +1,4 @@
-//! What tests of this room share: the manifest of a small world, and seeded chance.
+//! Shared test code of this module: the manifest of a small world, and a seeded random number generator.
 
 use crate::bundle::Manifest;
 
@@ -30,7 +30,7 @@ pub(crate) fn manifest() -> Manifest {
     .expect("the manifest is well formed")
 }
 
-/// SplitMix64, so that a failing property names a seed and repeats.
+/// SplitMix64: a failing property test names a seed and can be repeated.
 pub(crate) struct Chance(pub(crate) u64);
 
 impl Chance {

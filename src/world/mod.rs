@@ -33,6 +33,7 @@ mod state;
 mod statistics;
 mod time;
 mod window;
+mod worker;
 #[expect(clippy::module_inception, reason = "a world is what this room is about")]
 mod world;
 
@@ -61,4 +62,5 @@ pub use script::{
 };
 pub use statistics::{Stage, Stages, Statistics, StepInfo};
 pub use time::{MAX_SECONDS, WorldTime};
+pub use worker::{Job, QueuedRollout, StepResult, TicketState, Worker, WorkerStatistics};
 pub use world::{World, WorldOptions};

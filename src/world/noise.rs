@@ -1,8 +1,9 @@
-//! The noise a latent starts from: a pure function of seed, latent number and place, the same bits everywhere.
+//! The noise that a latent starts from: a pure function of seed, latent number and element index, with the same bits on all
+//! platforms.
 //!
-//! SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number generators", 2014) as a counter: no state is
-//! carried from one latent to the next, so a restored rollout continues with the noise it would have had. Normal
-//! numbers by Box and Muller (1958), in f64 by the pure-Rust `libm`, rounded once to f32.
+//! SplitMix64 (Steele, Lea, Flood: "Fast splittable pseudorandom number generators", 2014) as a counter: no state is carried from
+//! one latent to the next, so a restored rollout continues with the same noise. Normal numbers by Box and Muller (1958), in f64
+//! with the pure-Rust `libm`, rounded once to f32.
 
 use std::f64::consts::TAU;
 
@@ -32,15 +33,15 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Where a latent's sequence starts. Seed and latent are mixed one after the other, so that seed k + 1 at latent q and
-/// seed k at latent q + 1 have nothing in common, and latents of one seed never share a start.
+/// The counter's start for a latent. Seed and latent are mixed one after the other, so that seed k + 1 at latent q and seed k at
+/// latent q + 1 have nothing in common, and latents of one seed never share a start.
 fn origin(seed: u64, latent: u64) -> u64 {
     mix(mix(seed.wrapping_add(GAMMA)).wrapping_add(latent.wrapping_add(1).wrapping_mul(GAMMA)))
 }
 
 /// Fills `out` with independent standard normal numbers for latent number `latent` of a rollout with `seed`.
 ///
-/// Element i depends on seed, latent and i alone: a shorter `out` gets a prefix of a longer one. No thread rule.
+/// Element i depends only on seed, latent and i: a shorter `out` gets a prefix of a longer one.
 pub fn fill_noise(seed: u64, latent: u64, out: &mut [f32]) {
     let origin = origin(seed, latent);
     for (pair, elements) in (0u64..).zip(out.chunks_mut(2)) {
@@ -70,7 +71,7 @@ mod tests {
         out
     }
 
-    /// Made by a second implementation (Python integers and the C library's functions).
+    /// Computed by a second implementation (Python integers and the C library's functions).
     #[test]
     fn golden_values_hold_to_the_bit() {
         let golden: [(u64, u64, [u32; 6]); 5] = [

@@ -1,4 +1,4 @@
-//! The transformer of one rollout: its inputs on the device and the passes that read them.
+//! The transformer of one rollout: its input buffers and the passes that read them.
 
 use super::contract::Shapes;
 use super::convert::{self, Uploader};
@@ -11,16 +11,16 @@ use crate::Result;
 use crate::bundle::Precision;
 use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
 
-/// The mask value of a hidden key; f16 can hold it, and no score comes near it.
+/// The mask value of a hidden key: representable in f16, and far below any attention score.
 const HIDDEN: f32 = -10_000.0;
 
-/// One row of the sigma table: sigma and dsigma.
+/// Bytes of a row of the sigma table: sigma and dsigma, each f32.
 const ROW: usize = 8;
 
 /// Inputs, outputs and bindings of the transformer.
 ///
-/// Two latent buffers take turns: a pass reads one and writes the other, so passes follow each other on the device
-/// without a copy. The first one, [`latent`](Self::latent), is where the finished latent ends up.
+/// Two latent buffers alternate: a pass reads one and writes the other, so passes follow each other on the device without a copy.
+/// The finished latent is always in the first, [`latent`](Self::latent).
 pub(super) struct Passes {
     shapes: Shapes,
     precision: Precision,
@@ -33,7 +33,7 @@ pub(super) struct Passes {
     controls: BufferId,
     local_mask: BufferId,
     global_mask: BufferId,
-    /// All sigmas of a latent step, a [`ROW`] for each pass; passes copy theirs on the device's own timeline.
+    /// All sigmas of a latent step, a [`ROW`] for each pass; each pass copies its row on the device.
     table: BufferId,
     /// `bindings[i]` reads `x[i]` and writes the other.
     bindings: [BindingId; 2],
@@ -41,7 +41,7 @@ pub(super) struct Passes {
     staging: Staging,
 }
 
-/// Host memory for what goes up, kept so that a step allocates nothing.
+/// Host memory for uploads, reused so that a step allocates nothing.
 struct Staging {
     x: Vec<f32>,
     rope_cos: Vec<f32>,
@@ -98,17 +98,17 @@ impl Passes {
         })
     }
 
-    /// Where the finished latent ends up, and where an appended one must lie.
+    /// The buffer of the finished latent, and of an appended one.
     pub(super) fn latent(&self) -> BufferId {
         self.x[0]
     }
 
-    /// Denoise passes there is room for, besides the one after them.
+    /// Maximum number of denoise passes, without the extra pass after them.
     pub(super) fn max_passes(&self) -> usize {
         MAX_POINTS - 1
     }
 
-    /// Uploads what all passes of `plan` have in common, and its sigmas, followed by `last`.
+    /// Uploads the inputs that all passes of `plan` share, and its sigma table, with `last` as the extra pass's row.
     pub(super) fn prepare(
         &mut self,
         context: &mut dyn ExecutionContext,
@@ -133,19 +133,19 @@ impl Passes {
         context.upload(self.table, 0, bytemuck::cast_slice(&s.table))
     }
 
-    /// Denoises by the prepared plan: noise first, then every pass from the one buffer to the other.
+    /// Runs the denoise passes of the prepared plan, starting from its noise if it has any.
     pub(super) fn denoise(&mut self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
         let n = plan.sigmas.len();
         if let Some(key) = plan.noise {
             key.fill(&mut self.staging.x);
-            // n passes end in the first buffer.
+            // Chosen so that n passes end in the first buffer.
             self.uploader.upload(context, self.x[n % 2], &self.staging.x)?;
         }
         (0..n).try_for_each(|pass| self.run(context, pass, (n - pass) % 2))
     }
 
-    /// The pass after the plan's own, at the level `prepare` was given as the last, on the finished latent. As the
-    /// cache pass its slabs count and its `x_next` does not.
+    /// Runs the extra pass on the finished latent, at the noise level given to `prepare` as the last. As the cache pass, its slabs
+    /// are used and its `x_next` is not.
     pub(super) fn extra(&self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
         self.run(context, plan.sigmas.len(), 0)
     }
@@ -157,19 +157,19 @@ impl Passes {
         context.run(self.bindings[from])
     }
 
-    /// Uploads a latent from outside.
+    /// Uploads a latent from the caller.
     pub(super) fn set_latent(&mut self, context: &mut dyn ExecutionContext, latent: &[f32]) -> Result<()> {
         assert_eq!(latent.len(), self.shapes.latent_len(), "a latent is [C, h, w]");
         self.uploader.upload(context, self.x[0], latent)
     }
 
-    /// What the last pass made of the latent it read.
+    /// Reads `x_next` of the extra pass.
     pub(super) fn read_next(&self, context: &dyn ExecutionContext, x_next: &mut [f32]) -> Result<()> {
         convert::read(context, self.precision, self.x[1], 0, x_next)
     }
 }
 
-/// One number for each key: slot by slot, then the current latent, which is always visible.
+/// Fills one value for each key: slot by slot, then the current latent, which is always visible.
 fn fill_mask(mask: &mut [f32], ring: &RingPlan, tokens: usize) {
     assert_eq!(mask.len(), (ring.visible.len() + 1) * tokens, "a mask is [keys]");
     let current = std::iter::once(&true);

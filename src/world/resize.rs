@@ -1,9 +1,9 @@
-//! Bilinear resampling between 8-bit pictures and planes of numbers: half-pixel centres, edges repeated, no
-//! antialiasing. This is how the autoencoder's squeezed pictures are made from and turned into square pixels.
+//! Bilinear resampling between 8-bit pictures and planes of floats: half-pixel centres, clamped edges, no antialiasing. Converts
+//! between square pixels and the autoencoder's pictures, whose pixels are not square.
 
 use crate::Picture;
 
-/// Where one output row or column samples: between `low` and `high`, `t` of the way.
+/// The source position of one output row or column: between `low` and `high`, at fraction `t`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Tap {
     low: usize,
@@ -11,7 +11,7 @@ struct Tap {
     t: f32,
 }
 
-/// The samples of one resampling; make it once for each pair of sizes.
+/// The sample positions of one resampling; make it once for each pair of sizes.
 pub struct Bilinear {
     columns: Vec<Tap>,
     rows: Vec<Tap>,
@@ -19,15 +19,15 @@ pub struct Bilinear {
 }
 
 impl Bilinear {
-    /// From `(width, height)` to `(width, height)`, each at least 1.
+    /// Resamples from `(width, height)` to `(width, height)`, each at least 1.
     pub fn new(from: (u32, u32), to: (u32, u32)) -> Self {
         Self { columns: taps(from.0, to.0), rows: taps(from.1, to.1), from: (from.0 as usize, from.1 as usize) }
     }
 
-    /// Resamples a picture into planes red, green, blue of `[height, width]` numbers in [0, 1]. Alpha is ignored.
+    /// Resamples a picture into red, green and blue planes of `[height, width]` values in [0, 1]. Alpha is ignored.
     ///
     /// # Panics
-    /// When the picture or the planes have another size than the samples were made for.
+    /// If the picture or the planes do not have the sizes given to [`new`](Self::new).
     pub fn to_planes(&self, picture: &Picture, planes: &mut [f32]) {
         let (width, height) = self.from;
         assert_eq!(picture.size(), (width as u32, height as u32), "the picture has the size the taps were made for");
@@ -46,11 +46,11 @@ impl Bilinear {
         }
     }
 
-    /// Resamples planes red, green, blue of `[height, width]` numbers into an opaque picture. Numbers outside [0, 1]
-    /// are clamped before they are mixed.
+    /// Resamples red, green and blue planes of `[height, width]` values into an opaque picture. Values are clamped to [0, 1] before
+    /// interpolation.
     ///
     /// # Panics
-    /// When the picture or the planes have another size than the samples were made for.
+    /// If the picture or the planes do not have the sizes given to [`new`](Self::new).
     pub fn to_picture(&self, planes: &[f32], picture: &mut Picture) {
         let (width, height) = self.from;
         assert_eq!(planes.len(), 3 * width * height, "planes are [3, height, width]");
@@ -70,7 +70,7 @@ impl Bilinear {
     }
 }
 
-/// Mixes top left, top right, bottom left, bottom right.
+/// Interpolates top left, top right, bottom left, bottom right.
 fn mix([a, b, c, d]: [f32; 4], x: f32, y: f32) -> f32 {
     let top = a + (b - a) * x;
     let bottom = c + (d - c) * x;

@@ -9,14 +9,14 @@
 //! visible(t)    = written, less slot(t) on a write step: what is about to be evicted is hidden already
 //! ```
 //!
-//! The latent being made is always visible to itself and stands outside the ring.
+//! The latent being made is always visible to itself and is not part of the ring.
 
 use crate::{Error, ErrorKind, Result};
 
-/// The most buckets a ring may have.
+/// Maximum number of buckets of a ring.
 pub const MAX_BUCKETS: u32 = 65_536;
 
-/// Written flags and arithmetic of one kind of layer. It holds no keys and values; those stay on the device.
+/// Written flags and slot arithmetic of one kind of layer. Keys and values stay on the device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ring {
     dilation: u32,
@@ -40,7 +40,7 @@ impl Ring {
         Ok(Self { dilation, written: vec![false; buckets as usize] })
     }
 
-    /// Slots.
+    /// Number of slots.
     pub fn buckets(&self) -> usize {
         self.written.len()
     }
@@ -55,7 +55,7 @@ impl Ring {
         &self.written
     }
 
-    /// The slot of ring clock `t`: where it is written on a write step.
+    /// The slot for ring clock `t`; a write step writes there.
     pub fn slot(&self, t: u64) -> usize {
         // In range: the remainder of a division by the number of slots.
         (t.div_ceil(u64::from(self.dilation)) % self.written.len() as u64) as usize
@@ -71,24 +71,24 @@ impl Ring {
         self.written.get(slot).is_some_and(|written| *written) && !(self.write_step(t) && slot == self.slot(t))
     }
 
-    /// What every pass at ring clock `t` sees, slot by slot.
+    /// Which slots every pass at ring clock `t` sees.
     pub fn visible(&self, t: u64) -> Vec<bool> {
         (0..self.buckets()).map(|slot| self.sees(t, slot)).collect()
     }
 
-    /// Commits at ring clock `t`; the slot that was written, if `t` is a write step.
+    /// Commits at ring clock `t`; returns the written slot if `t` is a write step.
     pub fn commit(&mut self, t: u64) -> Option<usize> {
         let slot = self.write_step(t).then(|| self.slot(t))?;
         self.written[slot] = true;
         Some(slot)
     }
 
-    /// Forgets everything.
+    /// Marks all slots as not written.
     pub fn clear(&mut self) {
         self.written.fill(false);
     }
 
-    /// Marks `slot` as written: what a plan did is what the flags say, whoever wrote the plan.
+    /// Marks `slot` as written. An executed plan sets the flags by its own slots, whoever made it.
     pub(crate) fn mark(&mut self, slot: usize) -> Result<()> {
         let buckets = self.buckets();
         match self.written.get_mut(slot) {
@@ -114,7 +114,7 @@ impl Ring {
 mod tests {
     use super::*;
 
-    /// A list of frames instead of slots: what was kept, oldest first.
+    /// Reference: a list of the kept frames, oldest first, instead of slots.
     struct Frames {
         buckets: usize,
         dilation: u64,
@@ -162,7 +162,7 @@ mod tests {
         }
     }
 
-    /// Waypoint-1.5's own figures: 16 local slots, 16 global ones with dilation 8.
+    /// Waypoint-1.5's parameters: 16 local slots, 16 global ones with dilation 8.
     #[test]
     fn warm_rings_see_fifteen_or_sixteen_latents() {
         let (mut local, mut global) = (Ring::new(16, 1).unwrap(), Ring::new(16, 8).unwrap());

@@ -25,7 +25,7 @@ use crate::{Error, ErrorKind, Picture, Result};
 
 /// One running instance of a world: KV ring, clocks, noise seed, autoencoder memories.
 ///
-/// Every call does all it says or, when it fails, leaves the rollout as it was; only a lost device is beyond that.
+/// Every call either succeeds or, when it fails, leaves the rollout unchanged; only a lost device is an exception.
 ///
 /// Threads: a rollout may move between threads and is used by one at a time. Rollouts of one world may run at the same
 /// time.
@@ -39,36 +39,36 @@ pub struct Rollout {
     /// The last finished latent.
     pub(super) latent: BufferId,
     passes: Passes,
-    /// What brings the latent that passes made into `latent`.
+    /// Copies the finished latent from the passes' buffer to `latent`.
     keep_latent: RecordedCopiesId,
-    /// One look at all that a step has made, for each side of the decoder: its groups are `LATENT`, `DECODED` and K and V.
+    /// A finite check of all results of a step, for each side of the decoder. Its groups are `LATENT`, `DECODED`, and K and V.
     finite_checks: [FiniteCheckId; 2],
-    /// The same at the latent alone.
+    /// A finite check of the latent alone.
     latent_check: FiniteCheckId,
-    /// Kept from step to step for its memory.
+    /// Reused from step to step to avoid allocations.
     plan: StepPlan,
-    /// The last finished latent on the host, once somebody asked.
+    /// The last finished latent in host memory, once it was requested.
     host_latent: OnceCell<Vec<f32>>,
     spare_latent: Cell<Vec<f32>>,
-    /// One decoded picture on its way out.
+    /// Buffer for reading one decoded picture.
     planes: Vec<f32>,
     to_render: Bilinear,
     statistics: Statistics,
     stop: Arc<AtomicBool>,
-    /// What latents are held to.
+    /// Time limit of latents.
     pub(super) budget: Option<LatentBudget>,
-    /// What latents and frames are held to together.
+    /// Limits of latents and frames together.
     pub(super) governed: Option<Governed>,
-    /// Times on devices of worlds that it has left.
+    /// Device times of the worlds that this rollout ran in before.
     #[cfg(windows)]
     pub(super) times_before: super::DeviceTimes,
 }
 
-/// Groups of a look at what a step has made; the one after them is K and V.
+/// Groups of a step's finite check; the next one is K and V.
 const LATENT: usize = 0;
 const DECODED: usize = 1;
 
-/// What a frozen pass computes, for parity tests and research.
+/// The results of a frozen pass, for parity tests and research.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Probe {
     /// The velocity v, `[C, h, w]`.
@@ -90,7 +90,8 @@ impl Rollout {
         Self::with_stop(world, point, seed, Arc::default(), 0)
     }
 
-    /// As [`new`](Self::new), with the flag that ends its steps, in place of another rollout whose `freed` bytes are free afterwards.
+    /// As [`new`](Self::new), with the flag that stops its steps. It replaces another rollout, whose `freed` bytes become free
+    /// afterwards.
     pub(super) fn with_stop(
         world: &Arc<World>,
         point: &OperatingPoint,
@@ -140,18 +141,18 @@ impl Rollout {
         })
     }
 
-    /// Appends a still picture of any size, as the seed or in the midst of a rollout: it is resized to the
-    /// autoencoder's size (which squeezes or stretches it), encoded, committed by a cache pass of its own at sigma 0
-    /// with idle controls, and decoded.
+    /// Appends a still picture of any size, as the seed or later in a rollout. The picture is resized to the autoencoder's size,
+    /// without regard to its aspect ratio, encoded, committed by a cache pass of its own at sigma 0 with idle controls, and
+    /// decoded.
     ///
     /// # Errors
-    /// `Device` when a pass fails or gives a number that is not finite; `Unsupported` when a clock has run out.
+    /// `Device` when a pass fails or gives a value that is not finite; `Unsupported` when a clock has run out.
     pub fn append(&mut self, picture: &Picture) -> Result<StepInfo> {
         self.append_pictures(&[picture])
     }
 
-    /// Appends pictures that follow each other, the oldest first, as one latent: as many as a latent has, so a moving scene goes on moving.
-    /// One is a still, as [`append`](Self::append) takes it.
+    /// Appends consecutive pictures, the oldest first, as one latent: as many as a latent has, so that a moving scene keeps moving.
+    /// A single one is a still, as in [`append`](Self::append).
     ///
     /// # Errors
     /// As [`append`](Self::append), and `InvalidArgument` for another number of pictures.
@@ -172,16 +173,16 @@ impl Rollout {
         )
     }
 
-    /// Whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each,
-    /// as it does unless told so. The stream starts here, and again with a reset; it is part of a saved state.
+    /// Sets whether the encoder continues from one appended picture to the next, as the released engine's does, or starts anew with
+    /// each, which is the default. The stream starts at this call and at each reset; it is part of a saved state.
     ///
     /// # Errors
-    /// `Unsupported` where the bundle's encoder is not handed its memories; `Device` when the device is lost.
+    /// `Unsupported` if the bundle's encoder does not take its memories as inputs; `Device` when the device is lost.
     pub fn keep_encoder_stream(&mut self, keep: bool) -> Result<()> {
         self.autoencoder.keep_stream(&mut *self.context, keep)
     }
 
-    /// Whether [`keep_encoder_stream`](Self::keep_encoder_stream) was told to.
+    /// Whether the encoder's stream is kept; see [`keep_encoder_stream`](Self::keep_encoder_stream).
     pub fn keeps_encoder_stream(&self) -> bool {
         self.autoencoder.keeps_stream()
     }
@@ -189,7 +190,7 @@ impl Rollout {
     /// Appends a latent, `[C, h, w]`, as [`append`](Self::append) does the latent of a picture.
     ///
     /// # Errors
-    /// As [`append`](Self::append), and `InvalidArgument` for another length or a number that is not finite.
+    /// As [`append`](Self::append), and `InvalidArgument` for another length or a value that is not finite.
     pub fn append_latent(&mut self, latent: &[f32]) -> Result<StepInfo> {
         self.with_plan(
             |planner, plan| planner.plan_append_into(plan),
@@ -211,11 +212,11 @@ impl Rollout {
         Ok(made)
     }
 
-    /// Executes a plan to the letter, whoever made it: denoise passes, cache pass, decoding, commit.
+    /// Executes a plan exactly, whoever made it: denoise passes, cache pass, decoding, commit.
     ///
     /// # Errors
-    /// As [`append`](Self::append), and `InvalidArgument` for a plan that cannot be executed now, that holds a number
-    /// that is not finite, or that does not start from noise.
+    /// As [`append`](Self::append), and `InvalidArgument` for a plan that cannot be executed now, that holds a value that is not
+    /// finite, or that does not start from noise.
     pub fn execute(&mut self, plan: &StepPlan) -> Result<StepInfo> {
         self.check_plan(plan)?;
         if plan.noise.is_none() || plan.sigmas.is_empty() {
@@ -230,8 +231,8 @@ impl Rollout {
     /// Executes the plan of an append with a latent from outside, `[C, h, w]`.
     ///
     /// # Errors
-    /// As [`execute`](Self::execute), for a plan that starts from noise, and for a latent of another length or with a
-    /// number that is not finite.
+    /// As [`execute`](Self::execute), and `InvalidArgument` for a plan that starts from noise, and for a latent of another length
+    /// or with a value that is not finite.
     pub fn execute_append(&mut self, plan: &StepPlan, latent: &[f32]) -> Result<StepInfo> {
         self.check_plan(plan)?;
         if plan.noise.is_some() || !plan.sigmas.is_empty() {
@@ -245,8 +246,8 @@ impl Rollout {
         self.finish(plan, run)
     }
 
-    /// Runs one frozen pass by `plan` on latent `x` at noise level `sigma`, and gives the velocity, `x - x_next` at
-    /// dsigma -1, with K and V of the latent. The rollout stays as it is.
+    /// Runs one frozen pass of `plan` on latent `x` at noise level `sigma`. Returns the velocity, which is `x - x_next` at dsigma
+    /// -1, and K and V of the latent. The rollout is unchanged.
     ///
     /// # Errors
     /// As [`execute_append`](Self::execute_append), for any plan.
@@ -271,10 +272,10 @@ impl Rollout {
         Ok(Probe { velocity, keys, values })
     }
 
-    /// Encodes a picture of any size to the latent, `[C, h, w]`, that an append would make of it now. The rollout stays as it is.
+    /// Encodes a picture of any size to the latent, `[C, h, w]`, that an append would make of it now. The rollout is unchanged.
     ///
     /// # Errors
-    /// `Device` when the encoder fails or gives a number that is not finite.
+    /// `Device` when the encoder fails or gives a value that is not finite.
     pub fn encode(&mut self, picture: &Picture) -> Result<Vec<f32>> {
         self.autoencoder.encode(&mut *self.context, &[picture])?;
         let mut latent = convert::zeroed(self.world.latent_len())?;
@@ -285,13 +286,14 @@ impl Rollout {
         }
     }
 
-    /// Waits for what is under way, then lets others use the device's memory: rings, latents, the autoencoder's memories and pictures are evicted,
-    /// contents and all, and the next call that needs them brings them back first. The world's large weights go with the last of its
-    /// rollouts that does not rest, and are back before the first that does not any more; anchors that were kept stay. Nothing happens on a processor. For a rollout that makes no latents for a while.
+    /// Waits for submitted work, then evicts the rollout's device memory so that others can use it: rings, latents, the
+    /// autoencoder's memories and pictures. The next call that needs them makes them resident again, with their contents. The
+    /// world's large weights are evicted when the last of its rollouts rests, and are resident again before the first that no
+    /// longer does; kept anchors stay. Does nothing on a processor. For a rollout that makes no latents for a while.
     ///
     /// # Errors
-    /// `Device`, `DeviceRemoved`; it does not rest then. What brings the memory back fails with `OutOfMemory` where there is no place for it,
-    /// with all as it was, and may be tried again.
+    /// `Device`, `DeviceRemoved`; the rollout is not resting then. The call that makes the memory resident fails with `OutOfMemory`
+    /// if there is no room for it; it changes nothing then, and may be tried again.
     pub fn rest(&mut self) -> Result<()> {
         self.context.rest()
     }
@@ -301,7 +303,7 @@ impl Rollout {
         self.context.is_resting()
     }
 
-    /// Back to the start, with the same seed.
+    /// Returns to the start, with the same seed.
     ///
     /// # Errors
     /// `Device` when the device is lost.
@@ -330,11 +332,11 @@ impl Rollout {
         Ok(self.host_latent.get_or_init(|| latent))
     }
 
-    /// Writes picture `i` of the last latent, 0 to `pictures_per_latent - 1` in order of time, at render size; waits
-    /// for it. `picture` is replaced when it has another size, else its memory is used again.
+    /// Writes picture `i` of the last latent, 0 to `pictures_per_latent - 1` in order of time, at render size; waits for it.
+    /// `picture` is replaced if it has another size, else its memory is reused.
     ///
     /// # Errors
-    /// `InvalidArgument` before the first latent and for a picture that is not there; `Device` when it cannot be read.
+    /// `InvalidArgument` before the first latent and for a picture that does not exist; `Device` when it cannot be read.
     pub fn read_picture(&mut self, i: u32, picture: &mut Picture) -> Result<()> {
         self.check_started()?;
         let temporal = self.world.manifest().geometry.autoencoder.temporal;
@@ -355,7 +357,7 @@ impl Rollout {
         Ok(())
     }
 
-    /// All decoded pictures of the last latent as the decoder gave them, `[pictures, 3, H, W]`; waits for them.
+    /// All decoded pictures of the last latent at the decoder's size, `[pictures, 3, H, W]`; waits for them.
     ///
     /// # Errors
     /// As [`latent`](Self::latent).
@@ -367,7 +369,7 @@ impl Rollout {
         Ok(rgb)
     }
 
-    /// The decoder's memories, in the order and of the shapes of the manifest.
+    /// The decoder's memories, in the manifest's order and shapes.
     ///
     /// # Errors
     /// `Device` when they cannot be read.
@@ -385,10 +387,10 @@ impl Rollout {
             .collect()
     }
 
-    /// K or V of one layer's ring as it lies on the device, `[kv_heads, buckets * T, head_width]` in the graphs' type.
+    /// K or V of one layer's ring, as stored on the device: `[kv_heads, buckets * T, head_width]` in the graphs' element type.
     ///
     /// # Errors
-    /// `InvalidArgument` for a layer that is not there; `Device` when it cannot be read.
+    /// `InvalidArgument` for a layer that does not exist; `Device` when it cannot be read.
     pub fn ring_bytes(&self, layer: u32, part: Part) -> Result<Vec<u8>> {
         let buffer = self.kv.ring(layer as usize, part).ok_or_else(|| {
             let layers = self.world.manifest().geometry.layers;
@@ -405,7 +407,7 @@ impl Rollout {
         &self.world
     }
 
-    /// How it runs.
+    /// Its operating point.
     pub fn operating_point(&self) -> &OperatingPoint {
         &self.point
     }
@@ -415,13 +417,13 @@ impl Rollout {
         &self.planner
     }
 
-    /// Figures since it was made; [`reset`](Self::reset) and [`restore`](Self::restore) do not touch them.
+    /// Statistics since it was made; [`reset`](Self::reset) and [`restore`](Self::restore) do not change them.
     pub fn statistics(&self) -> Statistics {
-        // What contexts before this one moved is kept there.
+        // `self.statistics.bytes` has the bytes that earlier contexts of the rollout moved.
         Statistics { bytes: self.statistics.bytes + self.context.bytes(), ..self.statistics }
     }
 
-    /// Goes on counting where `other`, whose place it takes, leaves off.
+    /// Continues the statistics of `other`, which this rollout replaces.
     pub(super) fn take_figures(&mut self, other: &mut Self) {
         self.statistics = other.statistics();
         #[cfg(windows)]
@@ -430,13 +432,13 @@ impl Rollout {
         }
     }
 
-    /// The flag that ends a step or an append from another thread: while it is set no pass begins, the call fails with
-    /// `Cancelled`, and the rollout is as it was before it. Whoever sets it clears it.
+    /// The flag that stops a step or an append from another thread. While it is set no pass starts, the call fails with
+    /// `Cancelled`, and the rollout stays as before the call. The caller that sets the flag clears it.
     pub fn stop_flag(&self) -> &Arc<AtomicBool> {
         &self.stop
     }
 
-    /// Makes a plan in the plan that is kept, and executes it.
+    /// Makes a plan in the reused `plan`, and executes it.
     fn with_plan(
         &mut self,
         make: impl FnOnce(&Planner, &mut StepPlan) -> Result<()>,
@@ -448,10 +450,10 @@ impl Rollout {
         result
     }
 
-    /// All of a step but what comes before its denoise passes. Nothing that counts is written before every result is
-    /// there and finite, and then all of it at once.
+    /// All parts of a step from its denoise passes on. The rollout's state is written only after every result is complete and
+    /// finite, and then all at once.
     fn finish(&mut self, plan: &StepPlan, mut run: Run) -> Result<StepInfo> {
-        // First, as nothing may fail once what the plan says is done.
+        // Checked first, because nothing may fail once the plan's commit is done.
         self.planner.check(plan)?;
         let context = &mut *self.context;
         self.passes.prepare(context, plan, [0.0, 0.0])?;
@@ -468,13 +470,13 @@ impl Rollout {
         let decoding = self.autoencoder.decode(context, plan.prime)?;
         run.stages.decode.add(u64::from(plan.prime) + 1, start);
         let start = Instant::now();
-        // All of it at once, as the device is waited for here.
+        // One check for all results, because it waits for the device.
         let looked = context.not_finite(self.finite_checks[decoding.side()]).and_then(|group| {
             let what = match group {
                 None => return Ok(()),
                 Some(LATENT) => "latent",
                 Some(DECODED) => "the decoder's view of latent",
-                // Those that do not go into the ring are not asked for.
+                // K and V that are not committed need not be finite.
                 Some(_) if !committed => return Ok(()),
                 Some(_) => "K or V of latent",
             };
@@ -557,7 +559,7 @@ impl std::fmt::Debug for Rollout {
     }
 }
 
-/// What one step has cost so far.
+/// Time and bytes of one step so far.
 struct Run {
     stages: Stages,
     bytes: crate::runtime::Bytes,

@@ -1,4 +1,4 @@
-//! Noise schedules: which noise levels a latent step walks down, exactly as decided and then rounded as trained.
+//! Noise schedules: the noise levels of a latent step, exact first, then rounded as in training.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use crate::bundle::{Rounding, Sampler};
 use crate::world::time::clip;
 use crate::{Error, ErrorKind, Result};
 
-/// The most points a schedule may have, its final 0 included.
+/// Maximum number of points of a schedule, its final 0 included.
 pub const MAX_POINTS: usize = 64;
 
 /// How the noise levels of a latent step are chosen.
@@ -17,15 +17,15 @@ pub const MAX_POINTS: usize = 64;
 pub enum Schedule {
     /// The bundle's own list.
     Stock,
-    /// The bundle's list with its widest interval split at the middle (ties: the earlier one) until there are this
-    /// many denoise passes. From the stock number of passes, at least 4, to 63. The paper does not define its
-    /// schedule; this is our reading.
+    /// The bundle's list, whose widest interval is split at its middle (ties: the earlier one) until there are this many denoise
+    /// passes: from the stock number of passes, at least 4, to 63. The paper does not define its schedule; this is our
+    /// interpretation.
     Refined(u32),
-    /// A list of one's own: 2 to 64 finite numbers, strictly descending, the first at most 1, the last exactly 0.
+    /// A custom list: 2 to 64 finite numbers, strictly descending, the first at most 1, the last exactly 0.
     Explicit(Vec<f64>),
 }
 
-/// Noise levels as the graphs get them: n + 1 levels and the n differences of neighbours.
+/// Noise levels as passed to the graphs: n + 1 levels and the n differences of neighbours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SigmaTable {
     /// Strictly descending, the last is 0.
@@ -42,7 +42,7 @@ impl SigmaTable {
 }
 
 impl Schedule {
-    /// The finished list before rounding: each point is the f64 nearest to its exact value.
+    /// The complete list before rounding: each point is the f64 nearest to its exact value.
     ///
     /// # Errors
     /// `InvalidArgument` when the schedule, or the stock list it starts from, breaks the rules given at the variants.
@@ -54,13 +54,13 @@ impl Schedule {
         check_points(list, field)?;
         match self {
             Self::Refined(passes) => refine(list, *passes),
-            // -0 is 0 too, and goes on as 0.
+            // Normalises -0 to 0.
             Self::Stock | Self::Explicit(_) => Ok(list.iter().map(|point| point.abs()).collect()),
         }
     }
 
-    /// The finished list and its differences, rounded as `sampler.sigma_rounding` says. The differences are those of
-    /// the rounded levels, taken and rounded in the same type, as the released engine does.
+    /// The complete list and its differences, rounded as `sampler.sigma_rounding` says. The differences are computed from the
+    /// rounded levels and rounded to the same type, as the released engine does.
     ///
     /// # Errors
     /// As [`Schedule::points`], and `InvalidArgument` when two neighbours become equal by the rounding.
@@ -107,10 +107,10 @@ fn check_points(points: &[f64], field: &str) -> Result<()> {
     }
 }
 
-/// Decimals of a point that are kept exactly; more are refused.
+/// Decimals of a point that are kept exactly; more are an error.
 const DECIMALS: u32 = 17;
-/// Every point is a whole number of these parts of 1. A point is a decimal, and no chain of splits is longer than 63
-/// halvings, so all of them are exact.
+/// Points are fixed-point numbers with this many units in 1. A stock point is a decimal, and no chain of splits is longer than 63
+/// halvings, so all points are exact.
 const UNIT: u128 = 10u128.pow(DECIMALS) << 63;
 
 fn refine(stock: &[f64], passes: u32) -> Result<Vec<f64>> {
@@ -132,14 +132,14 @@ fn refine(stock: &[f64], passes: u32) -> Result<Vec<f64>> {
                 widest = i;
             }
         }
-        // Half the sum, which is exact: both ends are even numbers of parts until 63 halvings in a row.
+        // Exact: both ends are even until 63 halvings in a row.
         let middle = (points[widest] + points[widest + 1]) / 2;
         points.insert(widest + 1, middle);
     }
     Ok(points.into_iter().map(nearest).collect())
 }
 
-/// A point in parts of [`UNIT`], taken as the shortest decimal that reads back as `point`.
+/// A point in units of 1 / [`UNIT`], read from the shortest decimal that parses to `point`.
 fn exact(point: f64) -> Result<u128> {
     let text = point.to_string();
     let (whole, decimals) = text.split_once('.').unwrap_or((&text, ""));
@@ -249,7 +249,7 @@ mod tests {
         assert_eq!(Schedule::Refined(5).points(&thirds).unwrap(), [0.9, 0.75, 0.6, 0.45, 0.3, 0.0]);
     }
 
-    /// Against a second implementation that keeps fractions as numerators over 2^20 * 1000 and compares by hand.
+    /// Compares with a second implementation that keeps fractions as numerators over 2^20 * 1000.
     #[test]
     fn every_refinement_keeps_the_stock_points_and_descends() {
         let mut fractions: Vec<u64> = [1000u64, 900, 750, 300, 0].map(|p| p << 20).to_vec();

@@ -1,16 +1,15 @@
-//! What a rollout did and how long it took.
+//! Counts and wall times of a rollout's work.
 
 use std::time::{Duration, Instant};
 
 use crate::runtime::Bytes;
 
-/// How often a stage ran and how long it took in all.
+/// Number of runs of a stage and their total time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stage {
     /// Runs: passes of a graph, commits, or pictures resized.
     pub count: u64,
-    /// Wall time. On a device that works on its own this is the time to submit and, where somebody asked for a result,
-    /// to wait.
+    /// Wall time. On an asynchronous device this is the time to submit and, if a result was requested, to wait.
     pub time: Duration,
 }
 
@@ -25,15 +24,15 @@ impl Stage {
 /// Wall times by stage.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stages {
-    /// A picture resized and made a latent.
+    /// Resizing and encoding of pictures.
     pub encode: Stage,
     /// Denoise passes.
     pub denoise: Stage,
-    /// Passes at sigma 0 that make K and V for the ring.
+    /// Cache passes: passes at sigma 0 that make K and V for the ring.
     pub cache: Stage,
     /// Copies of new K and V into the ring.
     pub commit: Stage,
-    /// Latents made pictures, those that only prime the decoder among them.
+    /// Decoder runs, including those that only prime the decoder.
     pub decode: Stage,
     /// Pictures read and resized.
     pub resize: Stage,
@@ -56,20 +55,20 @@ impl Stages {
     }
 }
 
-/// A rollout's figures since it was made.
+/// Statistics of a rollout since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Statistics {
-    /// Latents made, appended ones among them.
+    /// Latents made, appended ones included.
     pub latents: u64,
     /// Wall times by stage.
     pub stages: Stages,
     /// Bytes moved outside of graphs.
     pub bytes: Bytes,
-    /// The part of `bytes.copied` that went into the ring: exactly the slabs of committed latents.
+    /// The part of `bytes.copied` that went into the ring: the slabs of committed latents, and nothing else.
     pub ring_bytes: u64,
 }
 
-/// One latent step's figures.
+/// Statistics of one latent step.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct StepInfo {
     /// The number of the latent that was made; the first is 0.

@@ -5,15 +5,15 @@ use std::fmt;
 
 use crate::{Error, ErrorKind, Result};
 
-/// The latest world time a script or a duration may name: one day, in whole seconds.
+/// The latest world time in a script or duration: one day, in whole seconds.
 pub const MAX_SECONDS: u64 = 86_400;
 
 /// Microseconds in a second.
 pub(crate) const MICROS: u64 = 1_000_000;
 
-/// A moment, or a length, of world time: an exact fraction of seconds, never negative.
+/// A point in world time, or a duration: an exact fraction of seconds, never negative.
 ///
-/// Two values are equal when they name the same moment, however they were made: 2/30 s is 1/15 s.
+/// Two values are equal if they are the same time, however they were made: 2/30 s is 1/15 s.
 #[derive(Clone, Copy)]
 pub struct WorldTime {
     ticks: u64,
@@ -21,7 +21,7 @@ pub struct WorldTime {
 }
 
 impl WorldTime {
-    /// The moment of the seed picture.
+    /// The time of the seed picture.
     pub const ZERO: Self = Self { ticks: 0, per_second: 1 };
 
     /// `ticks / per_second` seconds; a `per_second` of zero counts as one.
@@ -46,37 +46,37 @@ impl WorldTime {
         })
     }
 
-    /// Seconds, rounded to f64: for showing, never for deciding.
+    /// Seconds, rounded to f64: for display, not for decisions.
     pub fn seconds(self) -> f64 {
         self.ticks as f64 / f64::from(self.per_second)
     }
 
-    /// The first whole microsecond that is not before this moment; the largest u64 when it is out of range.
+    /// The first whole microsecond not before this time; `u64::MAX` if out of range.
     pub fn ceil_micros(self) -> u64 {
         let micros = (u128::from(self.ticks) * u128::from(MICROS)).div_ceil(u128::from(self.per_second));
         u64::try_from(micros).unwrap_or(u64::MAX)
     }
 
-    /// The last whole microsecond that is not after this moment; the largest u64 when it is out of range.
+    /// The last whole microsecond not after this time; `u64::MAX` if out of range.
     pub fn floor_micros(self) -> u64 {
         let micros = u128::from(self.ticks) * u128::from(MICROS) / u128::from(self.per_second);
         u64::try_from(micros).unwrap_or(u64::MAX)
     }
 
-    /// How many whole steps of `1 / rate` seconds lie in this length; saturates.
+    /// Number of whole steps of `1 / rate` seconds in this duration; saturates.
     pub fn whole_steps(self, rate: u32) -> u64 {
         let steps = u128::from(self.ticks) * u128::from(rate) / u128::from(self.per_second);
         u64::try_from(steps).unwrap_or(u64::MAX)
     }
 
-    /// How many steps of `1 / rate` seconds cover this length; saturates.
+    /// Number of steps of `1 / rate` seconds that cover this duration; saturates.
     pub fn covering_steps(self, rate: u32) -> u64 {
         let steps = (u128::from(self.ticks) * u128::from(rate)).div_ceil(u128::from(self.per_second));
         u64::try_from(steps).unwrap_or(u64::MAX)
     }
 
-    /// `start`, `end` and any number of microseconds as whole numbers of one unit, so that they compare, subtract and
-    /// divide exactly. The unit is one second over 10^6 times both denominators.
+    /// Converts `start`, `end` and any number of microseconds to integers of one unit, so that they can be compared, subtracted and
+    /// divided exactly. The unit is one second over 10^6 times both denominators.
     pub(crate) fn on_one_scale(start: Self, end: Self) -> (u128, u128, impl Fn(u64) -> u128) {
         let (a, b) = (u128::from(start.per_second), u128::from(end.per_second));
         let micros = u128::from(MICROS);
@@ -88,7 +88,7 @@ impl WorldTime {
     }
 }
 
-/// Reads decimal seconds into microseconds; the error is a cause without place or remedy.
+/// Parses decimal seconds to microseconds; the error is a cause without field or remedy.
 pub(crate) fn parse_micros(text: &str) -> std::result::Result<u64, String> {
     let bad = || format!("{:?} is no time in seconds", clip(text));
     let (whole, decimals) = text.split_once('.').unwrap_or((text, "0"));

@@ -1,4 +1,4 @@
-//! A rollout goes on in another world of the same bundle, with a wider or a narrower memory.
+//! Moves a rollout to another world of the same bundle, with a longer or a shorter context window.
 
 use std::sync::Arc;
 
@@ -11,16 +11,17 @@ use crate::runtime::BufferId;
 use crate::{Error, ErrorKind, Result};
 
 impl Rollout {
-    /// Goes on in `world`, the same bundle at the same precision, loaded with another global window: at a narrower one it forgets what lies
-    /// beyond that, at a wider one it forgets nothing and remembers for longer from now on. Clocks, seed, schedule, the last latent and its
-    /// pictures, and the decoder's memories stay; what a pass sees is what it would see in a world that had this window all along.
+    /// Continues in `world`: the same bundle at the same precision, loaded with another global window. With a shorter window the
+    /// oldest latents are forgotten; with a longer one nothing is, and the memory lasts longer from now on. Clocks, seed, schedule,
+    /// the last latent and its pictures, and the decoder's memories stay. A pass sees the same as in a world that had this window
+    /// from the start, except for latents that a shorter window has already forgotten.
     ///
-    /// The rings go through the host's memory, and as long as the call lasts there are two of them: it is for when little else is to be
-    /// done, as once in many seconds.
+    /// The rings are copied through host memory, and two rollouts' memory is allocated during the call: call it rarely, as once in
+    /// many seconds.
     ///
     /// # Errors
-    /// `InvalidArgument` for a world of another bundle or precision; otherwise as [`Rollout::new`], and `Device` when the memory cannot be
-    /// read. The rollout is as it was then.
+    /// `InvalidArgument` for a world of another bundle or precision; otherwise as [`Rollout::new`], and `Device` when the memory
+    /// cannot be read. The rollout is unchanged then.
     pub fn move_to(&mut self, world: &Arc<World>) -> Result<()> {
         let refuse = |cause: &str| Err(Error::new(ErrorKind::InvalidArgument, cause).field("world"));
         if world.digest() != self.world.digest() {
@@ -63,8 +64,8 @@ impl Rollout {
 }
 
 impl Ring {
-    /// Takes over what `other`, of another number of slots, holds after `commits` commits: the newest there is room for. Gives the slots
-    /// that go from there to here.
+    /// Takes over the contents of `other`, a ring of another size after `commits` commits: the newest latents that fit. Returns
+    /// pairs of slots, in `other` and in this ring, whose contents must be copied.
     pub(super) fn take_over(&mut self, other: &Ring, commits: u64) -> Vec<(usize, usize)> {
         self.clear();
         let Some(last) = commits.checked_sub(1).map(|last| last / u64::from(self.dilation())) else {
@@ -85,7 +86,7 @@ impl Ring {
 mod tests {
     use super::*;
 
-    /// What a ring holds, slot by slot: the ring clock of each.
+    /// A ring after `commits` commits, and the ring clock stored in each slot.
     fn filled(buckets: u32, dilation: u32, commits: u64) -> (Ring, Vec<Option<u64>>) {
         let mut ring = Ring::new(buckets, dilation).expect("a ring");
         let mut held = vec![None; buckets as usize];
@@ -109,7 +110,7 @@ mod tests {
                 slots.iter().for_each(|(there, here)| lies[*here] = held[*there]);
                 let newest: Vec<_> = held_there.iter().filter(|t| held.contains(t)).collect();
                 let name = format!("{from} to {to} slots, {commits} commits of {dilation}");
-                // A wider ring lacks what the narrower one had forgotten, and nothing else.
+                // A longer ring lacks only the latents that the shorter one had forgotten.
                 let expected_there = held_there.iter().map(|t| t.filter(|t| held.contains(&Some(*t))));
                 assert_eq!(lies, expected_there.collect::<Vec<_>>(), "{name}: {newest:?}");
                 for (slot, t) in lies.iter().enumerate() {

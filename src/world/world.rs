@@ -14,19 +14,19 @@ pub struct WorldOptions {
     /// The global window g in latents: a multiple of the dilation, at most the bundle's `max_window`. `None`: the
     /// bundle's stock window. It is fixed for all rollouts of the world.
     pub global_window: Option<u32>,
-    /// What the graphs compute in. `None`: what the device is best at.
+    /// Precision of the graphs. `None`: the device's default.
     pub precision: Option<Precision>,
-    /// Bytes this world with its bundle and one rollout may take. `None`: what the system has available.
+    /// Memory limit in bytes for this world, its bundle and one rollout. `None`: the available system memory.
     pub memory_limit: Option<u64>,
-    /// Where the global window is too wide for the memory that there is, the widest one that is not takes its place;
-    /// [`World::global_window`] says which. Otherwise such a world is refused.
+    /// If the global window does not fit in memory, the widest one that fits replaces it; [`World::global_window`] returns it. If
+    /// false, such a world is refused.
     pub fit_window: bool,
 }
 
 /// A loaded bundle: sessions, weights and geometry.
 ///
-/// Threads: may be used from any thread at any time. Its rollouts may run at the same time, each on a thread of its
-/// own; ONNX Runtime then shares the device's threads among them, and no rollout's numbers depend on another.
+/// Threads: may be used from any thread at any time. Its rollouts may run at the same time, each on its own thread; ONNX Runtime
+/// then shares the device's threads among them, and no rollout's results depend on another.
 pub struct World {
     device: Device,
     manifest: Manifest,
@@ -41,23 +41,23 @@ pub struct World {
 }
 
 impl World {
-    /// Loads `bundle` on `device`: compares the memory it needs with what there is, makes the three sessions and checks
-    /// their tensors against the manifest's geometry. Takes seconds to minutes with real weights. The bundle's bytes
-    /// are not needed afterwards.
+    /// Loads `bundle` on `device`: compares its memory need with the available memory, makes the three sessions and checks their
+    /// tensors against the manifest's geometry. Takes seconds to minutes with real weights. The bundle's bytes are not needed
+    /// afterwards.
     ///
     /// # Errors
-    /// `InvalidArgument` for a global window the bundle does not serve; `Unsupported` for a precision it does not hold;
-    /// `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict the manifest;
+    /// `InvalidArgument` for a global window that the bundle does not support; `Unsupported` for a precision that it does not
+    /// contain; `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict the manifest;
     /// `Device` when ONNX Runtime refuses a graph.
     pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
         Self::load_with(device, bundle, options, &|_| Ok(()))
     }
 
-    /// [`World::load`] with a word in between: `proceed` is called before each session is made and after the last, with
-    /// the number of sessions there are to make, and ends the loading where it fails.
+    /// As [`World::load`], with progress: `proceed` is called before each session is made and after the last, with the total number
+    /// of sessions. An error from it stops loading.
     ///
     /// # Errors
-    /// As [`World::load`], and whatever `proceed` says.
+    /// As [`World::load`], and the errors of `proceed`.
     pub fn load_with(
         device: &Device,
         bundle: &Arc<Bundle>,
@@ -75,7 +75,7 @@ impl World {
         let global_window = options.global_window.unwrap_or(geometry.global.window);
         let fits = |g: u32| {
             let need = bundle.memory_need(precision, g)?;
-            // The bundle itself is in memory already.
+            // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
             limit.map_or(Ok(()), |limit| need.check_fits(limit))?;
             device.room().map_or(Ok(()), |room| need.check_fits_on_device(room))?;
@@ -129,13 +129,13 @@ impl World {
         Ok(())
     }
 
-    /// What a rollout adds to the world: ring and slabs, in bytes.
+    /// Bytes that a rollout adds to the world: ring and slabs.
     pub(super) fn need_of_rollout(&self) -> u64 {
         self.need.ring.saturating_add(self.need.slabs)
     }
 
-    /// Checks that one more rollout fits, before anything of it is allocated. It takes the place of what has `freed` bytes: where memory is
-    /// short, that is how it becomes less.
+    /// Checks that one more rollout fits, before any of its memory is allocated. `freed` is the size of the rollout that it
+    /// replaces, so that a move to a smaller window is possible when memory is short.
     pub(super) fn check_room_for_rollout(&self, freed: u64) -> Result<()> {
         let wanted = self.need_of_rollout();
         match self.device.room().or_else(available_memory).map(|room| room.saturating_add(freed)) {
@@ -168,7 +168,7 @@ impl World {
         &self.digest
     }
 
-    /// What the graphs compute in.
+    /// Precision of the graphs.
     pub fn precision(&self) -> Precision {
         self.precision
     }
@@ -183,23 +183,22 @@ impl World {
         &self.need
     }
 
-    /// Numbers of one latent, `C * h * w`.
+    /// Number of values of one latent, `C * h * w`.
     pub fn latent_len(&self) -> usize {
         self.shapes.latent_len()
     }
 
-    /// `(width, height)` of a picture as the autoencoder makes it.
+    /// `(width, height)` of a decoded picture.
     pub fn decoded_size(&self) -> (u32, u32) {
         self.manifest.picture.decoded.into()
     }
 
-    /// `(width, height)` of a picture in square pixels, as rollouts give it.
+    /// `(width, height)` of a picture in square pixels, as rollouts return it.
     pub fn render_size(&self) -> (u32, u32) {
         self.manifest.picture.render.into()
     }
 
-    /// Bytes K and V of one latent add to all the rings a commit writes: local layers always, global ones when
-    /// `global_too`.
+    /// Bytes that a commit of one latent's K and V copies into the rings: local layers always, global ones if `global_too`.
     pub fn slab_bytes(&self, global_too: bool) -> u64 {
         let geometry = &self.manifest.geometry;
         let layers = (0..geometry.layers).filter(|&i| global_too || !geometry.is_global(i)).count();
@@ -207,8 +206,8 @@ impl World {
         (layers * 2 * self.shapes.slab_len() * element) as u64
     }
 
-    /// Bytes of past K and V that the concat of past and present moves inside the transformer in one pass, from its
-    /// shapes: every ring and the current latent of every layer, read and written once.
+    /// Bytes that the transformer's concatenation of past and present K and V moves in one pass, computed from its shapes: every
+    /// ring and the current latent of every layer, read and written once.
     pub fn concat_bytes_per_pass(&self) -> u64 {
         let geometry = &self.manifest.geometry;
         let numbers: usize = (0..geometry.layers)
@@ -231,14 +230,14 @@ impl std::fmt::Debug for World {
     }
 }
 
-/// The widest window up to `wanted` in steps of the dilation that fits, and what `fits` says of it; wider ones need more.
+/// The widest window up to `wanted`, in steps of the dilation, that fits, and the result of `fits` for it; wider windows need more.
 fn widest<T>(wanted: u32, dilation: u32, fits: impl Fn(u32) -> Result<T>) -> Result<(u32, T)> {
     let too_wide = |e: &Error| e.kind() == ErrorKind::OutOfMemory;
     let refused = match fits(wanted) {
         Err(e) if too_wide(&e) && dilation > 0 && wanted > dilation => e,
         found => return found.map(|found| (wanted, found)),
     };
-    // The narrowest one, at least, or there is none.
+    // If even the narrowest window does not fit, none does.
     let mut best = match fits(dilation) {
         Err(e) if too_wide(&e) => return Err(refused),
         found => (dilation, found?),
@@ -271,7 +270,7 @@ mod widest_tests {
         {
             assert_eq!(widest(wanted, 8, room(most)).unwrap(), (expected, 2 * expected), "{wanted} of {most}");
         }
-        // Of all that is too wide, what was asked for is told.
+        // The error is the one of the requested window.
         assert_eq!(widest(64, 8, room(7)).unwrap_err().cause(), "g64");
         let broken = |_: u32| Err::<u32, _>(Error::new(ErrorKind::Device, "lost"));
         assert_eq!(widest(64, 8, broken).unwrap_err().kind(), ErrorKind::Device);

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::present::presenter::Presenter;
 use crate::runtime::Device;
-use crate::world::{KeptAnchor, Rollout};
+use crate::world::{KeptAnchor, WorkerStatistics};
 use crate::{Colours, Picture};
 
 /// # Safety
@@ -38,7 +38,7 @@ pub(in crate::abi) fn set_options(_: &Device, _: &cairn_d3d12_options) -> Outcom
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn rollout_figures(_: &mut Rollout) -> RolloutFigures {
+pub(in crate::abi) fn rollout_figures(_: &WorkerStatistics) -> RolloutFigures {
     RolloutFigures::default()
 }
 

@@ -26,7 +26,7 @@ use crate::gpu::{FencePoint, Gpu, Target, read_texture};
 use crate::present::d3d12::{self, PipelineCallbacks, Preference, PrepareOptions, Rendered, RendererOptions};
 use crate::present::presenter::Presenter;
 use crate::runtime::{Device, DirectMlOptions, Ort};
-use crate::world::{KeptAnchor, Rollout};
+use crate::world::{KeptAnchor, WorkerStatistics};
 use crate::{Colours, Picture};
 use adapters::loaded_pipelines;
 pub(in crate::abi) use adapters::{list, requirements};
@@ -85,10 +85,8 @@ pub(in crate::abi) fn set_options(device: &Device, options: &cairn_d3d12_options
 }
 
 /// What a rollout has taken on the device; nothing on one that is no Direct3D 12 one.
-pub(in crate::abi) fn rollout_figures(rollout: &mut Rollout) -> RolloutFigures {
-    let Some((took, captured)) = rollout.device_times().zip(rollout.captured()) else {
-        return RolloutFigures::default();
-    };
+pub(in crate::abi) fn rollout_figures(statistics: &WorkerStatistics) -> RolloutFigures {
+    let Some((took, captured)) = &statistics.device else { return RolloutFigures::default() };
     RolloutFigures {
         passes: times(took.passes),
         decodes: times(took.decode),

@@ -1,16 +1,16 @@
-//! Which of all settings a rollout and its frames have next: arithmetic on measured times, without a clock of its own.
+//! Chooses the next setting of a rollout and its frames, from measured times; it reads no clock.
 
 use std::time::Duration;
 
-/// Latents that are looked at before anything is changed.
+/// Latents measured before each decision.
 const LATENTS: u32 = 3;
-/// Latents and frames that may be under way when something is, whose times tell of what was before.
+/// Latents and frames in flight when a setting changes; their times belong to the old setting and are ignored.
 const STALE_LATENTS: u32 = 1;
 const STALE_FRAMES: u64 = 3;
-/// Calm stretches of [`LATENTS`] before more is tried, at most.
+/// Maximum number of consecutive measurements within the budget that are required before a larger setting is tried.
 const MOST_PATIENCE: u32 = 64;
 
-/// One setting, as places in lists that begin with the best.
+/// One setting, as indices in lists whose first entry is the best.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Setting {
     pub(super) window: usize,
@@ -18,15 +18,15 @@ pub(super) struct Setting {
     pub(super) passes: usize,
 }
 
-/// A window that a rollout may have.
+/// A context window that a rollout may have.
 #[derive(Debug, Clone)]
 pub(super) struct Window {
     pub(super) latents: u32,
     /// Bytes of its ring.
     pub(super) ring: u64,
-    /// Whether it may be had at all.
+    /// Whether it may be used.
     pub(super) allowed: bool,
-    /// What a pass takes, in terms of the first window that was measured.
+    /// Duration of a pass, relative to a pass of the first window that was measured; `None` before it is measured.
     relative: Option<f64>,
 }
 
@@ -36,7 +36,7 @@ impl Window {
     }
 }
 
-/// Why a setting follows another.
+/// Why a setting replaces another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Why {
     /// Frames took too long.
@@ -47,30 +47,31 @@ pub(super) enum Why {
     MemoryIsShort,
 }
 
-/// What was decided.
+/// A decision for another setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Decision {
     pub(super) why: Why,
-    /// Time for a frame that was shown.
+    /// Time of a shown frame when it was made.
     pub(super) took: Duration,
 }
 
-/// Holds frames that are shown to so much of the device's time each.
+/// Keeps the device time of each shown frame within a budget.
 ///
 /// ```text
-/// time of a frame     (a latent + all the device did for the frames between it and the next) / frames shown for it
-/// settings            each window, widest first; of each, frames made, most first; of each, passes, most first
-/// above the budget    the next setting that would stay within it, as far as is known; where none is known to, the narrower window with
-///                     the least of all else, so that it is measured
-/// below it            the first setting that would take 7/8 of it or less, after a calm while, which doubles when that was too much
-/// a latent's time     as its passes, and one more for all else; between windows as was measured
+/// frame time          (a latent's time + device time of the frames between it and the next) / frames shown for the latent
+/// settings            each window, widest first; of each, generated frames, most first; of each, passes, most first
+/// above the budget    the first smaller setting whose expected time is within the budget; if there is none, the next narrower window
+///                     with the fewest frames and passes, so that it is measured
+/// below the budget    the first setting with an expected time of at most 7/8 of the budget, after a number of calm measurements that
+///                     doubles whenever a larger setting proved too slow
+/// a latent's time     proportional to its passes + 1; between windows as measured
 /// ```
 #[derive(Debug, Clone)]
 pub(super) struct Choice {
     budget: Option<Duration>,
     multiplier: u32,
     pub(super) windows: Vec<Window>,
-    /// Frames to an anchor that may be made, descending.
+    /// Numbers of frames that may be generated for an anchor, descending.
     pub(super) made: Vec<u32>,
     /// Passes of each schedule, descending.
     pub(super) passes: Vec<u32>,
@@ -81,20 +82,21 @@ pub(super) struct Choice {
     latents_took: Duration,
     frames: u64,
     frames_took: Duration,
-    /// What a pass of the first window measured would have taken when this window was entered: what tells how this one differs.
+    /// Expected duration of a pass of the first measured window when the current window was entered; the reference for this
+    /// window's `relative`.
     left: Option<f64>,
-    /// What was measured last, of a latent and of a frame that was shown.
+    /// Times measured last: of a latent, and of the work on frames for each shown frame.
     latent: Duration,
     frame: Duration,
     calm: u32,
     patience: u32,
     has_grown: bool,
-    /// How often even the least was too much.
+    /// How often the smallest setting took too long.
     pub(super) beyond: u64,
 }
 
 impl Choice {
-    /// Begins with the best of the windows that are allowed; one of them is.
+    /// Starts with the first allowed window; at least one is allowed.
     pub(super) fn new(budget: Option<Duration>, multiplier: u32, windows: Vec<Window>, passes: Vec<u32>) -> Self {
         let window = windows.iter().position(|window| window.allowed).unwrap_or(windows.len().saturating_sub(1));
         Self {
@@ -124,19 +126,19 @@ impl Choice {
         self.at
     }
 
-    /// Fewer frames may be made too, as the multiplier can be divided.
+    /// Allows fewer generated frames: all divisors of the multiplier.
     pub(super) fn may_make_fewer(&mut self) {
         self.made = (1..=self.multiplier).rev().filter(|made| self.multiplier.is_multiple_of(*made)).collect();
     }
 
-    /// A window cannot be had after all.
+    /// Marks a window as unusable, and sets the one in use to `instead`.
     pub(super) fn refuse(&mut self, window: usize, instead: usize) {
         self.windows[window].allowed = false;
         self.at.window = instead;
         self.begin();
     }
 
-    /// Takes note of what the device spent on so many frames more.
+    /// Records the device time of `frames` more frames.
     pub(super) fn note_frames(&mut self, frames: u64, took: Duration) {
         if self.stale_frames > 0 {
             self.stale_frames = self.stale_frames.saturating_sub(frames);
@@ -146,7 +148,8 @@ impl Choice {
         self.frames_took = self.frames_took.saturating_add(took);
     }
 
-    /// Takes note of a latent, and of the bytes of the device's memory that are left, less than none where there are too few; what follows.
+    /// Records a latent's time and the bytes of the device's memory budget that are left, negative if it is exceeded. Returns a
+    /// decision if the setting changes.
     pub(super) fn note_latent(&mut self, took: Duration, room: Option<i128>) -> Option<Decision> {
         if self.stale_latents > 0 {
             self.stale_latents -= 1;
@@ -173,8 +176,8 @@ impl Choice {
         Some(Decision { why, took })
     }
 
-    /// Records the bytes of the device's memory that are left after its budget has changed: where they are less than none, a narrower window
-    /// follows, whatever was measured.
+    /// Records the bytes of the device's memory budget that are left after the budget has changed. If negative, the next narrower
+    /// window follows, regardless of the times.
     pub(super) fn note_memory(&mut self, room: i128) -> Option<Decision> {
         let window = self.narrower_for(Some(room))?;
         self.left = self.windows[self.at.window].relative.map(|relative| self.pass() / relative);
@@ -183,12 +186,12 @@ impl Choice {
         Some(Decision { why: Why::MemoryIsShort, took: self.took() })
     }
 
-    /// Time for a frame that is shown, as measured last.
+    /// Time of a shown frame, as measured last.
     pub(super) fn took(&self) -> Duration {
         self.cost(self.at)
     }
 
-    /// Looks anew.
+    /// Restarts the measurement after a change.
     fn begin(&mut self) {
         (self.stale_latents, self.stale_frames) = (STALE_LATENTS, STALE_FRAMES);
         (self.latents, self.latents_took) = (0, Duration::ZERO);
@@ -196,12 +199,12 @@ impl Choice {
         self.calm = 0;
     }
 
-    /// What a pass takes.
+    /// Duration of a pass in seconds; all other work of a latent counts as one pass more.
     fn pass(&self) -> f64 {
         self.latent.as_secs_f64() / f64::from(self.passes[self.at.passes] + 1)
     }
 
-    /// Keeps what a pass takes in this window beside one in the window before.
+    /// Stores this window's pass duration relative to the first measured window's.
     fn measured(&mut self) {
         let pass = self.pass();
         let relative = match self.left.take() {
@@ -211,7 +214,7 @@ impl Choice {
         self.windows[self.at.window].relative = Some(relative);
     }
 
-    /// What a frame that is shown would take.
+    /// Expected time of a shown frame under `setting`.
     fn cost(&self, setting: Setting) -> Duration {
         let passes = f64::from(self.passes[setting.passes] + 1) / f64::from(self.passes[self.at.passes] + 1);
         let latent = self.latent.as_secs_f64() * passes * self.times(setting.window) / f64::from(self.multiplier);
@@ -220,8 +223,8 @@ impl Choice {
         Duration::try_from_secs_f64(latent + frame).unwrap_or(Duration::MAX)
     }
 
-    /// How much longer a pass takes in another window: a narrower one that was never measured is taken to spare nothing, a wider one to take
-    /// as much more as it is wider.
+    /// Expected ratio of a pass's duration in another window to that in the current one. If not measured, a narrower window is
+    /// assumed to save nothing, and a wider one to cost in proportion to its length.
     fn times(&self, window: usize) -> f64 {
         let (here, there) = (&self.windows[self.at.window], &self.windows[window]);
         match (there.relative, here.relative) {
@@ -240,7 +243,7 @@ impl Choice {
         (self.at.window + 1..self.windows.len()).find(|window| self.may_have(*window, room))
     }
 
-    /// The window that follows where memory is short.
+    /// The next narrower window if the memory budget is exceeded.
     fn narrower_for(&self, room: Option<i128>) -> Option<usize> {
         room.filter(|room| *room < 0).and_then(|_| self.narrower(room))
     }
@@ -293,7 +296,7 @@ mod tests {
         let decision = choice.note_memory(-1).expect("a narrower window");
         assert_eq!((decision.why, has(&choice).0), (Why::MemoryIsShort, 8));
         assert_eq!(choice.note_memory(-1), None, "there is no narrower one");
-        // It comes back as after any other change: once there is room for it, and time.
+        // The wide window returns as after any other change: when there is memory for it, and time.
         let latents = |choice: &mut Choice, room| {
             (0..12).for_each(|_| _ = choice.note_latent(Duration::from_micros(1_000), Some(room)));
             has(choice).0
@@ -302,8 +305,8 @@ mod tests {
         assert_eq!(latents(&mut choice, 1 << 30), 64);
     }
 
-    /// A device whose times are as its load has it, in microseconds: of a pass at g64, of one at g8, of all else of a latent, of a frame that
-    /// is made, and of one that is not.
+    /// A device's load in microseconds: of a pass at g64, of a pass at g8, of all other work of a latent, of a generated frame, and
+    /// of a repeated one.
     #[derive(Clone, Copy)]
     struct Load {
         wide: u32,
@@ -323,13 +326,13 @@ mod tests {
         choice
     }
 
-    /// What it has, in words: the window, frames made, passes.
+    /// The current window, generated frames and passes.
     fn has(choice: &Choice) -> (u32, u32, u32) {
         let at = choice.at();
         (choice.windows[at.window].latents, choice.made[at.made], choice.passes[at.passes])
     }
 
-    /// Time of one frame under a load.
+    /// Time of a latent and of one anchor's frames under a load.
     fn takes(choice: &Choice, load: Load) -> (Duration, Duration) {
         let (window, made, passes) = has(choice);
         let pass = if window == 64 { load.wide } else { load.narrow };
@@ -337,7 +340,7 @@ mod tests {
         (latent, Duration::from_micros((load.made * made + load.repeated * (4 - made)).into()))
     }
 
-    /// Runs so many latents with their frames; how often something was decided.
+    /// Simulates `latents` latents with their frames; returns the number of decisions.
     fn run(choice: &mut Choice, latents: u32, load: Load) -> u32 {
         let mut decisions = 0;
         for _ in 0..latents {
@@ -355,7 +358,7 @@ mod tests {
 
     #[test]
     fn the_best_setting_that_stays_within_the_budget_is_found_and_kept() {
-        // All of it: (4 * 2 + 2 + 4) / 4 = 3.5 ms of a frame.
+        // With everything: (4 * 2 + 2 + 4) / 4 = 3.5 ms for each frame.
         for (budget, expected) in [
             (4_500, (64, 4, 4)),
             (3_000, (64, 4, 2)),
@@ -384,7 +387,7 @@ mod tests {
         assert!(within(&choice, heavy, 4_500) && has(&choice) != (64, 4, 4), "{:?}", has(&choice));
         run(&mut choice, 200, LIGHT);
         assert_eq!(has(&choice), (64, 4, 4), "what was given up comes back");
-        // Whatever the load is, it comes to rest.
+        // Under any load the setting becomes stable.
         for factor in 1..40 {
             let load =
                 Load { wide: 500 * factor, narrow: 300 * factor, rest: 400 * factor, made: 150 * factor, ..LIGHT };
@@ -398,7 +401,7 @@ mod tests {
         let mut choice = choice(3_000);
         let mut decisions = 0;
         for _ in 0..12_000 {
-            // All that is more than the least costs five times as much as it should.
+            // Every setting above the smallest costs far more than expected.
             let least = has(&choice) == (8, 1, 1);
             let latent = Duration::from_micros(if least { 1_000 } else { 40_000 });
             choice.note_frames(4, Duration::from_micros(100));
@@ -433,7 +436,7 @@ mod tests {
         assert_eq!(note(&mut choice, 30, (56 << 20) - 1), []);
         assert_eq!(note(&mut choice, 30, 56 << 20), [Why::TimeIsLeft]);
         assert_eq!(has(&choice), (64, 4, 4));
-        // One that turned out not to be there is not asked for again.
+        // A window that turned out to be unusable is not tried again.
         choice.refuse(0, 1);
         assert_eq!(note(&mut choice, 300, 1 << 30), []);
         assert_eq!(has(&choice), (8, 4, 4));

@@ -1,4 +1,4 @@
-//! One budget for a rollout and the frames between its anchors: of the device's time for each frame that is shown, and of memory.
+//! One budget for a rollout and the frames between its anchors: device time for each shown frame, and memory.
 
 mod choice;
 
@@ -15,27 +15,27 @@ use super::world::World;
 use crate::runtime::MemoryChanges;
 use crate::{Error, ErrorKind, Result};
 
-/// Windows of a budget, at most.
+/// Maximum number of windows of a budget.
 const MOST_WINDOWS: usize = 8;
-/// Frames shown for an anchor, at most.
+/// Maximum number of frames shown for each anchor.
 const MOST_FRAMES: u32 = 64;
 
-/// What a rollout and its frames may take.
+/// Limits of a rollout and its frames.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Budget {
-    /// Time of the device for each frame that is shown, anchors' passes and all; none: as long as it takes.
+    /// Device time for each shown frame, anchors' passes included; `None` sets no limit.
     pub frame: Option<Duration>,
-    /// Bytes that the world in use and its rollout may need, as [`World::memory_need`] has it; none: as much as there is.
+    /// Bytes that the world in use and its rollout may need, as in [`World::memory_need`]; `None` sets no limit.
     pub memory: Option<u64>,
-    /// Frames that are shown for each anchor, 1 to 64.
+    /// Frames shown for each anchor, 1 to 64.
     pub multiplier: u32,
-    /// Schedules that latents may be made by, each with fewer passes than the one before; none: the rollout's own alone.
+    /// Schedules that latents may use, each with fewer passes than the one before; if empty, only the rollout's own.
     pub schedules: Vec<Schedule>,
 }
 
-/// Decides, from what the device has taken so far, how many passes latents have, how far back they see, and how many of the frames between
-/// anchors are made, so that a frame that is shown takes no more than it may. Passes are given up first, then frames, the window last; what was
-/// given up comes back where there is time. [`Rollout::govern`] makes one.
+/// Chooses from measured device times how many denoise passes latents have, how long their context window is, and how many of the
+/// frames between anchors are generated, so that a shown frame stays within the budget. It reduces passes first, then frames, and
+/// the window last; it restores them when there is time. [`Rollout::govern`] makes one.
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Debug)]
@@ -50,38 +50,38 @@ struct State {
     figures: GovernorStatistics,
 }
 
-/// What a governor has done, and what it has settled on.
+/// Statistics and current setting of a governor.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct GovernorStatistics {
-    /// Time of the device for a frame that was shown, as measured last.
+    /// Device time for a shown frame, as measured last.
     pub frame: Duration,
     /// Latents measured.
     pub latents: u64,
     /// Frames measured.
     pub frames: u64,
-    /// How often something was given up as frames took too long.
+    /// How often the setting was reduced because frames took too long.
     pub less: u64,
-    /// How often something came back.
+    /// How often the setting was raised again.
     pub more: u64,
-    /// How often the window became narrower as the device's memory was short.
+    /// How often the window became shorter because the device's memory was short.
     pub short_of_memory: u64,
-    /// How often frames took too long although nothing was left to give up.
+    /// How often frames took too long with nothing left to reduce.
     pub beyond: u64,
-    /// Passes that latents have.
+    /// Denoise passes of a latent.
     pub passes: u32,
-    /// The window that they see, in latents.
+    /// Context window, in latents.
     pub window: u32,
-    /// Frames to an anchor that are made.
+    /// Frames generated for each anchor.
     pub made: u32,
 }
 
-/// What a rollout is told by a governor, and has to do it with.
+/// A rollout's governor, and the worlds and schedules that it chooses from.
 pub(super) struct Governed {
     governor: Arc<Governor>,
-    /// Widest window first.
+    /// The widest window first.
     worlds: Vec<Arc<World>>,
     schedules: Vec<Schedule>,
-    /// The device's memory budget, where the system tells of its changes.
+    /// Notification of changes of the device's memory budget, where the system supports it.
     memory_changes: Option<MemoryChanges>,
 }
 
@@ -90,13 +90,13 @@ impl Governor {
         Self { multiplier, state: Mutex::new(State { choice, figures: GovernorStatistics::default() }) }
     }
 
-    /// One of a rollout that has one window and schedules of so many passes.
+    /// A governor for one window and schedules with these numbers of passes.
     #[cfg(test)]
     pub(crate) fn of_passes(frame: Option<Duration>, multiplier: u32, passes: Vec<u32>) -> Self {
         Self::new(Choice::new(frame, multiplier, vec![Window::new(8, 0, true)], passes), multiplier)
     }
 
-    /// What it has done.
+    /// Its statistics.
     pub fn statistics(&self) -> GovernorStatistics {
         let state = self.state.lock();
         let (choice, at) = (&state.choice, state.choice.at());
@@ -110,30 +110,30 @@ impl Governor {
         }
     }
 
-    /// Frames that are shown for each anchor.
+    /// Frames shown for each anchor.
     pub fn multiplier(&self) -> u32 {
         self.multiplier
     }
 
-    /// Frames to an anchor that are made.
+    /// Frames generated for each anchor.
     pub(crate) fn made(&self) -> u32 {
         let choice = &self.state.lock().choice;
         choice.made[choice.at().made]
     }
 
-    /// Somebody makes as few frames as it says.
+    /// Records that a presenter follows [`made`](Self::made), so fewer frames may be generated.
     pub(crate) fn makes_frames(&self) {
         self.state.lock().choice.may_make_fewer();
     }
 
-    /// Takes note of what the device has spent on so many frames more.
+    /// Records the device time of `frames` more frames.
     pub(crate) fn note_frames(&self, frames: u64, took: Duration) {
         let mut state = self.state.lock();
         state.figures.frames += frames;
         state.choice.note_frames(frames, took);
     }
 
-    /// Takes note of what a latent has taken, and of what is left of the device's memory.
+    /// Records the time of a latent, and how much of the device's memory budget is left.
     pub(crate) fn note_latent(&self, took: Duration, room: Option<i128>) {
         let mut state = self.state.lock();
         state.figures.latents += 1;
@@ -142,14 +142,14 @@ impl Governor {
         self.carry_out(decision);
     }
 
-    /// Records that the device's memory budget has changed, with what is left of it: where that is too little, the window becomes narrower at
-    /// once, and not after the next latents.
+    /// Records that the device's memory budget has changed, and how much of it is left. If it is exceeded, the window becomes
+    /// shorter at once, without waiting for the next measurement.
     pub(crate) fn note_memory(&self, room: i128) {
         let decision = self.state.lock().choice.note_memory(room);
         decision.into_iter().for_each(|decision| self.carry_out(decision));
     }
 
-    /// Counts and logs what was decided.
+    /// Counts and logs a decision.
     fn carry_out(&self, Decision { why, took }: Decision) {
         let mut state = self.state.lock();
         let (count, cause) = match why {
@@ -170,23 +170,25 @@ impl Governor {
 }
 
 impl Rollout {
-    /// Holds this rollout, and the presenters that follow the governor it gives, to a budget, for as long as a host likes. Latents are made by
-    /// the first of the schedules, in the widest of `worlds` that the memory allows, and with fewer passes or in a narrower one as measured
-    /// times ask for it: those of the device where it says, else wall time. `worlds` are further ones of the same bundle, loaded with other
-    /// windows, that it may [`move_to`](Self::move_to) by itself, before a latent; none: its own alone. All that are given take memory as long
-    /// as they are loaded, and the ring only of the one in use.
+    /// Keeps this rollout, and the presenters that follow the returned governor, within a budget. Latents start with the first of
+    /// the schedules, in the widest of `worlds` that the memory allows. Measured times decide when they get fewer passes or a
+    /// narrower window: device times where available, else wall time. `worlds` are further worlds of the same bundle, loaded with
+    /// other windows, that the rollout may [`move_to`](Self::move_to) by itself before a latent; if empty, it stays in its own. All
+    /// given worlds take memory as long as they are loaded; only the world in use has a ring.
     ///
-    /// It loads no world itself: making sessions takes seconds to minutes and the weights' memory once more, which no step may, least of all
-    /// when memory is short. A host loads the windows that it may want beforehand, on a thread of its own; where there is no other, passes
-    /// and frames are all that is given up, and [`beyond`](GovernorStatistics::beyond) counts what that does not help.
+    /// It loads no world itself: making sessions takes seconds to minutes and needs the weights' memory once more, which no step
+    /// may cost, least of all when memory is short. A host loads the windows that it may want beforehand, on a thread of its own.
+    /// Without other worlds, only passes and frames are reduced, and [`beyond`](GovernorStatistics::beyond) counts how often that
+    /// was not enough.
     ///
     /// The same controls may give other pictures the next time. A restored state, [`set_budget`](Self::set_budget) and
-    /// [`ungovern`](Self::ungovern) end it, and leave things as they are.
+    /// [`ungovern`](Self::ungovern) end the budget and keep the current setting.
     ///
     /// # Errors
-    /// As for [`Schedule::table`]; `InvalidArgument` for a budget of nothing or of no time, a multiplier outside 1 to 64, schedules or worlds
-    /// that are more than eight or of which one does not follow from the one before, and worlds of another bundle or precision;
-    /// `OutOfMemory`, with figures, where even the narrowest window needs too much. Nothing has changed then.
+    /// As for [`Schedule::table`]; `InvalidArgument` for a budget without limits or with a time of 0, a multiplier outside 1 to 64,
+    /// more than eight schedules or worlds, schedules that do not decrease in passes, two worlds with one window, and worlds of
+    /// another bundle or precision; `OutOfMemory`, with figures, if even the narrowest window needs too much. Nothing has changed
+    /// then.
     pub fn govern(&mut self, budget: &Budget, worlds: &[Arc<World>]) -> Result<Arc<Governor>> {
         let refuse = |field: &str, why: String| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         if budget.frame.is_none() && budget.memory.is_none() {
@@ -243,18 +245,18 @@ impl Rollout {
         Ok(governor)
     }
 
-    /// Ends what [`govern`](Self::govern) began. Presenters that followed make all frames again.
+    /// Ends the budget that [`govern`](Self::govern) set. Presenters that followed the governor generate all frames again.
     pub fn ungovern(&mut self) {
         self.governed = None;
     }
 
-    /// What it is governed by.
+    /// Its governor; `None` without a budget.
     pub fn governor(&self) -> Option<&Arc<Governor>> {
         self.governed.as_ref().map(|governed| &governed.governor)
     }
 
-    /// Does what its governor has decided: [`step`](Self::step) does it too, so this is for hosts that want to choose the moment at which a
-    /// move to another window, which takes a while, is made. One that cannot be made is logged and not tried again.
+    /// Applies its governor's decision. [`step`](Self::step) does this too; a host calls it to choose when a move to another
+    /// window, which takes a while, is made. A move that fails is logged and not tried again.
     pub fn obey(&mut self) {
         let Some(governed) = self.governed.take() else { return };
         if governed.memory_changes.as_ref().is_some_and(MemoryChanges::come)
@@ -264,7 +266,7 @@ impl Rollout {
         }
         let Setting { window, passes, .. } = governed.governor.setting();
         let (world, schedule) = (governed.worlds[window].clone(), governed.schedules[passes].clone());
-        // The move takes it along.
+        // `move_to` moves it to the new rollout.
         self.governed = Some(governed);
         if world.global_window() != self.point.global_window
             && let Err(why) = self.move_to(&world)
@@ -279,12 +281,12 @@ impl Rollout {
         if schedule != self.point.schedule
             && let Err(why) = self.set_schedule(&schedule)
         {
-            // It was checked when the budget was given.
+            // Does not fail: the schedule was checked when the budget was set.
             log::warn!("schedule {schedule} cannot be used: {why}");
         }
     }
 
-    /// Time on the device so far; none where it does not say.
+    /// Device time so far; `None` if the device does not measure it.
     pub(super) fn spent_on_device(&mut self) -> Option<Duration> {
         #[cfg(windows)]
         return self
@@ -295,7 +297,7 @@ impl Rollout {
         None
     }
 
-    /// Tells its governor of a latent that was begun at `start`, when the device had spent `before`.
+    /// Reports a latent to its governor. `start` is the time at which it was begun, `before` the device time spent until then.
     pub(super) fn tell_governor(&mut self, start: Instant, before: Option<Duration>) {
         let Some(governor) = self.governor().cloned() else { return };
         let spent = self.spent_on_device().zip(before).map(|(now, before)| now.saturating_sub(before));
@@ -303,7 +305,7 @@ impl Rollout {
         governor.note_latent(took, self.memory_left());
     }
 
-    /// Bytes of the device's memory budget that are left, less than none where more is used than is granted; none where nobody says.
+    /// Bytes of the device's memory budget that are left, negative if it is exceeded; `None` if unknown.
     fn memory_left(&self) -> Option<i128> {
         let memory = self.world().device().memory()?;
         Some(i128::from(memory.granted) - i128::from(memory.used))

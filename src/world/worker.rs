@@ -8,21 +8,20 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
-use super::boundary::guard;
-use super::d3d12::{RolloutFigures, behind};
-use super::handles::Object;
-use super::results::{
-    CAIRN_ERROR_BUSY, CAIRN_ERROR_CANCELLED, CAIRN_ERROR_INTERNAL, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED,
-    Failure, Outcome,
-};
-use crate::Picture;
+#[cfg(windows)]
+use super::DeviceTimes;
+use super::{Budget, ControlInput, Governor, GovernorStatistics, KeptAnchor, Rollout, Statistics, StepInfo, World};
+use crate::error::catch_panic;
+#[cfg(windows)]
+use crate::runtime::Captured;
 use crate::tasks::calling_thread;
-use crate::world::{
-    Budget, ControlInput, Governor, GovernorStatistics, KeptAnchor, Rollout, Statistics, StepInfo, World,
-};
+use crate::{Error, ErrorKind, Picture, Result};
 
-/// What lies behind a handle of a rollout.
-pub(super) struct Running {
+/// A rollout whose steps are queued and run on a thread of their own, which the first [`submit`](Self::submit) starts, or run one at a time on
+/// the caller's.
+///
+/// Threads: may be used from any thread at any time; what needs the rollout to itself says `Busy` instead of waiting.
+pub struct Worker {
     shared: Arc<Shared>,
     /// Started by the first submit.
     worker: Mutex<Option<JoinHandle<()>>>,
@@ -31,7 +30,7 @@ pub(super) struct Running {
 
 /// What the caller's threads and the worker share.
 struct Shared {
-    core: Mutex<Core>,
+    core: Mutex<QueuedRollout>,
     queue: Mutex<Queue>,
     changed: Condvar,
     /// The worker's thread.
@@ -43,24 +42,30 @@ struct Shared {
     /// A step on the worker ended by a fault of the library.
     broken: AtomicBool,
     /// As of the end of the last step, so that asking does not wait for one.
-    statistics: Mutex<Figures>,
+    statistics: Mutex<WorkerStatistics>,
 }
 
-/// What a rollout has done, on the device too, and what its governor has, of the last one that it had.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Figures {
-    pub(super) done: Statistics,
-    pub(super) device: RolloutFigures,
-    pub(super) governor: GovernorStatistics,
+/// What a rollout has done as of its last step's end.
+#[derive(Debug, Clone, Default)]
+pub struct WorkerStatistics {
+    /// What the rollout has done.
+    pub done: Statistics,
+    /// What that took on a Direct3D 12 device, and which passes are captured there.
+    #[cfg(windows)]
+    pub device: Option<(DeviceTimes, Captured)>,
+    /// What its governor has done, or the last one that it had.
+    pub governor: GovernorStatistics,
 }
 
-/// The rollout itself.
-pub(super) struct Core {
-    pub(super) rollout: Rollout,
-    /// Whether nothing leads to the last latent from the one before.
+/// A worker's rollout, and whether its pictures continue the ones before.
+#[derive(Debug)]
+pub struct QueuedRollout {
+    /// The rollout.
+    pub rollout: Rollout,
+    /// Whether the last latent does not continue the one before.
     cut: bool,
-    /// Whether nothing will lead to the next one.
-    pub(super) cut_next: bool,
+    /// Whether the next latent will not continue the last one.
+    pub cut_next: bool,
 }
 
 /// What waits, what runs, and what nobody has asked for yet.
@@ -69,7 +74,7 @@ struct Queue {
     tickets: u64,
     waiting: VecDeque<(u64, Job)>,
     running: Option<u64>,
-    done: VecDeque<(u64, Outcome<Done>)>,
+    done: VecDeque<(u64, Result<StepResult>)>,
     paused: bool,
     /// Whether the rollout is to rest once the step in progress has ended.
     rests: bool,
@@ -78,56 +83,48 @@ struct Queue {
     closing: bool,
 }
 
-/// What can be submitted.
-pub(super) enum Job {
+/// A step that can be queued.
+#[derive(Debug)]
+pub enum Job {
+    /// [`Rollout::step`] with these controls.
     Step(ControlInput),
-    /// One picture, or as many as a latent has.
+    /// [`Rollout::append_pictures`]: one picture, or as many as a latent has.
     Append(Vec<Picture>),
 }
 
-/// What a step on the worker made.
-#[derive(Clone)]
-pub(super) struct Done {
-    pub(super) info: StepInfo,
-    pub(super) anchor: Arc<KeptAnchor>,
+/// What a queued step made.
+#[derive(Debug, Clone)]
+pub struct StepResult {
+    /// What the step did.
+    pub info: StepInfo,
+    /// Its pictures, kept.
+    pub anchor: Arc<KeptAnchor>,
 }
 
-/// What has become of a ticket.
-pub(super) enum Ticket {
-    /// It waits or runs.
+/// State of a queued step.
+#[derive(Debug)]
+pub enum TicketState {
+    /// The step waits or runs.
     Open,
-    /// It is over; asking again is an error.
-    Over(Outcome<Done>),
+    /// The step has ended. Its ticket is no longer valid.
+    Over(Result<StepResult>),
 }
 
-impl Object for Running {
-    fn close(&self) {
-        let mut queue = self.shared.queue.lock();
-        queue.closing = true;
-        self.shared.stop.store(true, Ordering::SeqCst);
-        queue.give_up("its rollout was destroyed");
-        self.shared.changed.notify_all();
-    }
-
-    fn is_on_own_thread(&self) -> bool {
-        self.shared.thread.get() == Some(&calling_thread())
-    }
-}
-
-impl Drop for Running {
+impl Drop for Worker {
     fn drop(&mut self) {
         self.close();
         if let Some(worker) = self.worker.lock().take() {
-            // Its panics end in `guard`.
+            // Its panics end in `catch_panic`.
             _ = worker.join();
         }
     }
 }
 
-impl Running {
-    pub(super) fn new(rollout: Rollout, capacity: usize) -> Self {
+impl Worker {
+    /// A worker for `rollout` whose queue has room for `capacity` steps that wait, run or were not asked for.
+    pub fn new(rollout: Rollout, capacity: usize) -> Self {
         let (stop, has_device_memory) = (rollout.stop_flag().clone(), rollout.world().device().is_gpu());
-        let core = Mutex::new(Core { rollout, cut: true, cut_next: true });
+        let core = Mutex::new(QueuedRollout { rollout, cut: true, cut_next: true });
         let shared = Shared {
             core,
             queue: Mutex::default(),
@@ -141,8 +138,22 @@ impl Running {
         Self { shared: Arc::new(shared), worker: Mutex::new(None), capacity }
     }
 
+    /// Ends the step in progress before its next pass, and all that are queued, for good: calls that wait for them return.
+    pub fn close(&self) {
+        let mut queue = self.shared.queue.lock();
+        queue.closing = true;
+        self.shared.stop.store(true, Ordering::SeqCst);
+        queue.give_up("its rollout was destroyed");
+        self.shared.changed.notify_all();
+    }
+
+    /// Whether the calling thread is the worker's: a callback of a step that runs there.
+    pub fn is_on_own_thread(&self) -> bool {
+        self.shared.thread.get() == Some(&calling_thread())
+    }
+
     /// The rollout for a call on the caller's own thread, while nothing is queued.
-    pub(super) fn alone(&self) -> Outcome<MutexGuard<'_, Core>> {
+    pub fn alone(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
         let queue = self.shared.queue.lock();
         if queue.running.is_some() || !queue.waiting.is_empty() {
@@ -155,13 +166,13 @@ impl Running {
     }
 
     /// The rollout for a call that only looks, while no step is running.
-    pub(super) fn look(&self) -> Outcome<MutexGuard<'_, Core>> {
+    pub fn look(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
         self.shared.core.try_lock().ok_or_else(|| busy("a step is running"))
     }
 
     /// Does one step on the caller's own thread.
-    pub(super) fn run(&self, job: &Job) -> Outcome<StepInfo> {
+    pub fn run(&self, job: &Job) -> Result<StepInfo> {
         let mut core = self.alone()?;
         let result = core.run(job);
         core.tell(&self.shared.statistics);
@@ -169,7 +180,7 @@ impl Running {
     }
 
     /// Queues a step; none when the queue is full.
-    pub(super) fn submit(&self, job: Job) -> Outcome<Option<u64>> {
+    pub fn submit(&self, job: Job) -> Result<Option<u64>> {
         self.shared.check()?;
         self.start()?;
         let mut queue = self.shared.queue.lock();
@@ -177,7 +188,7 @@ impl Running {
             return Ok(None);
         }
         if queue.closing {
-            return Err(Failure::new(CAIRN_ERROR_CANCELLED, "the rollout is being destroyed"));
+            return Err(Error::new(ErrorKind::Cancelled, "the rollout is being destroyed"));
         }
         queue.tickets += 1;
         let ticket = queue.tickets;
@@ -189,13 +200,13 @@ impl Running {
     /// What has become of a ticket, after waiting for it at most `timeout`; `None` waits for ever. `take` gets what its step
     /// made, and only when that works the ticket is over. A thread that the step needs, as the worker's or, where the call `is_nested`,
     /// one that is inside another call on the rollout, does not wait.
-    pub(super) fn ticket(
+    pub fn ticket<E: From<Error>>(
         &self,
         ticket: u64,
         timeout: Option<Duration>,
         is_nested: bool,
-        take: impl FnOnce(&Done) -> Outcome<()>,
-    ) -> Outcome<Ticket> {
+        take: impl FnOnce(&StepResult) -> Result<(), E>,
+    ) -> Result<TicketState, E> {
         let may_not_wait = timeout != Some(Duration::ZERO) && (is_nested || self.is_on_own_thread());
         let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
         let mut queue = self.shared.queue.lock();
@@ -205,22 +216,22 @@ impl Running {
                     take(done)?;
                 }
                 return match queue.done.remove(at) {
-                    Some((_, result)) => Ok(Ticket::Over(result)),
-                    None => Ok(Ticket::Open),
+                    Some((_, result)) => Ok(TicketState::Over(result)),
+                    None => Ok(TicketState::Open),
                 };
             }
             let open = queue.running == Some(ticket) || queue.waiting.iter().any(|(waiting, _)| *waiting == ticket);
             if !open {
-                return Err(Failure::argument("ticket", format!("{ticket} is none, or was asked for already")));
+                return Err(argument("ticket", format!("{ticket} is none, or was asked for already")).into());
             }
             if may_not_wait {
                 let why = "this is a callback of a call or a step of its own, which would wait for itself";
-                return Err(busy(why).remedy("Wait on another thread, or after the callback"));
+                return Err(busy(why).remedy("Wait on another thread, or after the callback").into());
             }
             match deadline {
                 Some(deadline) => {
                     if self.shared.changed.wait_until(&mut queue, deadline).timed_out() {
-                        return Ok(Ticket::Open);
+                        return Ok(TicketState::Open);
                     }
                 }
                 // Also where the deadline lies beyond what the clock can show.
@@ -230,7 +241,7 @@ impl Running {
     }
 
     /// Ends the step in progress before its next pass, on whatever thread, and all that are queued.
-    pub(super) fn cancel(&self) {
+    pub fn cancel(&self) {
         let mut queue = self.shared.queue.lock();
         self.shared.stop.store(true, Ordering::SeqCst);
         queue.give_up("it was cancelled");
@@ -238,7 +249,7 @@ impl Running {
     }
 
     /// Holds the queue after the step in progress, or lets it go on.
-    pub(super) fn pause(&self, paused: bool) {
+    pub fn pause(&self, paused: bool) {
         let mut queue = self.shared.queue.lock();
         queue.paused = paused;
         queue.rests = paused && self.shared.has_device_memory;
@@ -247,10 +258,10 @@ impl Running {
     }
 
     /// Lets one queued step run although the queue is held; `false` when there is none left to run.
-    pub(super) fn single(&self) -> Outcome<bool> {
+    pub fn single(&self) -> Result<bool> {
         let mut queue = self.shared.queue.lock();
         if !queue.paused {
-            return Err(Failure::argument("rollout", "it is not paused").remedy("Pause it first"));
+            return Err(argument("rollout", "it is not paused").remedy("Pause it first"));
         }
         if queue.singles >= queue.waiting.len() {
             return Ok(false);
@@ -260,14 +271,14 @@ impl Running {
         Ok(true)
     }
 
-    /// Figures as of the last step's end, and steps that wait or run.
-    pub(super) fn statistics(&self) -> (Figures, usize) {
+    /// WorkerStatistics as of the last step's end, and steps that wait or run.
+    pub fn statistics(&self) -> (WorkerStatistics, usize) {
         let depth = self.shared.queue.lock().depth();
-        (*self.shared.statistics.lock(), depth)
+        (self.shared.statistics.lock().clone(), depth)
     }
 
     /// Holds the rollout to a budget.
-    pub(super) fn govern(&self, budget: &Budget, worlds: &[Arc<World>]) -> Outcome<Arc<Governor>> {
+    pub fn govern(&self, budget: &Budget, worlds: &[Arc<World>]) -> Result<Arc<Governor>> {
         let mut core = self.alone()?;
         let governor = core.rollout.govern(budget, worlds)?;
         self.shared.statistics.lock().governor = governor.statistics();
@@ -275,18 +286,18 @@ impl Running {
     }
 
     /// Holds it to none.
-    pub(super) fn ungovern(&self) -> Outcome<()> {
+    pub fn ungovern(&self) -> Result<()> {
         self.alone()?.rollout.ungovern();
         Ok(())
     }
 
-    fn start(&self) -> Outcome<()> {
+    fn start(&self) -> Result<()> {
         let mut worker = self.worker.lock();
         if worker.is_some() {
             return Ok(());
         }
         // Room for all that can be queued, so that nothing later can fail for want of it.
-        let full = || Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "the queue cannot be allocated");
+        let full = || Error::new(ErrorKind::OutOfMemory, "the queue cannot be allocated");
         {
             let mut queue = self.shared.queue.lock();
             queue.waiting.try_reserve(self.capacity).map_err(|_| full())?;
@@ -295,15 +306,15 @@ impl Running {
         let shared = self.shared.clone();
         let thread = std::thread::Builder::new().name("cairn-rollout".into()).spawn(move || shared.work());
         let thread = thread.map_err(|e| {
-            Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("the system gives no thread for the queue: {e}"))
+            Error::new(ErrorKind::OutOfMemory, format!("the system gives no thread for the queue: {e}"))
         })?;
         *worker = Some(thread);
         Ok(())
     }
 }
 
-impl Core {
-    fn run(&mut self, job: &Job) -> Outcome<StepInfo> {
+impl QueuedRollout {
+    fn run(&mut self, job: &Job) -> Result<StepInfo> {
         let (info, appended) = match job {
             Job::Step(controls) => (self.rollout.step(controls)?, false),
             Job::Append(pictures) => (self.rollout.append_pictures(pictures)?, true),
@@ -314,31 +325,38 @@ impl Core {
     }
 
     /// Says what it has done, and what that took on the device.
-    fn tell(&mut self, figures: &Mutex<Figures>) {
-        let (done, device) = (self.rollout.statistics(), behind::rollout_figures(&mut self.rollout));
+    fn tell(&mut self, figures: &Mutex<WorkerStatistics>) {
+        let done = self.rollout.statistics();
+        #[cfg(windows)]
+        let device = self.rollout.device_times().zip(self.rollout.captured());
         let governor = self.rollout.governor().map(|governor| governor.statistics());
         let mut figures = figures.lock();
         let governor = governor.unwrap_or(figures.governor);
-        *figures = Figures { done, device, governor };
+        *figures = WorkerStatistics {
+            done,
+            #[cfg(windows)]
+            device,
+            governor,
+        };
     }
 
     /// Notes that the past is another one.
-    pub(super) fn restored(&mut self) {
+    pub fn restored(&mut self) {
         self.cut = true;
         self.cut_next = false;
     }
 
     /// The anchor that the last step made.
-    pub(super) fn anchor(&mut self) -> Outcome<KeptAnchor> {
-        Ok(KeptAnchor::of(&mut self.rollout, self.cut)?)
+    pub fn anchor(&mut self) -> Result<KeptAnchor> {
+        KeptAnchor::of(&mut self.rollout, self.cut)
     }
 }
 
 impl Shared {
-    fn check(&self) -> Outcome<()> {
+    fn check(&self) -> Result<()> {
         if self.broken.load(Ordering::SeqCst) {
             let why = "a step of this rollout ended by a fault of the library";
-            return Err(Failure::new(CAIRN_ERROR_POISONED, why).remedy("Destroy it"));
+            return Err(Error::new(ErrorKind::Poisoned, why).remedy("Destroy it"));
         }
         Ok(())
     }
@@ -347,7 +365,7 @@ impl Shared {
     fn work(&self) {
         _ = self.thread.set(std::thread::current().id());
         while let Some((ticket, job)) = self.next() {
-            let result = guard(|| {
+            let result: Result<StepResult> = catch_panic(|| {
                 let mut core = self.core.lock();
                 // A move to another world takes its room along, and is made first.
                 core.rollout.obey();
@@ -357,12 +375,12 @@ impl Shared {
                 core.tell(&self.statistics);
                 let cut = core.cut;
                 anchor.copy(&mut core.rollout, cut)?;
-                Ok(Done { info, anchor: Arc::new(anchor) })
+                Ok(StepResult { info, anchor: Arc::new(anchor) })
             });
             let mut queue = self.queue.lock();
             queue.running = None;
             let failed = result.is_err();
-            if result.as_ref().is_err_and(|failure| failure.code == CAIRN_ERROR_INTERNAL) {
+            if result.as_ref().is_err_and(|failure| failure.kind() == ErrorKind::Internal) {
                 self.broken.store(true, Ordering::SeqCst);
             }
             queue.done.push_back((ticket, result));
@@ -398,7 +416,7 @@ impl Shared {
 
     /// Lets the device's memory of a held rollout be used by others. One that is in use by another call is not held.
     fn rest(&self) {
-        let result = guard(|| match self.core.try_lock() {
+        let result: Result<()> = catch_panic(|| match self.core.try_lock() {
             Some(mut core) => Ok(core.rollout.rest()?),
             None => Ok(()),
         });
@@ -418,12 +436,22 @@ impl Queue {
     fn give_up(&mut self, why: &str) {
         self.singles = 0;
         while let Some((ticket, _)) = self.waiting.pop_front() {
-            let failure = Failure::new(CAIRN_ERROR_CANCELLED, format!("the queued step was not made: {why}"));
+            let failure = Error::new(ErrorKind::Cancelled, format!("the queued step was not made: {why}"));
             self.done.push_back((ticket, Err(failure)));
         }
     }
 }
 
-fn busy(why: &str) -> Failure {
-    Failure::new(CAIRN_ERROR_BUSY, format!("the rollout is in use: {why}"))
+fn busy(why: &str) -> Error {
+    Error::new(ErrorKind::Busy, format!("the rollout is in use: {why}"))
+}
+
+fn argument(name: &str, why: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidArgument, why).field(name)
+}
+
+impl std::fmt::Debug for Worker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Worker").field("capacity", &self.capacity).finish_non_exhaustive()
+    }
 }
